@@ -39,11 +39,11 @@ def record_choices(measurements: Measurements, components: Iterable[str] = ()) -
 
 
 def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Path, ...]:
-    system, wanted = measurements.system, set(components)
+    system, names = measurements.system, set(components)
     reservations = measured_reservations(measurements, {})
-    written: list[Path] = []
+    paths: list[Path] = []
     for group in filter(rests_on_a_log, groups_of(system)):
-        if wanted and wanted.isdisjoint(names_of(group.members)):
+        if names and names.isdisjoint(names_of(group.members)):
             continue
         platforms: dict[str, Host] = {}
         for _, host in sorted(system.hosts.items()):
@@ -54,8 +54,8 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
             least = reservations.least(group.members, host)
             if isinstance(sized, PlacedPartition) and least is not None:
                 entries = _entries(measurements, group, host, sized.reserve, interpolated=least.interpolated)
-                written += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
-    return tuple(written)
+                paths += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
+    return tuple(paths)
 
 
 def describe_apt(component: Component) -> dict[str, str]:

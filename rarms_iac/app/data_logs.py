@@ -109,7 +109,7 @@ def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
         return "its data log is damaged"
     if log is None:
         return "its data log is gone"
-    return "; ".join(map(str, compared(log, subject, Files(folder), bench_now(host), here=is_here(host)).changed))
+    return "; ".join(map(str, compare_log(log, subject, Files(folder), bench_now(host), here=is_here(host)).changed))
 
 
 def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
@@ -136,7 +136,7 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
-def compared(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
+def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
     """Compare a data log with what is now.
 
     Args:
@@ -194,31 +194,33 @@ def _answer(
     members = names_of(group.members)
     subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
     path = path_of(measurements.folder, subject)
-    shown = path.relative_to(measurements.folder).as_posix()
+    path_shown = path.relative_to(measurements.folder).as_posix()
     again = f"rarms measure {' '.join(members)}{' --together' if len(members) > 1 else ''}{measurements.options}"
     log = read(path)
     if log is None:
         message = (
             f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
-            f"against {subject.setup.interference} ({shown})."
+            f"against {subject.setup.interference} ({path_shown})."
         )
         advice = f"Measure it: `{again}`. Or fix it for now: `cpu: {{ reserve: 20 % }}`."
         return NotMeasured(components=to_be_measured(group.members), says=message, advice=advice)
     if isinstance(log, LogUnreadable):
         advice = f"Bring it back from git, or remove it and measure again: `{again}`."
-        return _no(group, findings.UNREADABLE.code, f"{shown}, line {log.line}: {log.message}.", advice)
+        return _not_measured(group, findings.UNREADABLE.code, f"{path_shown}, line {log.line}: {log.message}.", advice)
     own = group.request.hyperv.image
     now = replace(bench, guest_image=own) if own is not None else bench
-    comparison = compared(log, subject, files, now, here=is_here(host))
+    comparison = compare_log(log, subject, files, now, here=is_here(host))
     if comparison.changed:
-        message = f"{shown} no longer holds. Since it was measured, this changed: {_some(comparison.changed)}."
-        return _no(group, findings.STALE.code, message, f"Measure again: `{again}`. Or take the change back.")
+        message = (
+            f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(comparison.changed)}."
+        )
+        return _not_measured(group, findings.STALE.code, message, f"Measure again: `{again}`. Or take the change back.")
     return MeasuredTogether(
-        path=shown,
+        path=path_shown,
         processors=log.header.setup.processors,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         curves=curves_in(log, {member.name: member for member in group.members}),
-        remarks=tuple(_remarks(log, comparison, group, shown, again)),
+        remarks=tuple(_remarks(log, comparison, group, path_shown, again)),
         again=again,
         cpu_ms=_cpu_ms_in(log),
         usable=lambda component: usable_processors(log.settings, component, log.header.setup.processors),
@@ -249,44 +251,44 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     @cache
     def cpu_ms_of(component: str) -> float | None:
         recorded = [series for setting in log.settings for series in setting.series if series.component == component]
-        known = [series for series in recorded if series.cpu_ms is not None and series.samples]
-        jobs = sum(len(series.samples) for series in known)
-        return sum(series.cpu_ms or 0.0 for series in known) / jobs if jobs else None
+        with_cpu_time = [series for series in recorded if series.cpu_ms is not None and series.samples]
+        jobs = sum(len(series.samples) for series in with_cpu_time)
+        return sum(series.cpu_ms or 0.0 for series in with_cpu_time) / jobs if jobs else None
 
     return cpu_ms_of
 
 
-def _no(group: Group, code: str, message: str, advice: str) -> NotMeasured:
+def _not_measured(group: Group, code: str, message: str, advice: str) -> NotMeasured:
     return NotMeasured(components=to_be_measured(group.members), code=code, says=message, advice=advice)
 
 
-def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str, again: str) -> Iterator[Cause]:
-    what = f"component/{to_be_measured(group.members)[0]}"
+def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, again: str) -> Iterator[Cause]:
+    address = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
-            what=what,
-            says=f"{shown} was measured with {_some(comparison.unverified)}, not to be found here.",
+            what=address,
+            says=f"{path} was measured with {_list_some(comparison.unverified)}, not to be found here.",
             code=findings.NOT_VERIFIED.code,
             advice="Plan where these files are, if it matters; nothing says that they changed.",
         )
     if comparison.warns:
         yield Cause(
-            what=what,
-            says=f"{shown} was measured with another {_some(comparison.warns)}.",
+            what=address,
+            says=f"{path} was measured with another {_list_some(comparison.warns)}.",
             code=findings.DIFFERENT.code,
             advice="Measure again if that can matter to the component.",
         )
     beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if beside:
         yield Cause(
-            what=what,
-            says=f"{shown} was measured while {_some(beside)} ran on the host.",
+            what=address,
+            says=f"{path} was measured while {_list_some(beside)} ran on the host.",
             code=findings.BUSY.code,
             advice=f"Measure it once more with the host to itself, and this no longer counts: `{again} --again`.",
         )
 
 
-def _some(things: tuple[object, ...] | list[str]) -> str:
+def _list_some(things: tuple[object, ...] | list[str]) -> str:
     listed = [str(thing) for thing in things[:LISTED]]
     more = len(things) - len(listed)
     return "; ".join(listed) + (f"; and {more} more" if more else "")

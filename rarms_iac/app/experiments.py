@@ -138,8 +138,8 @@ def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ..
     if request.components:
         return tuple((name,) for name in dict.fromkeys(request.components))
     groups = sorted(groups_of(hosts.system), key=lambda group: (-group.criticality, group.name))
-    wanted = [group for group in groups if request.coarse or any(member.apt for member in group.members)]
-    return tuple(tuple(member.name for member in group.members) for group in wanted)
+    to_measure = [group for group in groups if request.coarse or any(member.apt for member in group.members)]
+    return tuple(tuple(member.name for member in group.members) for group in to_measure)
 
 
 def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:

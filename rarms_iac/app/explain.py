@@ -208,11 +208,11 @@ def _on_host(partition: ExplainedPartition, layout: Layout, place: ExplainedPlac
         for other in layout.partitions
         if other.host == place.host.name and other.name != place.placed.name
     )
-    kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
+    kept_for_host = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
     unmanaged = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
     return HostPromises(
         capacity=capacity.processors,
-        kept_for_host=kept,
+        kept_for_host=kept_for_host,
         unmanaged=unmanaged,
         beside=tuple(others),
         placement=layout.placement,

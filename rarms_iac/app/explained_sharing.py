@@ -55,13 +55,13 @@ class PreviousTuning:
 
         What a later run saw at the same reservation counts.
         """
-        seen: dict[Names, dict[int, tuple[str, ...]]] = {}
+        settings_of: dict[Names, dict[int, tuple[str, ...]]] = {}
         for run in self.runs:
             for setting in run.trail:
                 names = tuple(sorted(setting.components))
                 if set(names) & set(members) and names != members:
-                    seen.setdefault(names, {})[setting.reserve] = setting.worse
-        for names, settings in seen.items():
+                    settings_of.setdefault(names, {})[setting.reserve] = setting.worse
+        for names, settings in settings_of.items():
             why = f"; outdated: {self.outdated[names]}" if names in self.outdated else ""
             yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}{why}"
 
@@ -88,10 +88,8 @@ def previous_tuning(measurements: Measurements, host: Host) -> PreviousTuning:
         runs = read_runs(path)
         return PreviousTuning(runs=runs, outdated=outdated_compounds(runs, measurements, host))
     except LogUnreadable as problem:
-        shown = path.relative_to(folder).as_posix()
-        return PreviousTuning(
-            unreadable=f"what `rarms tune` measured cannot be told: {shown}, line {problem.line}: {problem.message}"
-        )
+        place = f"{path.relative_to(folder).as_posix()}, line {problem.line}"
+        return PreviousTuning(unreadable=f"what `rarms tune` measured cannot be told: {place}: {problem.message}")
 
 
 def why_together(group: Group, system: System, previous: PreviousTuning) -> Iterator[str]:

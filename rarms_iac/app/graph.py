@@ -74,8 +74,8 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:
     host = shared[0]
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
-    known = informed(candidates, recorded_answers(measurements, host, candidates, {}))
-    return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))
+    informed_candidates = informed(candidates, recorded_answers(measurements, host, candidates, {}))
+    return informed_candidates, guide_of(informed_candidates, predictor_of(alone_in(groups, reservations, host)))
 
 
 def _may_share(groups: Sequence[Group], names: Members) -> bool:
@@ -94,7 +94,7 @@ def recorded_answers(
         states: Of hosts that were looked at: what was seen is compared with the logs, too.
     """
     compounds = [candidate.coi.members for candidate in candidates.by_mask.values()]
-    return tuple(asked for names in compounds for asked in _answers(measurements, host, names, states))
+    return tuple(answer for names in compounds for answer in _answers(measurements, host, names, states))
 
 
 def _answers(measurements: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:

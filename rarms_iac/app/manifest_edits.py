@@ -86,29 +86,29 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionE
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
     system = manifest.system
-    gone = _emptied(system, compounds)
+    removed = _emptied(system, compounds)
     for compound in compounds:
         file = _file(manifest, compound.name)
         members = [each.name for each in most_critical_first(system.components[name] for name in compound.members)]
         texts[file] = set_value(_text(texts, before, file), ("partitions", compound.name, "components"), members)
-    for name, heir in gone.items():
+    for name, heir in removed.items():
         file = manifest.places.key("partitions", name).file
         texts[file] = remove_value(_text(texts, before, file), ("partitions", name), ("partitions", heir))
     changed = [file for file in sorted(texts) if texts[file] != before[file]]
     for file in changed:
         write_file(file, texts[file].encode("utf-8"))
-    return PartitionEdits(files=tuple(changed), removed=tuple(gone))
+    return PartitionEdits(files=tuple(changed), removed=tuple(removed))
 
 
 def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
     """Entries of partitions that lose their members to a compound of another name, by name; with that name."""
     home = {member: compound.name for compound in compounds for member in compound.members}
-    found = {}
+    heirs_of = {}
     for name, request in sorted(system.partitions.items()):
         heirs = sorted({home[member] for member in request.components if home.get(member, name) != name})
         if heirs:
-            found[name] = heirs[0]
-    return found
+            heirs_of[name] = heirs[0]
+    return heirs_of
 
 
 def _file(manifest: Manifest, name: str) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rarms_iac.app.data_logs import (
     bench_now,
-    compared,
+    compare_log,
     is_here,
     measured_reservations,
     measurements_of,
@@ -118,13 +118,13 @@ def _is_of(system: System, log: DataLog) -> bool:
 
 def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files) -> LogBesideManifest:
     setup = log.header.setup
-    asked = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
+    expected_path = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
     subject = subject_of(system, host, setup.members, setup.interference)
-    comparison = compared(log, subject, files, bench_now(host), here=is_here(host))
+    comparison = compare_log(log, subject, files, bench_now(host), here=is_here(host))
     return LogBesideManifest(
         path=path.relative_to(folder).as_posix(),
         log=log,
-        asked=path == asked,
+        is_expected=path == expected_path,
         stale=tuple(map(str, comparison.changed)),
     )
 
@@ -136,11 +136,11 @@ def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[Component
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components):
             for entry in _entries(configuration_path(folder, platform, name))[-1:]:
-                said = f"{entry.when}, on {entry.host} at {entry.reserve} %"
+                description = f"{entry.when}, on {entry.host} at {entry.reserve} %"
                 layout = tuple(_layout_since(entry, system, reservations))
                 for index in entry.indexes:
                     changed = (*_threshold_since(entry, index, system), *layout)
-                    yield replace(_proof(entry, index, said), outdated=changed)
+                    yield replace(_proof(entry, index, description), outdated=changed)
 
 
 def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iterator[str]:

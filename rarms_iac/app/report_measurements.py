@@ -38,7 +38,7 @@ class LogBesideManifest:
 
     path: str  # below the manifest's folder
     log: DataLog
-    asked: bool = True  # the planner would look here: these members, this load
+    is_expected: bool = True  # the planner would look here: these members, this load
     stale: tuple[str, ...] = ()  # what changed since; empty: it holds
 
 
@@ -56,8 +56,8 @@ def report_of(
         proofs: What components showed in the applied layout.
         statuses: How far each host is.
     """
-    known = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
-    measurements = sorted((_measurement(system, logged) for logged in known), key=_order)
+    current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
+    measurements = sorted((_measurement(system, logged) for logged in current), key=_order)
     rested = {measurement.components for measurement in measurements if measurement.rests}
     return Report(
         application=system.application.name,
@@ -98,7 +98,7 @@ def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
         path=logged.path,
         processors=processors,
         criticality=max(member.criticality for member in members),
-        rests=logged.asked and not logged.stale and group is not None and rests_on_a_log(group),
+        rests=logged.is_expected and not logged.stale and group is not None and rests_on_a_log(group),
         fixed=names
         if group is not None and not to_be_measured(members) and all(member.cpu.reserve for member in members)
         else (),
@@ -130,13 +130,15 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
 
 def _capacity(system: System, platform: str) -> PlatformCapacity:
     hosts = _platforms(system)[platform]
-    kept = sum((in_processors(host.keep_for_host.processor, host.logical_processors) for host in hosts), Fraction(0))
+    kept_for_hosts = sum(
+        (in_processors(host.keep_for_host.processor, host.logical_processors) for host in hosts), Fraction(0)
+    )
     processors = sum(host.logical_processors for host in hosts)
     return PlatformCapacity(
         platform=platform,
         hosts=tuple(sorted(host.name for host in hosts)),
         processors=processors,
-        capacity=processors - kept,
+        capacity=processors - kept_for_hosts,
         fixed=tuple(_fixed(system, hosts)),
     )
 

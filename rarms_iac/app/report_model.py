@@ -56,7 +56,7 @@ class IndexCurve:
     @property
     def rows(self) -> tuple[CurveRow, ...]:
         """The curve at every whole per cent where there is one, as everybody looks it up."""
-        found = ((reserve, self.curve.value_at(reserve)) for reserve in range(1, 101))
+        points = ((reserve, self.curve.value_at(reserve)) for reserve in range(1, 101))
         return tuple(
             CurveRow(
                 reserve=reserve,
@@ -65,7 +65,7 @@ class IndexCurve:
                 high=point.upper,
                 safe=point.upper if self.index.smaller_is_better else point.lower,
             )
-            for reserve, point in found
+            for reserve, point in points
             if point is not None
         )
 

@@ -168,8 +168,8 @@ def _run(hosts: Hosts, bench: MeasuringHost, request: PlanRequest) -> None:
         UseCaseError: It cannot be planned or done.
     """
     states = {bench.name: bench.observe()}
-    asked = replace(planner_request(hosts, request, states), hosts=(bench.name,))
-    prepared = prepare(asked, states)
+    planning_request = replace(planner_request(hosts, request, states), hosts=(bench.name,))
+    prepared = prepare(planning_request, states)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
     _apply(prepared.plan, bench)

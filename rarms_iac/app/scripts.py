@@ -233,12 +233,12 @@ def _texts(part: HostPlan, plan: Plan) -> Mapping[str, str]:
 
 def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:
     begin = f"{script_name(part).removesuffix('.ps1')}.guest."
-    found = []
+    scripts = []
     for name, text in sorted(texts.items()):
         undo = name.endswith(".undo.ps1")
         guest = name.removeprefix(begin).split(".")[0] if name.startswith(begin) else ""
-        found.append(PlanScript(name=name, host=part.host.name, guest=guest, undo=undo, text=text))
-    return found
+        scripts.append(PlanScript(name=name, host=part.host.name, guest=guest, undo=undo, text=text))
+    return scripts
 
 
 def _no_script(path: str) -> Diagnostic:

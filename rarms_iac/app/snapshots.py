@@ -34,7 +34,7 @@ class GuestSnapshot:
     file: str
     host: str
     partition: str
-    seen: ScriptObservation
+    observation: ScriptObservation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,23 +61,23 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
     Raises:
         UseCaseError: one cannot be read, is no snapshot, or does not say which host it stands for (failed).
     """
-    found: dict[str, Snapshot] = {}
+    snapshots: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
     for option in options:
         data = read_file(option.file, MAX_BYTES, "rarms snapshot --out FILE")
         try:
-            seen = read_script_output(data, option.host)
+            observation = read_script_output(data, option.host)
             if option.guest:
-                guests.append(_guest(option, seen))
+                guests.append(_guest(option, observation))
                 continue
-            snapshot = _snapshot(option, data, seen)
+            snapshot = _snapshot(option, data, observation)
         except (SnapshotUnreadable, NotDecodable) as error:
             raise snapshot_error(option.file, str(error)) from error
-        name = option.host or _host_of(snapshot, seen, hosts, chosen)
-        if name in found:
+        name = option.host or _host_of(snapshot, observation, hosts, chosen)
+        if name in snapshots:
             raise snapshot_error(option.file, f"{name} has another one already")
-        found[name] = _named(snapshot, data, name)
-    return Snapshots(hosts=found, guests=tuple(guests))
+        snapshots[name] = _with_host_name(snapshot, data, name)
+    return Snapshots(hosts=snapshots, guests=tuple(guests))
 
 
 def add_guest_tasks(state: State, guests: Sequence[GuestSnapshot], application: str) -> State:
@@ -96,42 +96,52 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
     machines = [partition for partition in state.partitions if is_marked(partition, application, guest.partition)]
     if len(machines) != 1:
         raise snapshot_error(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
-    if guest.seen.computer.lower() == state.facts.computer_name.lower():
-        raise snapshot_error(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
-    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.seen.tasks)
+    if guest.observation.computer.lower() == state.facts.computer_name.lower():
+        raise snapshot_error(
+            guest.file, f"it was taken on {guest.observation.computer}, the host itself, not in a guest"
+        )
+    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.observation.tasks)
     tasks = sorted((*state.tasks, *inside), key=lambda task: (task.inside, task.name.lower()))
     return replace(state, tasks=tuple(tasks))
 
 
-def _guest(option: SnapshotFile, seen: ScriptObservation | None) -> GuestSnapshot:
-    if seen is None:
+def _guest(option: SnapshotFile, observation: ScriptObservation | None) -> GuestSnapshot:
+    if observation is None:
         raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
-    if not seen.tasks:
+    if not observation.tasks:
         raise SnapshotUnreadable("it shows no task classes, and every Windows has some: they were not read")
-    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, seen=seen)
+    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, observation=observation)
 
 
-def _snapshot(option: SnapshotFile, data: bytes, seen: ScriptObservation | None) -> Snapshot:
-    if seen is None:
+def _snapshot(option: SnapshotFile, data: bytes, observation: ScriptObservation | None) -> Snapshot:
+    if observation is None:
         return Snapshot(file=option.file, data=data, state=read_snapshot(data))
-    return Snapshot(file=option.file, data=data, state=seen.state, findings=seen.findings, unfinished=seen.unfinished)
+    return Snapshot(
+        file=option.file,
+        data=data,
+        state=observation.state,
+        findings=observation.findings,
+        unfinished=observation.unfinished,
+    )
 
 
-def _named(snapshot: Snapshot, data: bytes, name: str) -> Snapshot:
+def _with_host_name(snapshot: Snapshot, data: bytes, name: str) -> Snapshot:
     """The snapshot of the host that it stands for; what is told of it names that host."""
-    seen = read_script_output(data, name)
+    observation = read_script_output(data, name)
     state = replace(snapshot.state, facts=replace(snapshot.state.facts, name=name))
-    return replace(snapshot, state=state, findings=seen.findings if seen else ())
+    return replace(snapshot, state=state, findings=observation.findings if observation else ())
 
 
-def _host_of(snapshot: Snapshot, seen: ScriptObservation | None, hosts: Sequence[str], chosen: Sequence[str]) -> str:
+def _host_of(
+    snapshot: Snapshot, observation: ScriptObservation | None, hosts: Sequence[str], chosen: Sequence[str]
+) -> str:
     """The host that a file without a name stands for: the one it was taken of, or the only one."""
-    taken_of = seen.computer.lower() if seen else snapshot.state.facts.name
-    if taken_of in hosts:
-        return taken_of
+    origin = observation.computer.lower() if observation else snapshot.state.facts.name
+    if origin in hosts:
+        return origin
     if len(chosen) == 1:
         return chosen[0]
-    raise snapshot_error(snapshot.file, f"it was taken of {quoted(taken_of)}, which the manifest does not have")
+    raise snapshot_error(snapshot.file, f"it was taken of {quoted(origin)}, which the manifest does not have")
 
 
 def snapshot_error(file: str, reason: str) -> UseCaseError:

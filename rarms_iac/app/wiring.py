@@ -92,14 +92,14 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
         return None  # who reads snapshots of other forms tells what is wrong with it
     if not is_observation(document):
         return None
-    seen = observation_of(document)
-    run = last_run_of(seen)
+    observation = observation_of(document)
+    run = last_run_of(observation)
     return ScriptObservation(
-        computer=seen.computer,
-        state=to_state(seen, host),
-        tasks=tasks_of(seen),
-        condition=condition_of(seen),
-        findings=findings_of(seen, host),
+        computer=observation.computer,
+        state=to_state(observation, host),
+        tasks=tasks_of(observation),
+        condition=condition_of(observation),
+        findings=findings_of(observation, host),
         unfinished=run if isinstance(run, ScriptRun) and run.unfinished else None,
     )
 

@@ -129,7 +129,7 @@ def code_of(session: Session, ending: RunEnding) -> ExitCode:
         case RunEnding.FAILED:
             return ExitCode.FAILED
         case RunEnding.INTERRUPTED:
-            return session.interrupts.asked or ExitCode.INTERRUPTED
+            return session.interrupts.exit_code or ExitCode.INTERRUPTED
 
 
 def _only_written(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:

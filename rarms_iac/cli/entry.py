@@ -90,8 +90,8 @@ def usage_text(error: click.UsageError) -> "RenderableType":
 
 def _code_of(session: Session, outcome: Outcome) -> ExitCode:
     """How the command ends; after a signal, as the signal asks."""
-    asked = session.interrupts.asked if outcome is Outcome.INTERRUPTED else None
-    return asked or CODES[outcome]
+    exit_code = session.interrupts.exit_code if outcome is Outcome.INTERRUPTED else None
+    return exit_code or CODES[outcome]
 
 
 def _says(error: click.UsageError) -> str:

@@ -27,13 +27,13 @@ class Interrupts:
 
     def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
         """`heard` is called at the signal that only asks; it must not use what a signal may have interrupted."""
-        self.asked: ExitCode | None = None
+        self.exit_code: ExitCode | None = None
         self._heard = heard
         self._gentle = False
 
     def should_stop(self) -> bool:
         """Whether the work should end at the next safe place."""
-        return self.asked is not None
+        return self.exit_code is not None
 
     @contextmanager
     def gently(self) -> Iterator[None]:
@@ -68,9 +68,9 @@ class Interrupts:
 
     def receive(self, number: int, _frame: FrameType | None) -> None:
         """What a signal does."""
-        first, self.asked = self.asked is None, SIGNALS[signal.Signals(number)]
+        first, self.exit_code = self.exit_code is None, SIGNALS[signal.Signals(number)]
         if not (self._gentle and first):
-            raise Interrupted(self.asked)
+            raise Interrupted(self.exit_code)
         self._heard()
 
 

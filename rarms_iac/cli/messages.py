@@ -97,12 +97,12 @@ class ProofProgress:
     def __call__(self, host: str, series: "Mapping[str, Series]") -> None:
         """Show it in place; nothing where there is no terminal."""
         if self._table is not None:
-            from rarms_iac.views.prove import sampled
+            from rarms_iac.views.prove import sample_counts
 
-            self._table.show(sampled(host, series))
+            self._table.show(sample_counts(host, series))
 
 
 def stopped(session: Session) -> ExitCode:
     """Say that somebody's end was heard, and how to go on; how the command ends then."""
     session.terminal.tell("Stopped. What is recorded stays: the same command goes on.")
-    return session.interrupts.asked or ExitCode.INTERRUPTED
+    return session.interrupts.exit_code or ExitCode.INTERRUPTED

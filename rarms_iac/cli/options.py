@@ -234,9 +234,9 @@ def _snapshots(
     _context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]
 ) -> tuple[SnapshotFile, ...]:
     snapshots = tuple(map(_snapshot, value))
-    named = [f"{option.host}{option.guest and '.guest.'}{option.guest}" for option in snapshots if option.host]
-    for name in named:
-        if named.count(name) > 1:
+    names = [f"{option.host}{option.guest and '.guest.'}{option.guest}" for option in snapshots if option.host]
+    for name in names:
+        if names.count(name) > 1:
             raise click.BadParameter(f"{name} has more than one.")
     return snapshots
 

@@ -233,4 +233,4 @@ def combine_if_wanted(session: Session, hosts: Hosts) -> ExitCode:
             session.terminal.talk(f"Written to {', '.join(written.files)}.")
     except SessionEnded:
         session.terminal.talk("Ended. What is measured and written stays: `rarms tune` goes on with combining.")
-    return session.interrupts.asked or ExitCode.DONE
+    return session.interrupts.exit_code or ExitCode.DONE

@@ -120,12 +120,12 @@ class Terminal:
 def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
     """The process' own streams, made safe for any text."""
     out, err = safe(sys.stdout or _nobody()), safe(sys.stderr or _nobody())
-    wanted = not environment.get("NO_COLOR") and environment.get("TERM") != "dumb"
+    may_colour = not environment.get("NO_COLOR") and environment.get("TERM") != "dumb"
     return Terminal(
         out=out,
         err=err,
-        colour=wanted and out.isatty(),
-        talk_colour=wanted and err.isatty(),
+        colour=may_colour and out.isatty(),
+        talk_colour=may_colour and err.isatty(),
         lively=err.isatty() and environment.get("TERM") != "dumb",
         answers=sys.stdin is not None and sys.stdin.isatty() and err.isatty(),
         width=width_of(out, environment),

@@ -106,14 +106,14 @@ def _output(ran: ComponentRunResult) -> RanComponentOutput:
 
 
 def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> RanIndexOutput:
-    known = estimate if isinstance(estimate, Estimate) else None
+    point = estimate if isinstance(estimate, Estimate) else None
     return RanIndexOutput(
         index=index,
         unit=index_named(index).symbol,
-        value=known.value if known else None,
-        lower=known.lower if known and isfinite(known.lower) else None,
-        upper=known.upper if known and isfinite(known.upper) else None,
+        value=point.value if point else None,
+        lower=point.lower if point and isfinite(point.lower) else None,
+        upper=point.upper if point and isfinite(point.upper) else None,
         at_most=float(threshold.value) if isinstance(threshold, AtMost) else None,
         at_least=float(threshold.value) if isinstance(threshold, AtLeast) else None,
-        met=meets(known.value, threshold) if known and threshold else None,
+        met=meets(point.value, threshold) if point and threshold else None,
     )

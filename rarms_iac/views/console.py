@@ -148,7 +148,7 @@ def table(
     from rich.table import Table
 
     cells = [[styled(cell) for cell in row] for row in rows]
-    made = Table(box=None, show_header=bool(header), pad_edge=False, padding=(0, 2, 0, 0), header_style=STRONG)
+    rich_table = Table(box=None, show_header=bool(header), pad_edge=False, padding=(0, 2, 0, 0), header_style=STRONG)
     widest: list[int] = []
     least: list[int] = []
     for number in range(max(map(len, cells), default=len(header))):
@@ -157,15 +157,15 @@ def table(
         widest.append(max((columns(line) for text in texts for line in text.split("\n")), default=0))
         words = [word[:LONGEST_WORD] for text in texts for word in text.split()]
         least.append(max(map(columns, words), default=0) if folds else widest[-1])
-        made.add_column(
+        rich_table.add_column(
             styled(header[number]) if header else "",
             justify="right" if number in right else "left",
             no_wrap=not folds,
             overflow="fold",  # a word that is too long is broken, never cut
         )
     for row in cells:
-        made.add_row(*row)
-    return indented(_Fitted(table=made, widest=widest, least=least), indent)
+        rich_table.add_row(*row)
+    return indented(_Fitted(table=rich_table, widest=widest, least=least), indent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

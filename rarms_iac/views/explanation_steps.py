@@ -49,7 +49,7 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         if (at := apt.curve.value_at(less)) and not holds(apt.curve, apt.threshold, less)
     ]
     for apt, point in missed:
-        how = "measured" if any(known.reserve == less for known in apt.curve.points) else "looked up"
+        how = "measured" if any(setting.reserve == less for setting in apt.curve.points) else "looked up"
         how = f"{how}, as what was measured there gave no verdict" if less in apt.curve.inconclusive else how
         side = point.upper if isinstance(apt.threshold, AtMost) else point.lower
         yield (
@@ -99,14 +99,14 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
 
 
 def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) -> str:
-    seen = (
+    sentence = (
         f"at {at} %: {_name(explanation, apt)} {_value(apt, point.value)}, "
         f"between {_value(apt, point.lower)} and {_value(apt, point.upper)} "
         f"{_samples(apt, point)}"
     )
     if holds(apt.curve, apt.threshold, at):
-        return f"{seen}: met, as the safe side of that is {_bound(apt)}, {describe_error()}"
-    return f"{seen}: not met for sure, as the safe side of that is not {_bound(apt)}"
+        return f"{sentence}: met, as the safe side of that is {_bound(apt)}, {describe_error()}"
+    return f"{sentence}: not met for sure, as the safe side of that is not {_bound(apt)}"
 
 
 def _listed(reserves: list[int]) -> str:
@@ -118,12 +118,12 @@ def _name(explanation: Explanation, apt: MemberCurve) -> str:
 
 
 def _samples(apt: MemberCurve, point: Point) -> str:
-    found = [
-        made.samples
-        for at, made in zip(apt.curve.points, apt.curve.estimates, strict=True)
+    counts = [
+        estimate.samples
+        for at, estimate in zip(apt.curve.points, apt.curve.estimates, strict=True)
         if at.reserve == point.reserve
     ]
-    return f" ({found[0]} samples)" if found else ""
+    return f" ({counts[0]} samples)" if counts else ""
 
 
 def _bound(apt: MemberCurve) -> str:
@@ -174,14 +174,17 @@ def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[s
         if component.task
         else "no robotic task class"
     )
-    kept = [
+    kept_for_hosts = [
         f"{host.name} keeps {show_processors(in_processors(host.keep_for_host.processor, host.logical_processors))}"
         for host in explanation.hosts
     ]
     yield "APT", _thresholds(component, "")
     yield "data log", iter(["none: rarms measures what runs in partitions"])
     yield "setting and verdict", iter([f"not measured: {name} runs on the host itself (`runs_on: host`)"])
-    yield "reservation", iter(["none: only partitions have one; `keep_for_host` is for all that runs outside", *kept])
+    yield (
+        "reservation",
+        iter(["none: only partitions have one; `keep_for_host` is for all that runs outside", *kept_for_hosts]),
+    )
     yield "rounding", iter(["none: nothing is reserved"])
     yield "partition", iter(["none: it is combined with nobody"])
     yield "host", iter([f"wherever it is started: {hosts}"])
@@ -197,9 +200,9 @@ def _apt(explanation: Explanation) -> Iterator[str]:
             yield from _thresholds(member, f"{member.name}, in the same partition: ")
 
 
-def _thresholds(component: Component, whose: str) -> Iterator[str]:
+def _thresholds(component: Component, prefix: str) -> Iterator[str]:
     for name, threshold in component.apt.items():
-        yield f"{whose}{name} {show_threshold(index_named(name), threshold)}"
+        yield f"{prefix}{name} {show_threshold(index_named(name), threshold)}"
     if not component.apt:
         yield f"{component.name} has none: the manifest does not say how well it must do"
 
@@ -292,8 +295,8 @@ def _host(explanation: Explanation) -> Iterator[str]:
         return f"{show_processors(processors)} ({show_percent(100 * processors / whole)})"
 
     if explanation.no_host_because:
-        known = "once its reservation is known" if explanation.wanted is None else "if it could be there"
-        yield f"{name}, {known}: it has {show_processors(whole)}"
+        condition = "once its reservation is known" if explanation.wanted is None else "if it could be there"
+        yield f"{name}, {condition}: it has {show_processors(whole)}"
     elif explanation.on_host is None:
         yield f"{name}, if there were room: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
     else:
@@ -311,9 +314,9 @@ def _host(explanation: Explanation) -> Iterator[str]:
         yield f"unmanaged machines: {share(explanation.on_host.unmanaged)}"
     if explanation.on_host.kept_for_host:
         yield f"kept for the host: {share(explanation.on_host.kept_for_host)}"
-    taken = explanation.placed.reserved + explanation.on_host.unmanaged
-    taken += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
-    yield f"headroom: {share(explanation.on_host.capacity - taken)}"
+    promised = explanation.placed.reserved + explanation.on_host.unmanaged
+    promised += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
+    yield f"headroom: {share(explanation.on_host.capacity - promised)}"
     if explanation.on_host.placement is not None:
         yield describe_placement(explanation.on_host.placement)
 

@@ -138,9 +138,9 @@ def _excerpt(place: Place, sources: Mapping[str, Sequence[str]]) -> "Iterator[Re
     if not line.strip():
         return
     gutter = f"{' ' * INDENT}{place.line} | "
-    shown = _cut_line(line, place, EXCERPT_WIDTH - len(gutter))
-    yield styled((gutter, DIM), shown.line)
-    yield styled((f"{'| ':>{len(gutter)}}", DIM), " " * shown.before, ("^" * shown.carets, ERROR))
+    excerpt = _cut_line(line, place, EXCERPT_WIDTH - len(gutter))
+    yield styled((gutter, DIM), excerpt.line)
+    yield styled((f"{'| ':>{len(gutter)}}", DIM), " " * excerpt.before, ("^" * excerpt.carets, ERROR))
 
 
 def _cut_line(line: str, place: Place, width: int) -> _Excerpt:
@@ -162,14 +162,14 @@ def _cut_line(line: str, place: Place, width: int) -> _Excerpt:
 
 def _without_tabs(text: str, start: int = 0) -> str:
     """The visible text, tabs as spaces up to the next stop; its first character stands in column `start`."""
-    shown = ""
+    expanded = ""
     for character in visible(text, keep="\t"):
-        shown += " " * (TAB_STOP - (start + columns(shown)) % TAB_STOP) if character == "\t" else character
-    return shown
+        expanded += " " * (TAB_STOP - (start + columns(expanded)) % TAB_STOP) if character == "\t" else character
+    return expanded
 
 
 def _fitting(text: str, width: int) -> str:
-    taken = text[:width]
-    while columns(taken) > width:
-        taken = taken[:-1]
-    return taken
+    start = text[:width]
+    while columns(start) > width:
+        start = start[:-1]
+    return start

@@ -68,8 +68,8 @@ def graph_text(title: str, nodes: Sequence[GraphNode]) -> str:
 
 def graph_json(application: str, nodes: Sequence[GraphNode]) -> str:
     """The same for programs."""
-    shown = tuple(output_of(NodeOutput, node, label="\n".join(node.label)) for node in nodes)
-    return as_json(GraphOutput(application=application, nodes=shown))
+    outputs = tuple(output_of(NodeOutput, node, label="\n".join(node.label)) for node in nodes)
+    return as_json(GraphOutput(application=application, nodes=outputs))
 
 
 def children(nodes: Sequence[GraphNode], parent: str) -> tuple[GraphNode, ...]:
@@ -107,8 +107,8 @@ def candidates_text(title: str, nodes: Sequence[Node]) -> str:
 
 def candidates_json(application: str, nodes: Sequence[Node]) -> str:
     """The same for programs."""
-    shown = tuple(output_of(CandidateOutput, node) for node in nodes)
-    return as_json(CandidatesOutput(application=application, candidates=shown))
+    outputs = tuple(output_of(CandidateOutput, node) for node in nodes)
+    return as_json(CandidatesOutput(application=application, candidates=outputs))
 
 
 def _candidate_lines(nodes: Sequence[Node]) -> Iterator[str]:

@@ -330,29 +330,29 @@ class MeasuringProgress:
         if self._live is not None:
             self._live.hide()
 
-    def _time_left(self, experiment: Experiment, seen: Mapping[str, Series]) -> str:
-        done = share_done(experiment, seen)
+    def _time_left(self, experiment: Experiment, series: Mapping[str, Series]) -> str:
+        done = share_done(experiment, series)
         took = self._clock() - self._began
         if not 0 < done < 1 or took < 1:
             return ""
         return f", at most {show_seconds(took * (1 - done) / done)} left"
 
 
-def share_done(experiment: Experiment, seen: Mapping[str, Series]) -> float:
+def share_done(experiment: Experiment, series: Mapping[str, Series]) -> float:
     """Return how much of the longest that a setting may take is done, 1 at its end."""
     parts = []
     for name, run in experiment.runs.items():
         match run.until:
             case SampleCount(samples=samples):
-                parts.append(len(seen[name].samples) / samples)
+                parts.append(len(series[name].samples) / samples)
             case Elapsed(time=time):
-                parts.append(seen[name].elapsed_ms / float(time))
+                parts.append(series[name].elapsed_ms / float(time))
     return min(parts)
 
 
-def samples_of(seen: Mapping[str, Series]) -> str:
+def samples_of(by_component: Mapping[str, Series]) -> str:
     """`143 samples`; of several components the fewest."""
-    return counted(min((len(series.samples) for series in seen.values()), default=0), "sample")
+    return counted(min((len(series.samples) for series in by_component.values()), default=0), "sample")
 
 
 def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:

@@ -311,7 +311,7 @@ def _totals(part: HostPlan) -> str:
     totals = part.totals
     assert totals is not None
     processors, kept_memory = part.facts.logical_processors, part.host.keep_for_host.memory
-    kept = Fraction(in_processors(part.host.keep_for_host.processor, processors))
+    kept_processors = Fraction(in_processors(part.host.keep_for_host.processor, processors))
     reserved, others = Fraction(totals.percent, 100), Fraction(totals.others_percent, 100)
     share = show_percent(reserved * 100 / processors) if processors else "0 %"
     amount = show_processors(reserved).removesuffix(" LP")
@@ -321,10 +321,12 @@ def _totals(part: HostPlan) -> str:
         sentences.append(f"of these, {idle} by partitions that do not run")
     if totals.others_percent or totals.others_memory:
         sentences.append(f"unmanaged machines have {_amount(others, totals.others_memory)}")
-    if kept or kept_memory:
-        sentences.append(f"{_amount(kept, kept_memory)} kept for the host")
+    if kept_processors or kept_memory:
+        sentences.append(f"{_amount(kept_processors, kept_memory)} kept for the host")
     memory = part.facts.memory - totals.memory - totals.others_memory - kept_memory
-    sentences.append(f"{show_processors(processors - reserved - others - kept)} and {show_bytes(memory)} free")
+    sentences.append(
+        f"{show_processors(processors - reserved - others - kept_processors)} and {show_bytes(memory)} free"
+    )
     return f"Afterwards: {'; '.join(sentences)}."
 
 

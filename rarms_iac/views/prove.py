@@ -26,7 +26,7 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
     """A table, a row an index, and a sentence a host."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows = [_row(tried) for proof in proofs for tried in proof.verdicts]
+    rows = [_row(verdict) for proof in proofs for verdict in proof.verdicts]
     against = f" against {interference}" if interference else ""
     sentences = [sentence for proof in proofs for sentence in (*_shared(proof), _sentence(proof, against))]
     return stack(proven_table(rows), *map(paragraph, sentences))
@@ -37,11 +37,11 @@ def proven_table(rows: Sequence[tuple[str, str, str, str]]) -> "RenderableType":
     return table(rows, header=("component", "threshold", "measured", "verdict"), wrap=(1, 3))
 
 
-def _row(tried: IndexVerdict) -> tuple[str, str, str, str]:
-    measured, index = tried.measured, index_named(tried.measured.index)
+def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
+    measured, index = verdict.measured, index_named(verdict.measured.index)
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
     threshold = f"{index.name} {show_bound(index.name, measured.threshold)}"
-    return measured.component, threshold, value, describe_verdict(index, verdict_of(tried.verdict))
+    return measured.component, threshold, value, describe_verdict(index, verdict_of(verdict.verdict))
 
 
 def describe_verdict(index: PerformanceIndex, verdict: str) -> str:
@@ -62,7 +62,7 @@ def _partitions(proof: LayoutProof) -> Mapping[str, str]:
 
 
 def _sentence(proof: LayoutProof, against: str) -> str:
-    counts = Counter(verdict_of(tried.verdict) for tried in proof.not_met)
+    counts = Counter(verdict_of(each.verdict) for each in proof.not_met)
     shortfalls = [
         f"{count} {'without a steady state' if verdict == 'no steady state' else verdict}"
         for verdict, count in sorted(counts.items())
@@ -73,23 +73,21 @@ def _sentence(proof: LayoutProof, against: str) -> str:
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
     together = f"{proof.host}: {components} together on {amount}{against}: {message}"
     judged = [
-        tried
-        for tried in proof.verdicts
-        if tried.error is not None and not index_named(tried.measured.index).is_extreme
+        each for each in proof.verdicts if each.error is not None and not index_named(each.measured.index).is_extreme
     ]
     return f"{together}; {describe_error()}, all of it together." if judged else f"{together}."
 
 
 def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
     """The same for programs."""
-    found = tuple(output for proof in proofs for output in _outputs(proof))
+    outputs = tuple(output for proof in proofs for output in _outputs(proof))
     met = not any(proof.not_met for proof in proofs)
     return as_json(
         ProveOutput(
             interference=interference,
             met=met,
             hosts=tuple(map(_host, proofs)),
-            indexes=found,
+            indexes=outputs,
             findings=findings,
         )
     )
@@ -105,20 +103,21 @@ def _host(proof: LayoutProof) -> ProvenHostOutput:
     )
 
 
-def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
+def sample_counts(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
     """A row of progress: the host, and how many samples there are of each component."""
     return host, "samples of " + ", ".join(f"{name} {len(series.samples)}" for name, series in sorted(seen.items()))
 
 
 def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
     partitions = _partitions(proof)
-    for tried, shown in zip(proof.verdicts, index_outputs([tried.measured for tried in proof.verdicts]), strict=True):
+    indexes = index_outputs([verdict.measured for verdict in proof.verdicts])
+    for verdict, index in zip(proof.verdicts, indexes, strict=True):
         yield output_of(
             ProvenIndexOutput,
-            shown,
+            index,
             host=proof.host,
-            partition=partitions.get(tried.measured.component),
-            verdict=verdict_of(tried.verdict),
-            verdict_error=tried.error,
-            why=tried.measured.reason,
+            partition=partitions.get(verdict.measured.component),
+            verdict=verdict_of(verdict.verdict),
+            verdict_error=verdict.error,
+            why=verdict.measured.reason,
         )

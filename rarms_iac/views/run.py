@@ -36,11 +36,11 @@ def undo_text(host: str, started: RunStarted | ScriptStarted, steps: Sequence[Un
     head = (
         f"To take back plan {started.plan} on {host}, applied by {visible(started.started_by, keep='')}, this is done, "
     )
-    shown = [paragraph(_taken_back(step), indent=2, more=2) for step in steps]
-    return stack(paragraph(f"{head}the last change first:"), *(shown or ["  no step of it changed anything"]))
+    lines = [paragraph(_describe_undone(step), indent=2, more=2) for step in steps]
+    return stack(paragraph(f"{head}the last change first:"), *(lines or ["  no step of it changed anything"]))
 
 
-def _taken_back(step: UndoneStep) -> str:
+def _describe_undone(step: UndoneStep) -> str:
     stays = "stays done: " if step.level is UndoLevel.NONE else ""
     partly = " (in part)" if step.level is UndoLevel.PARTIAL else ""
     return f"{step.address}: {stays}{visible(step.title, keep='')}{partly}"

@@ -53,9 +53,9 @@ def command(
         code = _apply_plan(session, plan, source, how, as_json=as_json)
         if not proving:
             return code
-        named = source if _is_named() else manifest_of(plan, source)
+        manifest_source = source if _is_named() else manifest_of(plan, source)
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
-        return _then_prove(session, named, planned, how, code, as_json=as_json)
+        return _then_prove(session, manifest_source, planned, how, code, as_json=as_json)
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
     hosts = _hosts(source, host_selection)
@@ -87,8 +87,8 @@ def _then_prove(
     return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms), as_json=as_json)
 
 
-def _refuse_beside_a_plan(given: object) -> None:
-    if given:
+def _refuse_beside_a_plan(option: object) -> None:
+    if option:
         raise click.UsageError(
             "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon.",
             click.get_current_context(),

@@ -139,7 +139,7 @@ def command(
         return stopped(session)
     if outcome.ended:
         session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
-        return session.interrupts.asked or ExitCode.DONE
+        return session.interrupts.exit_code or ExitCode.DONE
     if interactive and not has_errors(outcome.findings):
         return combine_if_wanted(session, select_hosts(load_manifest(source), host_selection))
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE

@@ -49,7 +49,7 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_
         )
     if outcome.stopped:
         session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
-        return session.interrupts.asked or ExitCode.INTERRUPTED
+        return session.interrupts.exit_code or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(prove_json(outcome.proofs, request.interference, outcome.findings))

@@ -26,12 +26,12 @@ def output_of(cls: type[T], source: object, **different: object) -> T:
     Raises:
         AttributeError: the value lacks a field, which tests show.
     """
-    taken = {
+    values = {
         field.name: getattr(source, field.name)
         for field in fields(cls)
         if field.default is MISSING and field.name not in different
     }
-    return cls(**taken, **different)
+    return cls(**values, **different)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,7 +41,7 @@ def report_json(report: Report) -> str:
                     ReportTuningOutput,
                     tuning.run,
                     platform=tuning.platform,
-                    trail=tuple(output_of(AskedOutput, asked, met=not asked.worse) for asked in tuning.run.trail),
+                    trail=tuple(output_of(AskedOutput, setting, met=not setting.worse) for setting in tuning.run.trail),
                 )
                 for tuning in report.tunings
             ),
@@ -50,7 +50,7 @@ def report_json(report: Report) -> str:
                     host=status.host,
                     is_planned=status.is_planned,
                     differs=tuple(
-                        ReportDifferenceOutput(address=what, says=message) for what, message in status.differs
+                        ReportDifferenceOutput(address=address, says=message) for address, message in status.differs
                     ),
                 )
                 for status in report.statuses
@@ -69,19 +69,20 @@ def _measurement(measurement: Measurement) -> ReportMeasurementOutput:
     )
 
 
-def _index(shown: IndexCurve) -> ReportIndexOutput:
+def _index(index_curve: IndexCurve) -> ReportIndexOutput:
     return ReportIndexOutput(
-        component=shown.component,
-        index=shown.index.name,
-        direction=shown.index.direction,
-        threshold=None if shown.threshold is None else float(shown.threshold.value),
-        reserve=None if shown.least is None else shown.least.reserve,
+        component=index_curve.component,
+        index=index_curve.index.name,
+        direction=index_curve.index.direction,
+        threshold=None if index_curve.threshold is None else float(index_curve.threshold.value),
+        reserve=None if index_curve.least is None else index_curve.least.reserve,
         points=tuple(
             output_of(ReportPointOutput, point, low=_finite(point.low), high=_finite(point.high))
-            for point in shown.points
+            for point in index_curve.points
         ),
         curve=tuple(
-            ReportRowOutput(reserve=row.reserve, value=_finite(row.value), safe=_finite(row.safe)) for row in shown.rows
+            ReportRowOutput(reserve=row.reserve, value=_finite(row.value), safe=_finite(row.safe))
+            for row in index_curve.rows
         ),
     )
 

@@ -103,8 +103,8 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     """Where everything of a curve lies."""
     scale = scale_of(curve)
     threshold = beginning(curve, scale)
-    found = least_reserve([(curve.curve, threshold)])
-    reserve = None if found is None else found.reserve
+    least = least_reserve([(curve.curve, threshold)])
+    reserve = None if least is None else least.reserve
     rows = curve.rows
     together = len(measurement.components) > 1
     title = curve.index.name.replace("_", " ")

@@ -148,11 +148,21 @@ def trail_rows(tunings: Iterable[PlatformTuning]) -> Iterator[Sequence[Cell]]:
     """The header, then a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
     yield TRAIL
     for tuning in tunings:
-        for number, asked in enumerate(tuning.run.trail, 1):
-            enough = "no" if asked.worse else "yes"
-            names, worse = "+".join(asked.components), " ".join(asked.worse)
+        for number, setting in enumerate(tuning.run.trail, 1):
+            enough = "no" if setting.worse else "yes"
+            names, worse = "+".join(setting.components), " ".join(setting.worse)
             claim = tuning.run.claim if number == len(tuning.run.trail) and tuning.run.strategy == "default" else ""
-            yield tuning.platform, tuning.run.when, number, names, asked.reserve, enough, worse, asked.predicted, claim
+            yield (
+                tuning.platform,
+                tuning.run.when,
+                number,
+                names,
+                setting.reserve,
+                enough,
+                worse,
+                setting.predicted,
+                claim,
+            )
 
 
 def finite(value: float) -> float | None:
@@ -236,13 +246,13 @@ def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROW
 def _names(measurements: Sequence[Measurement]) -> list[str]:
     """A name a sheet: the components', short enough and unlike every other."""
     names: list[str] = []
-    taken = {"summary", "settings", "samples", "tuning"}
+    used = {"summary", "settings", "samples", "tuning"}
     for measurement in measurements:
         name, number = measurement.name[:LONGEST_NAME], 1
-        while name.lower() in taken:
+        while name.lower() in used:
             number += 1
             name = f"{measurement.name[: LONGEST_NAME - len(str(number)) - 1]} {number}"
-        taken.add(name.lower())
+        used.add(name.lower())
         names.append(name)
     return names
 

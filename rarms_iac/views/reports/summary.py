@@ -206,12 +206,12 @@ def fit_text(fit: PlatformFit) -> str:
     def processors(amount: Fraction) -> str:
         return f"{_figure(amount)} LP"
 
-    left, capacity, hosts = fit.headroom, fit.capacity.capacity, ", ".join(fit.capacity.hosts)
-    room = f"Headroom of {hosts}: {share(left)} ({processors(left)})"
-    over = f"Over {hosts} by {share(-left)} ({processors(-left)})"
+    headroom, capacity, hosts = fit.headroom, fit.capacity.capacity, ", ".join(fit.capacity.hosts)
+    room = f"Headroom of {hosts}: {share(headroom)} ({processors(headroom)})"
+    over = f"Over {hosts} by {share(-headroom)} ({processors(-headroom)})"
     return (
         f"{share(fit.total)} reserved of {share(capacity)} ({processors(fit.total)} of {processors(capacity)}). "
-        f"{room if left >= 0 else over}."
+        f"{room if headroom >= 0 else over}."
     )
 
 
@@ -223,21 +223,21 @@ def tuning_text(tuning: PlatformTuning) -> str:
     proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
-    named = (run.message or run.ending.replace("_", " ")).capitalize()
+    ending = (run.message or run.ending.replace("_", " ")).capitalize()
     outdated = "".join(f" {'+'.join(names)} is outdated: {why}." for names, why in tuning.outdated.items())
-    return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
+    return f"{ending}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
 
 
 def trail_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
     """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
     return tuple(
         (
-            " + ".join(asked.components) + _outdated(tuning, asked.components),
-            show_percent(asked.reserve),
-            "" if asked.predicted is None else show_percent(asked.predicted),
-            f"not met for sure by {', '.join(asked.worse)}" if asked.worse else "all thresholds met",
+            " + ".join(setting.components) + _outdated(tuning, setting.components),
+            show_percent(setting.reserve),
+            "" if setting.predicted is None else show_percent(setting.predicted),
+            f"not met for sure by {', '.join(setting.worse)}" if setting.worse else "all thresholds met",
         )
-        for asked in tuning.run.trail
+        for setting in tuning.run.trail
     )
 
 
@@ -287,10 +287,10 @@ def status_text(status: HostStatus) -> str:
         return "Nothing can be applied as it is: rarms plan tells why."
     if not status.differs:
         return "Applied: the host is as the manifest wants it."
-    told: dict[str, list[str]] = {}
+    addresses_of: dict[str, list[str]] = {}
     for address, message in status.differs:
-        told.setdefault(message, []).append(address)
-    parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in told.items())
+        addresses_of.setdefault(message, []).append(address)
+    parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
     return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."
 
 

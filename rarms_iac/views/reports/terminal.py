@@ -158,24 +158,24 @@ class TerminalPlot:
         yield paragraph(_conclusion(self.curve))
 
 
-def _cells(shown: IndexCurve, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
+def _cells(index_curve: IndexCurve, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
     """Later ones lie above earlier ones."""
     cells: Cells = {}
-    rows, least = shown.rows, shown.least
+    rows, least = index_curve.rows, index_curve.least
     for row in rows:
         top, bottom = _row(scale, row.high), _row(scale, row.low)
         for line in range(top, bottom + 1) if bottom - top > 1 else ():
             cells[_column(row.reserve, field), line] = signs.band, "band"
-    if shown.threshold is not None:
-        line = _row(scale, float(shown.threshold.value))
+    if index_curve.threshold is not None:
+        line = _row(scale, float(index_curve.threshold.value))
         cells.update({(column, line): (signs.threshold, "threshold") for column in range(field)})
     if least is not None:
         column = _column(least.reserve, field)
         for line in range(HEIGHT):
             crosses = cells.get((column, line), ("", ""))[1] == "threshold"
             cells[column, line] = (signs.crossing, "threshold") if crosses else (signs.reserve, "reserve")
-    cells.update(_braille(shown, scale, field) if dots else _stars(shown, scale, field, signs))
-    for point in shown.points:
+    cells.update(_braille(index_curve, scale, field) if dots else _stars(index_curve, scale, field, signs))
+    for point in index_curve.points:
         if point.value is not None:
             cells[_column(point.reserve, field), _row(scale, point.value)] = signs.measured, "measured"
     return cells
@@ -189,29 +189,29 @@ def _row(scale: Scale, value: float) -> int:
     return min(int((1 - scale.height(value)) * HEIGHT), HEIGHT - 1)
 
 
-def _sampled(shown: IndexCurve, steps: int) -> Iterator[tuple[int, float]]:
+def _curve_points(index_curve: IndexCurve, steps: int) -> Iterator[tuple[int, float]]:
     """The curve's value at each of so many steps over the axis, where there is one."""
     for step in range(steps):
-        point = shown.curve.value_at(100 * (step + 0.5) / steps)
+        point = index_curve.curve.value_at(100 * (step + 0.5) / steps)
         if point is not None:
             yield step, point.value
 
 
-def _stars(shown: IndexCurve, scale: Scale, field: int, signs: Signs) -> Cells:
-    return {(column, _row(scale, value)): (signs.curve, "curve") for column, value in _sampled(shown, field)}
+def _stars(index_curve: IndexCurve, scale: Scale, field: int, signs: Signs) -> Cells:
+    return {(column, _row(scale, value)): (signs.curve, "curve") for column, value in _curve_points(index_curve, field)}
 
 
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 """The bits of a braille sign, by column and row of its dots."""
 
 
-def _braille(shown: IndexCurve, scale: Scale, field: int) -> Cells:
+def _braille(index_curve: IndexCurve, scale: Scale, field: int) -> Cells:
     bits: dict[tuple[int, int], int] = {}
-    for step, value in _sampled(shown, 2 * field):
+    for step, value in _curve_points(index_curve, 2 * field):
         dot = min(int((1 - scale.height(value)) * 4 * HEIGHT), 4 * HEIGHT - 1)
         cell = step // 2, dot // 4
         bits[cell] = bits.get(cell, 0) | _DOTS[step % 2][dot % 4]
-    return {cell: (chr(0x2800 + found), "curve") for cell, found in bits.items()}
+    return {cell: (chr(0x2800 + pattern), "curve") for cell, pattern in bits.items()}
 
 
 def _field(scale: Scale, cells: Cells, field: int, signs: Signs) -> Iterator["Text"]:
@@ -250,10 +250,10 @@ def legend(*, ascii_only: bool = False) -> "RenderableType":
     return paragraph("  ".join(f"{getattr(signs, name)} {name}" for name in names))
 
 
-def _conclusion(shown: IndexCurve) -> str:
-    if shown.threshold is None:
+def _conclusion(index_curve: IndexCurve) -> str:
+    if index_curve.threshold is None:
         return "No APT yet."
-    wanted, least = show_threshold(shown.index, shown.threshold), shown.least
+    threshold, least = show_threshold(index_curve.index, index_curve.threshold), index_curve.least
     if least is None:
-        return f"{wanted}: no measured reserve is enough"
-    return f"{wanted}: reserve {least.reserve} %, {'interpolated' if least.interpolated else 'measured'}"
+        return f"{threshold}: no measured reserve is enough"
+    return f"{threshold}: reserve {least.reserve} %, {'interpolated' if least.interpolated else 'measured'}"

@@ -96,7 +96,8 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
     other = replace(header, setup=replace(header.setup, interference="browsers"))
 
     report = report_of(
-        system, [LogBesideManifest(path="browsers.jsonl", log=replace(logged.log, header=other), asked=False), logged]
+        system,
+        [LogBesideManifest(path="browsers.jsonl", log=replace(logged.log, header=other), is_expected=False), logged],
     )
 
     assert [(measurement.interference, measurement.rests) for measurement in report.measurements] == [

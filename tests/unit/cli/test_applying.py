@@ -80,6 +80,6 @@ def test_how_a_run_ended_is_its_exit_code(ending: RunEnding, code: ExitCode) -> 
 
 def test_a_terminated_run_says_which_signal_it_was() -> None:
     session = a_session()
-    session.interrupts.asked = ExitCode.TERMINATED
+    session.interrupts.exit_code = ExitCode.TERMINATED
 
     assert code_of(session, RunEnding.INTERRUPTED) is ExitCode.TERMINATED

@@ -103,7 +103,7 @@ def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
     interrupts = Interrupts()
     with interrupts.listening(), interrupts.gently():
         signal.raise_signal(signal.SIGINT)
-        assert interrupts.asked is ExitCode.INTERRUPTED
+        assert interrupts.exit_code is ExitCode.INTERRUPTED
 
     assert signal.getsignal(signal.SIGINT) is before
 
