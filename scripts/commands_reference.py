@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from rarms_iac.cli.group import the_group
+from rarms_iac.cli.group import root_group
 from rarms_iac.cli.shape import all_commands
 
 WIDTH = 80
@@ -33,7 +33,7 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 
 def reference() -> str:
     """The whole page, ending with a line end."""
-    group = the_group()
+    group = root_group()
     top = click.Context(group, info_name="rarms", terminal_width=WIDTH, **group.context_settings)
     parts = [HEAD, _section("rarms", group.get_help(top))]
     for name, command in all_commands():

@@ -55,7 +55,7 @@ def measurements_of(manifest: Manifest) -> Measurements:
     source = manifest.source
     named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
     laid = [word for overlay in source.overlays for word in ("--overlay", overlay)]
-    words = "".join(f" {_quoted(word)}" for word in (*named, *laid))
+    words = "".join(f" {_shell_word(word)}" for word in (*named, *laid))
     return Measurements(system=manifest.system, folder=Path(manifest.folder), options=words)
 
 
@@ -132,7 +132,9 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
         for kind, names in alike.items():
             if _may_run_on(group, names):
                 host = system.hosts[names[0]]
-                logs[kind, names_of(group.members)] = _answer(measurements, group, host, kind.bench, files, read)
+                logs[kind, names_of(group.members)] = _measured_together(
+                    measurements, group, host, kind.bench, files, read
+                )
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
@@ -188,7 +190,7 @@ class _Kind:
 Reader = Callable[[Path], DataLog | LogUnreadable | None]
 
 
-def _answer(
+def _measured_together(
     measurements: Measurements, group: Group, host: Host, bench: BenchNow, files: Files, read: Reader
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
@@ -311,7 +313,7 @@ def _read(path: Path) -> DataLog | LogUnreadable | None:
         return problem
 
 
-def _quoted(word: str) -> str:
+def _shell_word(word: str) -> str:
     import shlex
 
     return shlex.quote(word)

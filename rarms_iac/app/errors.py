@@ -52,7 +52,7 @@ class RequestError(ValueError):
     """
 
 
-def bug(error: BaseException) -> Diagnostic:
+def bug_finding(error: BaseException) -> Diagnostic:
     """Make the finding for an exception that nobody foresaw.
 
     Args:
@@ -66,7 +66,7 @@ def bug(error: BaseException) -> Diagnostic:
     )
 
 
-def misused(message: str, command: str) -> Diagnostic:
+def usage_finding(message: str, command: str) -> Diagnostic:
     """Make the finding for words that do not fit a command, for a program that reads findings.
 
     Args:
@@ -76,7 +76,7 @@ def misused(message: str, command: str) -> Diagnostic:
     return USAGE.at(None, message, f"`{command} --help` lists what it takes.")
 
 
-def system_refused(error: OSError) -> Diagnostic:
+def system_finding(error: OSError) -> Diagnostic:
     """Make the finding for a call that the operating system refused, where nothing closer to the call explains that.
 
     Args:
@@ -90,7 +90,7 @@ def system_refused(error: OSError) -> Diagnostic:
     )
 
 
-def in_the_way(path: str) -> Diagnostic:
+def conflict_finding(path: str) -> Diagnostic:
     """Make the finding for a file that exists already and is not replaced.
 
     Args:
@@ -101,7 +101,7 @@ def in_the_way(path: str) -> Diagnostic:
     )
 
 
-def not_written(path: str, error: OSError) -> Diagnostic:
+def write_finding(path: str, error: OSError) -> Diagnostic:
     """Make the finding for a file that could not be written.
 
     Args:
@@ -112,7 +112,7 @@ def not_written(path: str, error: OSError) -> Diagnostic:
     return NOT_WRITTEN.at(None, f"{path}: {error.strerror or error}.", advice)
 
 
-def not_read(path: str, message: str, advice: str) -> Diagnostic:
+def read_finding(path: str, message: str, advice: str) -> Diagnostic:
     """The finding for a file that could not be read.
 
     Args:
@@ -136,7 +136,7 @@ def declined() -> Diagnostic:
     )
 
 
-def out_of_reach(host: str, provider: str) -> Diagnostic:
+def unreachable_finding(host: str, provider: str) -> Diagnostic:
     """Make the finding for a host of a provider that this version can neither observe nor change.
 
     Args:

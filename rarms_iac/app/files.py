@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.errors import Outcome, UseCaseError, not_read, not_written
+from rarms_iac.app.errors import Outcome, UseCaseError, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.storage.reading import open_regular
 from rarms_iac.storage.replace import replace
@@ -39,7 +39,7 @@ def read_file(path: str, limit: int, origin: str) -> bytes:
             return file.read(limit + 1)
     except (OSError, ValueError) as error:
         message = (error.strerror if isinstance(error, OSError) else "") or str(error)
-        raise UseCaseError(Outcome.FAILED, [not_read(path, message, advice)]) from error
+        raise UseCaseError(Outcome.FAILED, [read_finding(path, message, advice)]) from error
 
 
 def write_file(path: str, data: bytes) -> None:
@@ -61,7 +61,7 @@ def write_file(path: str, data: bytes) -> None:
             target.chmod(stat.S_IMODE(before.st_mode))
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no file can have this name")
-        raise UseCaseError(Outcome.FAILED, [not_written(path, problem)]) from error
+        raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
 
 
 def make_folder(path: str) -> None:
@@ -74,7 +74,7 @@ def make_folder(path: str) -> None:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no folder can have this name")
-        raise UseCaseError(Outcome.FAILED, [not_written(path, problem)]) from error
+        raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
 
 
 def read_plan_file(path: str) -> "Plan":

@@ -86,7 +86,7 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionE
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
     system = manifest.system
-    removed = _emptied(system, compounds)
+    removed = _emptied_partitions(system, compounds)
     for compound in compounds:
         file = _file(manifest, compound.name)
         members = [each.name for each in most_critical_first(system.components[name] for name in compound.members)]
@@ -100,7 +100,7 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionE
     return PartitionEdits(files=tuple(changed), removed=tuple(removed))
 
 
-def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
+def _emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
     """Entries of partitions that lose their members to a compound of another name, by name; with that name."""
     home = {member: compound.name for compound in compounds for member in compound.members}
     heirs_of = {}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, in_the_way
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, conflict_finding
 from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
 from rarms_iac.manifest.init import initial_manifest, name_from
@@ -53,7 +53,7 @@ def write_first_manifest(folder: str, name: str | None = None) -> str:
         )
     path = Path(folder) / DEFAULT_NAME
     if (path.exists() or path.is_symlink()) and not _is_blank(path):
-        raise UseCaseError(Outcome.FAILED, [in_the_way(path.as_posix())])
+        raise UseCaseError(Outcome.FAILED, [conflict_finding(path.as_posix())])
     text = initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
     write_file(str(path), text.encode())

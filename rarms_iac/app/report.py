@@ -65,7 +65,7 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Re
     system = manifest.system
     refuse_unknown(components, system.components, "component")
     folder = Path(manifest.folder)
-    logs = tuple(_logged(system, folder))
+    logs = tuple(_read_logs(system, folder))
     if components:
         logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
     report = replace(
@@ -100,7 +100,7 @@ def _nothing(components: Sequence[str]) -> Diagnostic:
     )
 
 
-def _logged(system: System, folder: Path) -> Iterator[LogBesideManifest]:
+def _read_logs(system: System, folder: Path) -> Iterator[LogBesideManifest]:
     """Every log of a platform of the manifest, by path."""
     hosts = {host.platform: host for host in reversed(list(system.hosts.values()))}
     files = Files(folder)
@@ -108,7 +108,7 @@ def _logged(system: System, folder: Path) -> Iterator[LogBesideManifest]:
         with log_errors():
             log = read_log(path)
         if log is not None and log.header.platform in hosts and _is_of(system, log):
-            yield _beside(system, folder, path, log, hosts[log.header.platform], files)
+            yield _log_beside_manifest(system, folder, path, log, hosts[log.header.platform], files)
 
 
 def _is_of(system: System, log: DataLog) -> bool:
@@ -116,7 +116,9 @@ def _is_of(system: System, log: DataLog) -> bool:
     return set(setup.members) <= system.components.keys() and setup.interference in system.interference
 
 
-def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files) -> LogBesideManifest:
+def _log_beside_manifest(
+    system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files
+) -> LogBesideManifest:
     setup = log.header.setup
     expected_path = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
     subject = subject_of(system, host, setup.members, setup.interference)

@@ -204,7 +204,7 @@ def points_of(
 def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge_look(series, apt, run)
-    words, error, remark = _in_words(verdict)
+    words, error, remark = _verdict_words(verdict)
     if not estimates:
         return MeasuredPoint(
             reserve=setting.reserve,
@@ -233,7 +233,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
     )
 
 
-def _in_words(verdict: Verdict) -> tuple[str, float | None, str]:
+def _verdict_words(verdict: Verdict) -> tuple[str, float | None, str]:
     """A word, the probability that it is wrong, and what else is to be said."""
     match verdict:
         case Met(warm_up=warm_up):

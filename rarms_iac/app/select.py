@@ -71,7 +71,7 @@ def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether,
     highest = log.measured[-1]
     limit = min(100, int(100 * capacity_of(host, None).processors / log.processors))
     safe = curve.safe_value_at(highest)
-    holds = "" if safe is None or not isfinite(safe) else f": {_as_a_level(index, safe)} holds at {highest} %"
+    holds = "" if safe is None or not isfinite(safe) else f": {_show_level(index, safe)} holds at {highest} %"
     if highest >= limit:
         return f"Choose an easier level{holds}, and {limit} % is the most that there is."
     return (
@@ -80,7 +80,7 @@ def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether,
     )
 
 
-def _far_from(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:
+def _why_far(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:
     """Why the level cannot be meant, with what may be; empty where it can, or where nothing was measured.
 
     A share cannot lie far from another.
@@ -95,11 +95,11 @@ def _far_from(index: PerformanceIndex, threshold: Threshold, text: str, curves: 
     lowest, highest = show_value(index, min(values)), show_value(index, max(values))
     return (
         f"{text} lies far outside of what was measured, where {index.name} goes from {lowest} to {highest}."
-        f"{_meant(index, text, values)} If it is meant, write it into the manifest."
+        f"{_suggest_unit(index, text, values)} If it is meant, write it into the manifest."
     )
 
 
-def _meant(index: PerformanceIndex, text: str, values: Sequence[float]) -> str:
+def _suggest_unit(index: PerformanceIndex, text: str, values: Sequence[float]) -> str:
     """Ask whether another unit was meant, where the number in that unit lies among what was measured; else empty."""
     number = Fraction(text.rstrip("abcdefghijklmnopqrstuvwxyz/ "))
     for unit, factor in UNITS[index.unit].items():
@@ -108,7 +108,7 @@ def _meant(index: PerformanceIndex, text: str, values: Sequence[float]) -> str:
     return ""
 
 
-def _as_a_level(index: PerformanceIndex, value: float) -> str:
+def _show_level(index: PerformanceIndex, value: float) -> str:
     """Rounded to the side on which it still holds."""
     tenths = ceil(value * 10) if index.smaller_is_better else floor(value * 10)
     return show_value(index, Fraction(tenths, 10))
@@ -164,7 +164,7 @@ def select_level(manifest: Manifest, request: SelectRequest) -> SelectOutcome:
     """
     choice = _choice_of(manifest.system, request.component, request.level, request.index)
     measurements = measurements_of(manifest)
-    changed = replace(measurements, system=_with(manifest.system, choice))
+    changed = replace(measurements, system=_with_level(manifest.system, choice))
     selection, findings = _selection(manifest, changed, choice)
     if request.dry_run:
         return SelectOutcome(selection=selection, findings=findings, file="")
@@ -223,7 +223,7 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tu
     if group is not None and rests_on_a_log(group) and not levels:
         addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
         reasons = [finding for finding in planning.findings if finding.address in addresses]
-        findings = [_with_useful_advice(finding, logs, choice) for finding in reasons or planning.findings]
+        findings = [_with_next_command(finding, logs, choice) for finding in reasons or planning.findings]
         raise UseCaseError(Outcome.NEGATIVE, findings, manifest.sources)
     selection = Selection(
         component=name,
@@ -233,7 +233,7 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tu
         levels=levels,
         rests_on_a_log=group is not None and rests_on_a_log(group),
         headrooms=_headrooms(planning, system),
-        why_no_headroom=_why(planning),
+        why_no_headroom=_why_no_layout(planning),
     )
     return selection, () if has_errors(planning.findings) else planning.findings
 
@@ -246,7 +246,7 @@ def _logs(group: Group, system: System, reservations: MeasuredReservations) -> I
             yield host, log
 
 
-def _with_useful_advice(
+def _with_next_command(
     finding: Diagnostic, logs: Sequence[tuple[Host, MeasuredTogether]], choice: _Choice
 ) -> Diagnostic:
     """NOTE: a search looks for the manifest's level, and this one is not there yet: that advice would lead nowhere."""
@@ -260,12 +260,12 @@ def _with_useful_advice(
 def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, MeasuredTogether]]) -> None:
     """NOTE: `120 s` for `120 ms` would be met by any reservation: a slip that nothing else would show."""
     curves = [log.curves(choice.component.name, choice.index.name) for _, log in logs]
-    message = _far_from(choice.index, choice.threshold, choice.text, curves)
+    message = _why_far(choice.index, choice.threshold, choice.text, curves)
     if message:
         raise RequestError(f"{choice.component.name}: {message}")
 
 
-def _with(system: System, choice: _Choice) -> System:
+def _with_level(system: System, choice: _Choice) -> System:
     apt: Mapping[str, Threshold] = {**choice.component.apt, choice.index.name: choice.threshold}
     return replace(system, components={**system.components, choice.component.name: replace(choice.component, apt=apt)})
 
@@ -319,7 +319,7 @@ def _headrooms(planning: Planning, system: System) -> tuple[HostHeadroom, ...]:
     )
 
 
-def _why(planning: Planning) -> str:
+def _why_no_layout(planning: Planning) -> str:
     if isinstance(planning.answer, Layout):
         return ""
     return next(

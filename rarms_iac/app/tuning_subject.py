@@ -239,7 +239,7 @@ class Experiments:
                 raise TuningStopped("stopped")
             case SettingFailed(verdict=TooManyFailures(component=component, failures=failures)):
                 raise Unanswered(
-                    f"{len(failures)} samples of {component} failed, together with {_but(members, component)} "
+                    f"{len(failures)} samples of {component} failed, together with {_without(members, component)} "
                     f"at {reserve} %: {failures[0]}"
                 )
             case _:
@@ -259,5 +259,5 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
     return frozenset(curve.component for curve, threshold in curves if not holds(curve, threshold, reserve))
 
 
-def _but(members: Members, name: str) -> str:
+def _without(members: Members, name: str) -> str:
     return ", ".join(member for member in members if member != name)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.app.errors import Outcome, UseCaseError, out_of_reach
+from rarms_iac.app.errors import Outcome, UseCaseError, unreachable_finding
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
@@ -42,7 +42,7 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
             return open_hyperv(host)
         case ProviderKind.LINUX:
-            raise UseCaseError(Outcome.FAILED, [out_of_reach(host.name, host.provider.value)])
+            raise UseCaseError(Outcome.FAILED, [unreachable_finding(host.name, host.provider.value)])
 
 
 def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:

@@ -58,10 +58,10 @@ def plan_ask_apply(
 ) -> ExitCode:
     """Plan, then write the plan (`out`), or show it, ask, and do it."""
     if out is not None:
-        return _only_written(session, make_plan(hosts, request), out, hosts.manifest.sources, as_json=as_json)
+        return _write_only(session, make_plan(hosts, request), out, hosts.manifest.sources, as_json=as_json)
     finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
     if finished is not None:
-        return ended(session, finished, as_json=as_json)
+        return report_end(session, finished, as_json=as_json)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
             "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and apply "
@@ -74,10 +74,10 @@ def plan_ask_apply(
     else:
         session.terminal.show(text)
     if not any(part.steps for part in plan.hosts):
-        return ended(session, RunReport(ending=RunEnding.NOTHING), as_json=as_json, quiet=True)
+        return report_end(session, RunReport(ending=RunEnding.NOTHING), as_json=as_json, quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
-    return ended(session, run(session, plan, hosts.folder, how), as_json=as_json)
+    return report_end(session, run(session, plan, hosts.folder, how), as_json=as_json)
 
 
 def _writing(purpose: Purpose) -> str:
@@ -109,8 +109,8 @@ def ask(session: Session, question: str) -> None:
         raise UseCaseError(Outcome.REFUSED, [declined()])
 
 
-def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
-    """Say how a run ended, and give its exit code."""
+def report_end(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
+    """Say how a run report_end, and give its exit code."""
     tell(session.terminal, report.diagnostics)
     if as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(run_json(report))
@@ -132,7 +132,7 @@ def code_of(session: Session, ending: RunEnding) -> ExitCode:
             return session.interrupts.exit_code or ExitCode.INTERRUPTED
 
 
-def _only_written(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:
+def _write_only(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:
     show_plan(session, plan, sources, as_json=as_json)
     write_plan_file(session, out, plan)
     return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

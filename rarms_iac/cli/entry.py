@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rarms_iac.app.errors import Outcome, UseCaseError, bug, misused, system_refused
+from rarms_iac.app.errors import Outcome, UseCaseError, bug_finding, system_finding, usage_finding
 from rarms_iac.cli.codes import CODES, ExitCode
-from rarms_iac.cli.group import the_group
-from rarms_iac.cli.interrupts import Interrupted, Interrupts, say_heard
+from rarms_iac.cli.group import root_group
+from rarms_iac.cli.interrupts import Interrupted, Interrupts, confirm_signal
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal, this_terminal
 from rarms_iac.model.diagnostics import Diagnostic
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 def run(arguments: Sequence[str]) -> int:
     """Run the command that these words ask for and return its exit code. Raises nothing."""
     terminal = this_terminal()
-    session = Session(terminal=terminal, interrupts=Interrupts(heard=partial(say_heard, terminal.err)))
-    code = guarded(session, arguments, _invoke)
+    session = Session(terminal=terminal, interrupts=Interrupts(on_request=partial(confirm_signal, terminal.err)))
+    code = run_guarded(session, arguments, _invoke)
     try:
         session.terminal.flush()
     except OSError as error:
-        code = _tell(session, ExitCode.FAILED, [system_refused(error)])
+        code = _tell(session, ExitCode.FAILED, [system_finding(error)])
     return int(code)
 
 
-def guarded(
+def run_guarded(
     session: Session, arguments: Sequence[str], invoke: Callable[[Session, Sequence[str]], ExitCode]
 ) -> ExitCode:
     """What the command answers; every exception becomes words on standard error and an exit code."""
@@ -45,7 +45,7 @@ def guarded(
         return ExitCode(ending.exit_code)
     except click.UsageError as error:
         terminal.talk(usage_text(error))
-        _tell_programs(session, [misused(_says(error), _path(error))])
+        _tell_programs(session, [usage_finding(_usage_message(error), _path(error))])
         return ExitCode.USAGE
     except UseCaseError as problem:
         _trace(terminal)
@@ -54,17 +54,17 @@ def guarded(
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.console import paragraph, stack
 
-        terminal.talk(stack("", paragraph(f"rarms was {code.name.lower()}.{_how_to_go_on(session.command)}")))
+        terminal.talk(stack("", paragraph(f"rarms was {code.name.lower()}.{_advice_to_resume(session.command)}")))
         return code
     except OSError as error:
         _trace(terminal)
-        return _tell(session, ExitCode.FAILED, [system_refused(error)])
+        return _tell(session, ExitCode.FAILED, [system_finding(error)])
     except (Exception, RecursionError) as error:  # noqa: BLE001 - the last line of defence: no traceback reaches a user
         _trace(terminal)
-        return _tell(session, ExitCode.FAILED, [bug(error)])
+        return _tell(session, ExitCode.FAILED, [bug_finding(error)])
 
 
-def _how_to_go_on(command: str) -> str:
+def _advice_to_resume(command: str) -> str:
     """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
     if command in {"measure", "prove", "tune"}:
         return " What is recorded stays. The same command goes on where it stopped."
@@ -74,7 +74,7 @@ def _how_to_go_on(command: str) -> str:
 
 
 def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
-    group = the_group()
+    group = root_group()
     with group.make_context("rarms", list(arguments), obj=session) as context:
         answer = group.invoke(context)
     return ExitCode(answer)
@@ -85,7 +85,7 @@ def usage_text(error: click.UsageError) -> "RenderableType":
     from rarms_iac.views.console import paragraph, stack
 
     usage = paragraph(error.ctx.get_usage()) if error.ctx else None
-    return stack(usage, paragraph(_says(error)), paragraph(f"`{_path(error)} --help` lists what it takes."))
+    return stack(usage, paragraph(_usage_message(error)), paragraph(f"`{_path(error)} --help` lists what it takes."))
 
 
 def _code_of(session: Session, outcome: Outcome) -> ExitCode:
@@ -94,7 +94,7 @@ def _code_of(session: Session, outcome: Outcome) -> ExitCode:
     return exit_code or CODES[outcome]
 
 
-def _says(error: click.UsageError) -> str:
+def _usage_message(error: click.UsageError) -> str:
     return error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
 
 

@@ -54,7 +54,7 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
-def the_group() -> LazyGroup:
+def root_group() -> LazyGroup:
     """The whole command line."""
     version = click.Option(
         ["--version"],
@@ -72,12 +72,12 @@ def the_group() -> LazyGroup:
         params=[version, *common_options()],
         no_args_is_help=False,
         invoke_without_command=True,
-        callback=_nothing_said,
+        callback=_refuse_no_command,
     )
 
 
 @click.pass_context
-def _nothing_said(context: click.Context) -> None:
+def _refuse_no_command(context: click.Context) -> None:
     if context.invoked_subcommand is None:
         raise click.UsageError("Say what to do, for example `rarms plan`.", context)
 

@@ -25,10 +25,10 @@ class Interrupted(KeyboardInterrupt):
 class Interrupts:
     """Listens while a command runs; the first signal is remembered while the work is gentle, the second ends it."""
 
-    def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
-        """`heard` is called at the signal that only asks; it must not use what a signal may have interrupted."""
+    def __init__(self, on_request: Callable[[], None] = lambda: None) -> None:
+        """`on_request` is called at the signal that only asks; it must not use what a signal may have interrupted."""
         self.exit_code: ExitCode | None = None
-        self._heard = heard
+        self._on_request = on_request
         self._gentle = False
 
     def should_stop(self) -> bool:
@@ -71,10 +71,10 @@ class Interrupts:
         first, self.exit_code = self.exit_code is None, SIGNALS[signal.Signals(number)]
         if not (self._gentle and first):
             raise Interrupted(self.exit_code)
-        self._heard()
+        self._on_request()
 
 
-def say_heard(stream: TextIO) -> None:
+def confirm_signal(stream: TextIO) -> None:
     """Tell the person at once, past the stream's buffer, which the signal may have come upon: a step may take long."""
     with contextlib.suppress(OSError, ValueError):
         os.write(stream.fileno(), b"\nStopping after the running step. A second Ctrl-C stops at once.\n")

@@ -56,13 +56,13 @@ def manifest_option(function: F) -> F:
 def manifest_options(function: F) -> F:
     """`--manifest`, `--overlay`, `--today` as one `source: ManifestSource`."""
 
-    def gathered(*args: object, manifest: str, overlay: tuple[str, ...], today: date | None, **rest: object) -> object:
+    def collect(*args: object, manifest: str, overlay: tuple[str, ...], today: date | None, **rest: object) -> object:
         source = ManifestSource(manifest=manifest, overlays=overlay, today=today or today_utc())
         return function(*args, source=source, **rest)
 
-    return _with(
+    return _with_options(
         function,
-        gathered,
+        collect,
         manifest_option,
         click.option(
             "--overlay", metavar="FILE", multiple=True, help="A file laid over the manifest; repeatable, later wins."
@@ -79,21 +79,21 @@ def manifest_options(function: F) -> F:
 def host_options(function: F) -> F:
     """`--host` as `host_selection: HostSelection`, without snapshots."""
 
-    def gathered(*args: object, host: tuple[str, ...], **rest: object) -> object:
+    def collect(*args: object, host: tuple[str, ...], **rest: object) -> object:
         return function(*args, host_selection=HostSelection(hosts=host), **rest)
 
-    return _with(function, gathered, _host_option())
+    return _with_options(function, collect, _host_option())
 
 
 def host_or_snapshot_options(function: F) -> F:
     """`--host` and `--snapshot` as one `host_selection: HostSelection`."""
 
-    def gathered(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotFile, ...], **rest: object) -> object:
+    def collect(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotFile, ...], **rest: object) -> object:
         return function(*args, host_selection=HostSelection(hosts=host, snapshots=snapshot), **rest)
 
-    return _with(
+    return _with_options(
         function,
-        gathered,
+        collect,
         _host_option(),
         click.option(
             "--snapshot",
@@ -118,13 +118,13 @@ def target_option(function: F) -> F:
 def change_options(function: F) -> F:
     """`--target`, `--max-disruption` as one `limits: PlanLimits`."""
 
-    def gathered(*args: object, target: tuple[str, ...], max_disruption: str | None, **rest: object) -> object:
+    def collect(*args: object, target: tuple[str, ...], max_disruption: str | None, **rest: object) -> object:
         limit = None if max_disruption is None else Disruption(max_disruption)
         return function(*args, limits=PlanLimits(targets=target, max_disruption=limit), **rest)
 
-    return _with(
+    return _with_options(
         function,
-        gathered,
+        collect,
         target_option,
         click.option(
             "--max-disruption",
@@ -137,13 +137,13 @@ def change_options(function: F) -> F:
 def run_options(function: F) -> F:
     """`--auto-approve`, `--lock-timeout`, `--event-timeout` as one `how: RunOptions`."""
 
-    def gathered(*args: object, auto_approve: bool, lock_timeout: int, event_timeout: int, **rest: object) -> object:
+    def collect(*args: object, auto_approve: bool, lock_timeout: int, event_timeout: int, **rest: object) -> object:
         how = RunOptions(auto_approve=auto_approve, lock_timeout_ms=lock_timeout, event_timeout_ms=event_timeout)
         return function(*args, how=how, **rest)
 
-    return _with(
+    return _with_options(
         function,
-        gathered,
+        collect,
         click.option("--auto-approve", is_flag=True, help="Do not ask."),
         lock_timeout_option,
         time_option(
@@ -168,7 +168,7 @@ def lock_timeout_option(function: F) -> F:
 def output_option(function: F) -> F:
     """`--output` as `outputs: tuple[Output, ...]`; `--json` is short for `--output json`."""
 
-    def gathered(*args: object, output: tuple[str, ...], as_json: bool, **rest: object) -> object:
+    def collect(*args: object, output: tuple[str, ...], as_json: bool, **rest: object) -> object:
         try:
             outputs = parse_outputs((*output, "json") if as_json else output)
         except BadOutput as error:
@@ -177,9 +177,9 @@ def output_option(function: F) -> F:
             _tell_in_json(click.get_current_context())
         return function(*args, outputs=outputs, **rest)
 
-    return _with(
+    return _with_options(
         function,
-        gathered,
+        collect,
         click.option(
             "--output",
             metavar="FORMAT[=FILE]",
@@ -197,8 +197,8 @@ def json_option(function: F) -> F:
     )(function)
 
 
-def _with(function: F, gathered: Callable[..., object], *options: Callable[[F], F]) -> F:
-    wrapped = cast(F, wraps(function)(gathered))
+def _with_options(function: F, collect: Callable[..., object], *options: Callable[[F], F]) -> F:
+    wrapped = cast(F, wraps(function)(collect))
     for option in reversed(options):
         wrapped = option(wrapped)
     return wrapped

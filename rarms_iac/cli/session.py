@@ -74,7 +74,7 @@ def rarms_command(
 
     def make(function: Callable[Concatenate[Session, P], ExitCode]) -> click.Command:
         @wraps(function)
-        def given_the_session(*args: P.args, **kwargs: P.kwargs) -> ExitCode:
+        def with_session(*args: P.args, **kwargs: P.kwargs) -> ExitCode:
             context = click.get_current_context()
             session = context.ensure_object(Session)
             session.command = name
@@ -83,7 +83,7 @@ def rarms_command(
             except RequestError as error:
                 raise click.UsageError(str(error), context) from error
 
-        return click.command(name, cls=RarmsCommand, short_help=COMMANDS[name], epilog=epilog)(given_the_session)
+        return click.command(name, cls=RarmsCommand, short_help=COMMANDS[name], epilog=epilog)(with_session)
 
     return make
 

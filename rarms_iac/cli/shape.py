@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import click
 
-from rarms_iac.cli.group import the_group
+from rarms_iac.cli.group import root_group
 from rarms_iac.cli.table import COMMANDS
 from rarms_iac.views.completion import CommandShape, OptionShape
 
@@ -13,7 +13,7 @@ HELP_OPTION = OptionShape(flags=("-h", "--help"), help="Show this message and ex
 
 def top_shape() -> tuple[OptionShape, ...]:
     """The options of `rarms` itself."""
-    return (*_options(the_group()), HELP_OPTION)
+    return (*_options(root_group()), HELP_OPTION)
 
 
 def command_shapes() -> tuple[CommandShape, ...]:
@@ -23,7 +23,7 @@ def command_shapes() -> tuple[CommandShape, ...]:
 
 def all_commands() -> Iterator[tuple[str, click.Command]]:
     """Every command with its name, in the table's order. Imports them all."""
-    group = the_group()
+    group = root_group()
     context = click.Context(group, info_name="rarms")
     for name in COMMANDS:
         command = group.get_command(context, name)

@@ -18,7 +18,7 @@ FORCES_RESTART = "forces restart"
 FORCES_REPLACEMENT = "forces replacement"
 
 
-_COUNTED = {
+_COUNT_NAMES = {
     "+": ("add",),
     "~": ("change",),
     "-/+": ("add", "remove"),
@@ -47,7 +47,7 @@ def symbol(change: Change) -> str:
 
 def count(changes: Iterable[Change]) -> dict[str, int]:
     """How many of each: add, change, remove, adopt, release. A replacement counts as removed and as added."""
-    numbers = Counter(name for change in changes for name in _COUNTED[symbol(change)])
+    numbers = Counter(name for change in changes for name in _COUNT_NAMES[symbol(change)])
     return {name: numbers[name] for name in ("add", "change", "remove", "adopt", "release")}
 
 
@@ -117,11 +117,11 @@ def _mark_of(change: Adopt | Release) -> Attribute:
     return Attribute(name="mark", before=shown(change.before), after=shown(change.after))
 
 
-_Shown = Mapping[str, tuple[str, str]]
+_AttributeTexts = Mapping[str, tuple[str, str]]
 """By the attribute's name: its value and a note on it."""
 
 
-def _values(resource: Resource, facts: HostFacts) -> _Shown:
+def _values(resource: Resource, facts: HostFacts) -> _AttributeTexts:
     match resource:
         case Partition(settings=settings):
             return _settings(settings, facts)
@@ -131,7 +131,7 @@ def _values(resource: Resource, facts: HostFacts) -> _Shown:
             assert_never(resource)
 
 
-def _settings(settings: PartitionSettings, facts: HostFacts) -> _Shown:
+def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
     return {
         "name": (settings.name, ""),
         "processors": (str(settings.processors), ""),
@@ -139,12 +139,12 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _Shown:
         "limit": (show_percent(settings.limit), ""),
         "weight": (str(settings.weight), ""),
         "memory": (show_bytes(settings.memory), ""),
-        "dynamic memory": (_yes(settings.dynamic_memory), ""),
+        "dynamic memory": (_yes_or_no(settings.dynamic_memory), ""),
         "generation": (str(settings.generation), ""),
         "start action": (settings.start_action.value.replace("_", " "), ""),
         "stop action": (settings.stop_action.value.replace("_", " "), ""),
         "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
-        "running": (_yes(settings.running), ""),
+        "running": (_yes_or_no(settings.running), ""),
     }
 
 
@@ -161,11 +161,11 @@ def _registry(value: RegistryValue) -> str:
     return f"{value.data} ({value.kind.value})"
 
 
-def _yes(value: bool) -> str:
+def _yes_or_no(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _pairs(before: _Shown, after: _Shown) -> tuple[Attribute, ...]:
+def _pairs(before: _AttributeTexts, after: _AttributeTexts) -> tuple[Attribute, ...]:
     return tuple(
         Attribute(
             name=name,
@@ -181,10 +181,10 @@ def _forces(change: Update, attribute: Attribute) -> str:
     """What this attribute makes happen that the others would not, in words."""
     if not attribute.differs:
         return ""
-    return _SAID[forced_by(change, attribute.name.replace(" ", "_"))]
+    return _FORCE_TEXTS[forced_by(change, attribute.name.replace(" ", "_"))]
 
 
-_SAID = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
+_FORCE_TEXTS = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
 
 
 def forced_by(change: Change, name: str) -> Literal["", "restart", "replacement"]:

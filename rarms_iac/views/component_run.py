@@ -17,7 +17,7 @@ from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table, visible
 from rarms_iac.views.measure import show_bound, show_estimate
 from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.hosts import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
+from rarms_iac.views.output.hosts import ComponentResultOutput, ComponentRunOutput, IndexResultOutput, SampleOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -90,9 +90,9 @@ def ran_json(ran: Sequence[ComponentRunResult], findings: Sequence[Diagnostic]) 
     return as_json(ComponentRunOutput(components=tuple(map(_output, ran)), findings=tuple(findings)))
 
 
-def _output(ran: ComponentRunResult) -> RanComponentOutput:
+def _output(ran: ComponentRunResult) -> ComponentResultOutput:
     series = ran.series
-    return RanComponentOutput(
+    return ComponentResultOutput(
         component=ran.component.name,
         ending=ran.ending.value,
         elapsed_ms=series.elapsed_ms,
@@ -105,9 +105,9 @@ def _output(ran: ComponentRunResult) -> RanComponentOutput:
     )
 
 
-def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> RanIndexOutput:
+def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> IndexResultOutput:
     point = estimate if isinstance(estimate, Estimate) else None
-    return RanIndexOutput(
+    return IndexResultOutput(
         index=index,
         unit=index_named(index).symbol,
         value=point.value if point else None,

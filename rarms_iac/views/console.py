@@ -114,17 +114,19 @@ def paragraph(content: Content, *, indent: int = 0, more: int = 0, start: Conten
     head = styled(" " * indent, start)
     lines = [_item(line) for line in styled(content).split("\n", allow_blank=True)]
     below = styled(" " * head.cell_len)
-    return stack(*(_Hung(head=below if number else head, more=more, content=line) for number, line in enumerate(lines)))
+    return stack(
+        *(_HangingIndent(head=below if number else head, more=more, content=line) for number, line in enumerate(lines))
+    )
 
 
 def _item(line: "Text") -> "RenderableType":
     marker = _ITEM.match(line.plain)
-    return _Hung(head=line[: marker.end()], more=0, content=line[marker.end() :]) if marker else line
+    return _HangingIndent(head=line[: marker.end()], more=0, content=line[marker.end() :]) if marker else line
 
 
 def indented(content: "RenderableType", indent: int) -> "RenderableType":
     """Anything, some columns to the right."""
-    return _Hung(head=styled(" " * indent), more=0, content=content)
+    return _HangingIndent(head=styled(" " * indent), more=0, content=content)
 
 
 def table(
@@ -165,11 +167,11 @@ def table(
         )
     for row in cells:
         rich_table.add_row(*row)
-    return indented(_Fitted(table=rich_table, widest=widest, least=least), indent)
+    return indented(_FittedTable(table=rich_table, widest=widest, least=least), indent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Hung:
+class _HangingIndent:
     """Content whose first line stands behind a head, and whose further lines stand below the first.
 
     NOTE: rich's `Padding` would cut a word that is longer than the line.
@@ -197,7 +199,7 @@ class _Hung:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Fitted:
+class _FittedTable:
     """A table within its width wherever its columns' least widths allow it: the widest column gives first.
 
     NOTE: rich takes the same from all wide columns, and then some of them would break a word.
@@ -235,10 +237,10 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
 
 def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
     """A console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
-    return _console(cast("TextIO", _Unglued(stream)), width, terminal=True, colour=colour)
+    return _console(cast("TextIO", _PlainSpaces(stream)), width, terminal=True, colour=colour)
 
 
-class _Unglued:
+class _PlainSpaces:
     """A stream that writes spaces where no line is to be broken as spaces."""
 
     def __init__(self, stream: TextIO) -> None:

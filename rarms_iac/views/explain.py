@@ -8,7 +8,7 @@ from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
 from rarms_iac.views.explanation_steps import NO_LAYOUT, steps_of
-from rarms_iac.views.output.measuring import WalkOutput, WalkStepOutput
+from rarms_iac.views.output.measuring import ComponentExplanationOutput, ExplanationStepOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -75,12 +75,12 @@ def explanation_text(explanation: Explanation | HostExplanation, *, without_erro
 def explanation_json(explanation: Explanation | HostExplanation) -> str:
     """The same for programs."""
     component = explanation.component.name
-    steps = tuple(WalkStepOutput(topic=step.topic, says=step.sentences) for step in steps_of(explanation))
+    steps = tuple(ExplanationStepOutput(topic=step.topic, says=step.sentences) for step in steps_of(explanation))
     if isinstance(explanation, HostExplanation):
-        return as_json(WalkOutput(component=component, steps=steps))
+        return as_json(ComponentExplanationOutput(component=component, steps=steps))
     placed, has_host, least = explanation.placed, not explanation.no_host_because, explanation.least
     return as_json(
-        WalkOutput(
+        ComponentExplanationOutput(
             component=component,
             partition=placed.name,
             host=placed.host,

@@ -29,7 +29,7 @@ def verdicts(explanation: Explanation) -> Iterator[str]:
         if point is not None:
             yield _verdict(explanation, apt, point, at)
     if inconclusive := sorted({each for apt in explanation.curves for each in apt.curve.inconclusive}):
-        yield f"measured without a verdict (no steady state, or too few answers): {_listed(inconclusive)}"
+        yield f"measured without a verdict (no steady state, or too few answers): {_list_reserves(inconclusive)}"
     if explanation.least is not None and explanation.least.interpolated:
         reserves, least = explanation.measured.reserves, explanation.least.reserve
         below = max((reserve for reserve in reserves if reserve < least), default=None)
@@ -63,7 +63,7 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         yield f"{less} %, one less: it was measured and gave no verdict, so nobody knows whether it is enough"
     elif inconclusive:
         yield (
-            f"{less} %, one less: not measured; lower settings gave no verdict ({_listed(inconclusive)}), "
+            f"{less} %, one less: not measured; lower settings gave no verdict ({_list_reserves(inconclusive)}), "
             "so nobody knows whether it is enough"
         )
     else:
@@ -109,7 +109,7 @@ def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) 
     return f"{sentence}: not met for sure, as the safe side of that is not {_bound(apt)}"
 
 
-def _listed(reserves: list[int]) -> str:
+def _list_reserves(reserves: list[int]) -> str:
     return ", ".join(f"{reserve} %" for reserve in reserves)
 
 

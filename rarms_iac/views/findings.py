@@ -47,7 +47,7 @@ def findings_text(
     parts: list[RenderableType] = []
     for alike in kinds.values():
         if alike not in notes:
-            parts += [*(_single(alike[0], lines) if len(alike) == 1 else _together(alike)), ""]
+            parts += [*(_one_finding(alike[0], lines) if len(alike) == 1 else _finding_group(alike)), ""]
     parts += map(_note, notes)
     only_notes = notes and len(notes) == len(kinds)
     return stack(*parts, None if only_notes else summary(diagnostics, accepted))
@@ -86,7 +86,7 @@ def _note(alike: Sequence[Diagnostic]) -> "RenderableType":
     return paragraph(styled((f"note[{alike[0].code}] ", NOTE), text), more=2)
 
 
-def _single(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":
+def _one_finding(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":
     yield _head(diagnostic)
     location = ", ".join(_location(diagnostic))
     if location:
@@ -99,7 +99,7 @@ def _single(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -> "It
         yield from _excerpt(related.place, sources)
 
 
-def _together(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableType]":
+def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableType]":
     """The head once, an item for each, and the advice once where it is the same for all."""
     yield _head(diagnostics[0], len(diagnostics))
     advices = {diagnostic.advice for diagnostic in diagnostics}
@@ -151,12 +151,12 @@ def _cut_line(line: str, place: Place, width: int) -> _Excerpt:
     under = _without_tabs(line[first : min(last, first + REACH)], columns(before))
     after = _without_tabs(line[last : last + REACH], columns(before) + columns(under))
     if columns(before) + columns(under) + columns(after) > width:
-        under = _fitting(under, width // 2)
+        under = _cut_to(under, width // 2)
         room = width - columns(under) - 2 * len(ELLIPSIS)
         if columns(before) > room + len(ELLIPSIS):
-            before = ELLIPSIS + _fitting(before[::-1], room * 2 // 3)[::-1]
+            before = ELLIPSIS + _cut_to(before[::-1], room * 2 // 3)[::-1]
         rest = width - columns(before) - columns(under)
-        after = after if columns(after) <= rest else _fitting(after, rest - len(ELLIPSIS)) + ELLIPSIS
+        after = after if columns(after) <= rest else _cut_to(after, rest - len(ELLIPSIS)) + ELLIPSIS
     return _Excerpt(line=(before + under + after).rstrip(), before=columns(before), carets=max(columns(under), 1))
 
 
@@ -168,7 +168,7 @@ def _without_tabs(text: str, start: int = 0) -> str:
     return expanded
 
 
-def _fitting(text: str, width: int) -> str:
+def _cut_to(text: str, width: int) -> str:
     start = text[:width]
     while columns(start) > width:
         start = start[:-1]

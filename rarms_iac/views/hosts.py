@@ -17,7 +17,7 @@ from rarms_iac.views.changes import attributes_of, members_of, reserved_after
 from rarms_iac.views.console import STRONG, paragraph, stack, styled, table
 from rarms_iac.views.finding_forms import count_severities
 from rarms_iac.views.findings import findings_text
-from rarms_iac.views.output.hosts import DoctorOutput, DriftedOutput, DriftOutput, ExaminedOutput
+from rarms_iac.views.output.hosts import DoctorOutput, DriftedResourceOutput, DriftOutput, ExaminedHostOutput
 from rarms_iac.views.plan_json import change_output
 
 if TYPE_CHECKING:
@@ -84,16 +84,16 @@ def doctor_json(application: str, hosts: Sequence[ExaminedHost], accepted: Seque
     return as_json(
         DoctorOutput(
             application=application,
-            hosts=tuple(_examined(host, application) for host in hosts),
+            hosts=tuple(_examined_output(host, application) for host in hosts),
             accepted=tuple(accepted),
             counts=count_severities(findings),
         )
     )
 
 
-def _examined(examined: ExaminedHost, application: str) -> ExaminedOutput:
+def _examined_output(examined: ExaminedHost, application: str) -> ExaminedHostOutput:
     facts, condition = examined.state.facts, examined.condition
-    return ExaminedOutput(
+    return ExaminedHostOutput(
         name=facts.name,
         provider=facts.provider.value,
         computer=facts.computer_name,
@@ -150,13 +150,13 @@ def _host(host: HostDrift) -> "Iterator[RenderableType]":
         )
         name = str(drifted.address).removeprefix("partition/")
         beside = "" if drifted.address.task else members_of(drifted.address.partition, host.components)
-        wanted = f"{beside}{_wanted(change)}: {TITLES[drifted.kind]}; {differing or drifted.message}"
+        wanted = f"{beside}{_amount_wanted(change)}: {TITLES[drifted.kind]}; {differing or drifted.message}"
         text = styled((name, STRONG), wanted)
         yield paragraph(text, indent=2, more=4)
     yield ""
 
 
-def _wanted(change: Change | None) -> str:
+def _amount_wanted(change: Change | None) -> str:
     """`, 1.16 LP wanted`, of a partition that is to be there."""
     reserved = None if change is None else reserved_after(change)
     return "" if reserved is None else f", {show_processors(reserved)} wanted"
@@ -179,15 +179,15 @@ def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
     return as_json(
         DriftOutput(
             application=application,
-            drifted=tuple(_drifted(host, drifted) for host in hosts for drifted in host.drifted),
+            drifted=tuple(_drift_output(host, drifted) for host in hosts for drifted in host.drifted),
         )
     )
 
 
-def _drifted(host: HostDrift, drifted: ResourceDrift) -> DriftedOutput:
+def _drift_output(host: HostDrift, drifted: ResourceDrift) -> DriftedResourceOutput:
     change = host.changes.get(drifted.address)
     reserved = None if change is None else reserved_after(change)
-    return DriftedOutput(
+    return DriftedResourceOutput(
         host=host.facts.name,
         address=str(drifted.address),
         components=() if drifted.address.task else host.components.get(drifted.address.partition, ()),

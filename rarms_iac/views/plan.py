@@ -114,9 +114,9 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
     yield styled((f"{head}{show_bytes(facts.memory)})", STRONG))
     if verbose:
         for change in part.changes:
-            yield from _in_full(change, part)
+            yield from _full_change(change, part)
     else:
-        yield from _in_short(part)
+        yield from _short_changes(part)
     if verbose and part.unchanged:
         yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
     yield from _held_back(part, plan)
@@ -138,7 +138,7 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
         yield paragraph(_totals(part), indent=2)
 
 
-def _in_short(part: HostPlan) -> "Iterator[RenderableType]":
+def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
     """A table of the partitions that come and go, then a line for every other change."""
     machines = [
         change
@@ -233,7 +233,7 @@ def is_part_of(step: Step, change: Change) -> bool:
     return not change.address.task and step.address.partition == change.address.partition
 
 
-def _in_full(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
+def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
     note = _note(change, part)
     yield paragraph(
         styled(_name(change, part), f", {note}" if note else "", _at(change.reason.place)), indent=2, more=4

@@ -28,7 +28,7 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
         return paragraph("No component that ran has a threshold: nothing is proven.")
     rows = [_row(verdict) for proof in proofs for verdict in proof.verdicts]
     against = f" against {interference}" if interference else ""
-    sentences = [sentence for proof in proofs for sentence in (*_shared(proof), _sentence(proof, against))]
+    sentences = [sentence for proof in proofs for sentence in (*_describe_sharing(proof), _sentence(proof, against))]
     return stack(proven_table(rows), *map(paragraph, sentences))
 
 
@@ -49,7 +49,7 @@ def describe_verdict(index: PerformanceIndex, verdict: str) -> str:
     return "met so far" if index.is_extreme and verdict == "met" else verdict
 
 
-def _shared(proof: LayoutProof) -> Iterator[str]:
+def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
     """A sentence a partition of several components."""
     for name, members in sorted(proof.layout.partitions.items()):
         if len(members) > 1:

@@ -12,7 +12,7 @@ from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.storage.datalog.tuning import TunedPartition
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
-from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
+from rarms_iac.views.output.combining import TrailSettingOutput, TunedPartitionOutput, TuneOutput
 from rarms_iac.views.output.common import output_of
 
 if TYPE_CHECKING:
@@ -112,9 +112,10 @@ def tuned_json(result: TuningResult) -> str:
             platform=result.platform,
             hosts=result.hosts,
             partitions=tuple(
-                output_of(CombinedOutput, partition, parts_reserved=partition.parts) for partition in run.partitions
+                output_of(TunedPartitionOutput, partition, parts_reserved=partition.parts)
+                for partition in run.partitions
             ),
-            trail=tuple(output_of(AskedOutput, setting, met=not setting.worse) for setting in run.trail),
+            trail=tuple(output_of(TrailSettingOutput, setting, met=not setting.worse) for setting in run.trail),
             written=", ".join(result.files),
             findings=result.findings,
         )

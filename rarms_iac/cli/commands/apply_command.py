@@ -11,7 +11,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.applying.run_report import RunEnding
-from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
+from rarms_iac.cli.applying import finish_first, plan_ask_apply, report_end, run
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import RunOptions, change_options, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.session import Session, rarms_command
@@ -109,7 +109,7 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, a
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
             session.terminal.talk(f"{name}: the unfinished run is closed, and the host stays as it is.")
-    return ended(session, combine_reports(list(reports.values())), as_json=as_json)
+    return report_end(session, combine_reports(list(reports.values())), as_json=as_json)
 
 
 def _finish_without_manifest(
@@ -128,12 +128,12 @@ def _finish_without_manifest(
     report = finish_first(session, live, how)
     if report is None:
         raise halted
-    return ended(session, report, as_json=as_json)
+    return report_end(session, report, as_json=as_json)
 
 
 def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions, *, as_json: bool) -> ExitCode:
     folder = folder_of(source.manifest) if _is_named() else None
-    return ended(session, run(session, plan, folder, how), as_json=as_json)
+    return report_end(session, run(session, plan, folder, how), as_json=as_json)
 
 
 def _is_named() -> bool:

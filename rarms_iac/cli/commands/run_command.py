@@ -53,7 +53,7 @@ def command(
     request = RunRequest(
         components=components, for_ms=for_ms, samples=samples, interference=interference, together=together
     )
-    reporter = LastWords(session.terminal) if as_json else LiveSamples(session.terminal)
+    reporter = FailureReporter(session.terminal) if as_json else LiveSampleReporter(session.terminal)
     outcome = run_components(manifest, request, reporter)
     if as_json:
         session.terminal.data(ran_json(outcome.results, outcome.findings))
@@ -61,7 +61,7 @@ def command(
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
-class LastWords(SilentSamples):
+class FailureReporter(SilentSamples):
     """A `SampleReporter` that shows what a component with failed samples wrote last on standard error."""
 
     def __init__(self, terminal: Terminal) -> None:
@@ -74,7 +74,7 @@ class LastWords(SilentSamples):
             self._terminal.talk(f"{result.component.name} wrote last on standard error:\n{lines}")
 
 
-class LiveSamples(LastWords):
+class LiveSampleReporter(FailureReporter):
     """The same, and every sample as it happens."""
 
     def sample(self, component: str, number: int, sample: Sample) -> None:

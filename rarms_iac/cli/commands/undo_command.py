@@ -7,7 +7,7 @@ from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.undo import LastApply, last_applies, preview, undo_applies
-from rarms_iac.cli.applying import ask, ended
+from rarms_iac.cli.applying import ask, report_end
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
@@ -32,7 +32,7 @@ def command(
         _show_and_ask(session, applies)
     with TerminalReporter(session) as reporter:
         report = undo_applies(applies, waits=how.waits, reporter=reporter, stop=session.interrupts)
-    return ended(session, report, as_json=as_json)
+    return report_end(session, report, as_json=as_json)
 
 
 def _show_and_ask(session: Session, applies: Sequence[LastApply]) -> None:

@@ -8,7 +8,7 @@ from rarms_iac.views.output.common import FORMAT_VERSION, Format
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CombinedOutput:
+class TunedPartitionOutput:
     """A partition after tuning. Amounts are per cent of one logical processor.
 
     `parts_reserved`: what its parts reserved apart; null: tuning did not combine it, it was there before.
@@ -23,7 +23,7 @@ class CombinedOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedOutput:
+class TrailSettingOutput:
     """A setting that was asked for, in order; `worse`: the components that missed a threshold there.
 
     `predicted`: the CR that was expected to be enough when it was asked for; nothing rests on it.
@@ -53,8 +53,8 @@ class TuneOutput:
     proved: bool  # that no other layout is better, under the assumption of docs/combining.md
     claim: Literal["proved", "not proved"]
     contradictions: tuple[str, ...]
-    partitions: tuple[CombinedOutput, ...]
-    trail: tuple[AskedOutput, ...]
+    partitions: tuple[TunedPartitionOutput, ...]
+    trail: tuple[TrailSettingOutput, ...]
     written: str
     findings: tuple[Diagnostic, ...]
 

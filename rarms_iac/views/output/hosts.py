@@ -10,7 +10,7 @@ from rarms_iac.views.output.plan import AttributeOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriftedOutput:
+class DriftedResourceOutput:
     """One address that is not as it should be; `before` of an attribute is what is there."""
 
     host: str
@@ -29,11 +29,11 @@ class DriftOutput:
     format_version: Format = FORMAT_VERSION
     kind: Literal["drift"] = "drift"
     application: str
-    drifted: tuple[DriftedOutput, ...]
+    drifted: tuple[DriftedResourceOutput, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExaminedOutput:
+class ExaminedHostOutput:
     """What `rarms doctor` looked at; null where it could not be read. `os_build` is 0 where there is no Windows."""
 
     name: str
@@ -62,7 +62,7 @@ class DoctorOutput:
     format_version: Format = FORMAT_VERSION
     kind: Literal["doctor"] = "doctor"
     application: str
-    hosts: tuple[ExaminedOutput, ...]
+    hosts: tuple[ExaminedHostOutput, ...]
     accepted: tuple[Diagnostic, ...]
     counts: Mapping[str, int]
 
@@ -117,7 +117,7 @@ class SampleOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RanIndexOutput:
+class IndexResultOutput:
     """A performance index beside its APT; null where the samples or the manifest do not say."""
 
     index: str
@@ -131,7 +131,7 @@ class RanIndexOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RanComponentOutput:
+class ComponentResultOutput:
     """A component that was run on this machine."""
 
     component: str
@@ -139,7 +139,7 @@ class RanComponentOutput:
     elapsed_ms: float
     cpu_ms: float | None
     failed: int
-    indexes: tuple[RanIndexOutput, ...]
+    indexes: tuple[IndexResultOutput, ...]
     samples: tuple[SampleOutput, ...]
 
 
@@ -149,5 +149,5 @@ class ComponentRunOutput:
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["component_run"] = "component_run"
-    components: tuple[RanComponentOutput, ...]
+    components: tuple[ComponentResultOutput, ...]
     findings: tuple[Diagnostic, ...]

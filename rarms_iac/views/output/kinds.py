@@ -8,7 +8,13 @@ from rarms_iac.views.output.common import (
     WrittenOutput,
 )
 from rarms_iac.views.output.hosts import ComponentRunOutput, DoctorOutput, DriftOutput, RunOutput
-from rarms_iac.views.output.measuring import MeasureOutput, ProveOutput, ReportOutput, SelectionOutput, WalkOutput
+from rarms_iac.views.output.measuring import (
+    ComponentExplanationOutput,
+    MeasureOutput,
+    ProveOutput,
+    ReportOutput,
+    SelectionOutput,
+)
 from rarms_iac.views.output.plan import PlanOutput, ScriptDifferenceOutput, ScriptsOutput
 
 Output = (
@@ -21,7 +27,7 @@ Output = (
     | FmtOutput
     | WrittenOutput
     | ExplanationOutput
-    | WalkOutput
+    | ComponentExplanationOutput
     | SelectionOutput
     | ScriptsOutput
     | ScriptDifferenceOutput

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.views.output.combining import AskedOutput
+from rarms_iac.views.output.combining import TrailSettingOutput
 from rarms_iac.views.output.common import FORMAT_VERSION, Format
 
 
@@ -118,7 +118,7 @@ class ProveOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WalkStepOutput:
+class ExplanationStepOutput:
     """A step from the APT to the per cent: what it is about, and its sentences."""
 
     topic: str
@@ -126,7 +126,7 @@ class WalkStepOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WalkOutput:
+class ComponentExplanationOutput:
     """`rarms explain COMPONENT`. `cr` is per cent of P1's virtual processors, null where nothing was looked up.
 
     What is reserved is null where nothing says how much; a component that runs on the host itself has steps only.
@@ -147,7 +147,7 @@ class WalkOutput:
     processors: int | None = None
     limit: int | None = None
     weight: int | None = None
-    steps: tuple[WalkStepOutput, ...]
+    steps: tuple[ExplanationStepOutput, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -286,7 +286,7 @@ class ReportTuningOutput:
     claim: Literal["proved", "not proved"]
     before: int
     after: int
-    trail: tuple[AskedOutput, ...]
+    trail: tuple[TrailSettingOutput, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

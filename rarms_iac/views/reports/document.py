@@ -4,7 +4,7 @@ from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output.combining import AskedOutput
+from rarms_iac.views.output.combining import TrailSettingOutput
 from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import (
     ReportCapacityOutput,
@@ -41,7 +41,9 @@ def report_json(report: Report) -> str:
                     ReportTuningOutput,
                     tuning.run,
                     platform=tuning.platform,
-                    trail=tuple(output_of(AskedOutput, setting, met=not setting.worse) for setting in tuning.run.trail),
+                    trail=tuple(
+                        output_of(TrailSettingOutput, setting, met=not setting.worse) for setting in tuning.run.trail
+                    ),
                 )
                 for tuning in report.tunings
             ),

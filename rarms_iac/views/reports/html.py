@@ -41,7 +41,7 @@ def as_html(report: Report) -> bytes:
     from markupsafe import Markup
 
     cards = cards_of(report)
-    style = _read("report.css") + _placed(cards)
+    style = _read("report.css") + _line_rules(cards)
     script = _read("report.js")
     text = (
         _environment()
@@ -64,7 +64,7 @@ def as_html(report: Report) -> bytes:
             errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte
             script=Markup(script),  # noqa: S704 - ours, to the byte
-            data=Markup(_inert(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it
+            data=Markup(_script_json(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it
             policy=_policy(style, script),
         )
     )
@@ -95,7 +95,7 @@ def _digest(text: str) -> str:
     return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'"
 
 
-def _inert(data: object) -> str:
+def _script_json(data: object) -> str:
     """JSON that can end no element: every sign that HTML reads is written as an escape."""
     text = json.dumps(_visible_in(data), separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
@@ -110,12 +110,12 @@ def _visible_in(data: object) -> object:
     return [_visible_in(item) for item in data] if isinstance(data, list | tuple) else data
 
 
-def _shown(value: object) -> object:
+def _harmless(value: object) -> object:
     """What a template prints: text of ours as it is, any other spelt out; jinja2 escapes it afterwards."""
     return visible(value) if type(value) is str else value
 
 
-def _placed(cards: tuple[Card, ...]) -> str:
+def _line_rules(cards: tuple[Card, ...]) -> str:
     """Where each line begins: a rule each, since the policy allows no style on an element."""
     return "".join(f"#{plot.id}-line {{ top: {plot.line}%; }}\n" for card in cards for plot in card.plots)
 
@@ -127,7 +127,7 @@ def _environment() -> "Environment":
     return Environment(
         loader=FileSystemLoader(str(shipped(FOLDER)), encoding="utf-8"),
         autoescape=True,
-        finalize=_shown,
+        finalize=_harmless,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

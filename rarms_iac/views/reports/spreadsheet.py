@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.views.reports.summary import platform_fits, reserved_for, verdict_of
+from rarms_iac.views.reports.summary import deciding_curves, platform_fits, reserved_for, verdict_of
 
 if TYPE_CHECKING:
     from xlsxwriter import Workbook
@@ -268,10 +268,8 @@ def _summary(book: "Workbook", report: Report) -> None:
 
 
 def _levels(report: Report) -> Iterator[Sequence[Cell]]:
-    for measurement in report.measurements:
-        for index in measurement.indexes if measurement.rests else ():
-            if index.threshold is not None:
-                yield _level(measurement, index)
+    for measurement, curve in deciding_curves(report):
+        yield _level(measurement, curve)
     for capacity in report.capacities:
         for part in capacity.fixed:
             yield part.name, None, None, None, None, None, None, float(part.amount), None, "fixed by the manifest"

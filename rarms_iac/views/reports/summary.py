@@ -1,6 +1,6 @@
 """The summary: levels and bandwidths, a row a threshold, and each platform's total against its capacity."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -29,11 +29,11 @@ class SummaryRow:
     """A component's level of performance and what it costs."""
 
     component: str
-    index: str
-    level: str  # the APT
-    shows: str  # what the curve says at the reserve
-    reserve: str
-    bandwidth: str  # LPs
+    index: str = ""
+    level: str = ""  # the APT
+    shows: str = ""  # what the curve says at the reserve
+    reserve: str = ""
+    bandwidth: str = ""  # LPs
     verdict: str
 
 
@@ -59,16 +59,17 @@ class PlatformFit:
 def summary_rows(report: Report) -> tuple[SummaryRow, ...]:
     """Most critical first; what is fixed and what is not measured at the end."""
     return (
-        *(
-            _level(measurement, index)
-            for measurement in report.measurements
-            if measurement.rests
-            for index in measurement.indexes
-            if index.threshold
-        ),
+        *(_level(measurement, curve) for measurement, curve in deciding_curves(report)),
         *(_fixed(part.name, part.amount) for capacity in report.capacities for part in capacity.fixed),
-        *(_absent(names) for names in report.unmeasured),
+        *(_unmeasured(names) for names in report.unmeasured),
     )
+
+
+def deciding_curves(report: Report) -> Iterator[tuple[Measurement, IndexCurve]]:
+    """Yield each curve with an APT that a reservation rests on, with its measurement, in the report's order."""
+    for measurement in report.measurements:
+        if measurement.rests:
+            yield from ((measurement, curve) for curve in measurement.indexes if curve.threshold is not None)
 
 
 def _level(measurement: Measurement, curve: IndexCurve) -> SummaryRow:
@@ -107,22 +108,12 @@ def error_text(point: MeasuredPoint) -> str:
 
 
 def _fixed(name: str, amount: Fraction) -> SummaryRow:
-    return SummaryRow(
-        component=name,
-        index="",
-        level="",
-        shows="",
-        reserve="",
-        bandwidth=show_processors(amount),
-        verdict="fixed by the manifest",
-    )
+    return SummaryRow(component=name, bandwidth=show_processors(amount), verdict="fixed by the manifest")
 
 
-def _absent(names: tuple[str, ...]) -> SummaryRow:
+def _unmeasured(names: tuple[str, ...]) -> SummaryRow:
     message = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
-    return SummaryRow(
-        component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=message
-    )
+    return SummaryRow(component=" + ".join(names), verdict=message)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,18 +129,13 @@ class ProofRow:
     verdict: str
     result: str  # the verdict with its error, and when it was given
 
-    @property
-    def kind(self) -> str:
-        """The classes of its result."""
-        return "strong" if self.met else "strong missed"
-
 
 def proof_rows(report: Report) -> tuple[ProofRow, ...]:
     """What all components showed together, in the report's order."""
-    return tuple(_proven(proof) for proof in report.proofs)
+    return tuple(_proof_row(proof) for proof in report.proofs)
 
 
-def _proven(proof: ComponentProof) -> ProofRow:
+def _proof_row(proof: ComponentProof) -> ProofRow:
     verdict = describe_verdict(proof.index, proof.verdict)
     return ProofRow(
         component=proof.component,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import click
 import pytest
 
-from rarms_iac.app.errors import BUG, Outcome, UseCaseError, system_refused
+from rarms_iac.app.errors import BUG, Outcome, UseCaseError, system_finding
 from rarms_iac.cli import entry
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted, Interrupts
@@ -22,7 +22,7 @@ def run_with(error: BaseException, *, debug: bool = False, command: str = "") ->
     def invoke(_session: Session, _arguments: Sequence[str]) -> ExitCode:
         raise error
 
-    code = entry.guarded(Session(terminal=terminal, command=command), [], invoke)
+    code = entry.run_guarded(Session(terminal=terminal, command=command), [], invoke)
     assert isinstance(terminal.err, io.StringIO)
     return code, terminal.err.getvalue()
 
@@ -80,12 +80,12 @@ def test_an_interrupt_says_how_to_go_on(command: str, advice: str) -> None:
 def test_the_file_of_a_refusal_is_named() -> None:
     error = PermissionError(13, "Permission denied", "/a/rarms.yaml")
 
-    assert "/a/rarms.yaml: Permission denied." in system_refused(error).detail
+    assert "/a/rarms.yaml: Permission denied." in system_finding(error).detail
 
 
 def test_a_signal_ends_the_work_at_once_and_asks_gentle_work_first() -> None:
     heard: list[str] = []
-    interrupts = Interrupts(heard=lambda: heard.append("once"))
+    interrupts = Interrupts(on_request=lambda: heard.append("once"))
     with interrupts.gently():
         interrupts.receive(signal.SIGTERM, None)
         assert interrupts.should_stop()
