@@ -53,12 +53,10 @@ def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) 
     return report
 
 
-def plan_ask_apply(
-    session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions, *, as_json: bool, out: str | None = None
-) -> ExitCode:
-    """Plan, then write the plan (`out`), or show it, ask, and do it."""
-    if out is not None:
-        return _write_only(session, make_plan(hosts, request), out, hosts.manifest.sources, as_json=as_json)
+def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions, *, as_json: bool) -> ExitCode:
+    """Plan, then write the plan (`how.out`), or show it, ask, and do it."""
+    if how.out is not None:
+        return _write_only(session, make_plan(hosts, request), how.out, hosts.manifest.sources, as_json=as_json)
     finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
     if finished is not None:
         return report_end(session, finished, as_json=as_json)

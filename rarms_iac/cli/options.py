@@ -1,7 +1,7 @@
 """The options that several commands share, each read once into a frozen value."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from functools import wraps
 from typing import TYPE_CHECKING, TypeVar, cast
@@ -31,6 +31,7 @@ class RunOptions:
     auto_approve: bool = False
     lock_timeout_ms: int = 0
     event_timeout_ms: int = SILENCE_MS
+    out: str | None = None  # only write the plan into this file; None: do it
 
     @property
     def waits(self) -> "WaitLimits":
@@ -151,6 +152,20 @@ def run_options(function: F) -> F:
             default="10 min",
             text="Wait so long for the next word of a Hyper-V host's script. [default: 10 min]",
         ),
+    )
+
+
+def plan_run_options(function: F) -> F:
+    """The same with `--out`, for a command that makes its plan itself."""
+
+    def collect(*args: object, how: RunOptions, out: str | None, **rest: object) -> object:
+        return function(*args, how=replace(how, out=out), **rest)
+
+    return _with_options(
+        function,
+        collect,
+        run_options,
+        click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`."),
     )
 
 

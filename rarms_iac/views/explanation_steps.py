@@ -134,10 +134,6 @@ def _value(apt: MemberCurve, value: float) -> str:
     return show_value(index_named(apt.index), value)
 
 
-def _percent(error: float) -> str:
-    return show_percent(Fraction(error).limit_denominator(10_000) * 100)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplanationStep:
     """A step of an explanation: what it is about, and its sentences."""

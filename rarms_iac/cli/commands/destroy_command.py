@@ -8,7 +8,14 @@ from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options, target_option
+from rarms_iac.cli.options import (
+    RunOptions,
+    host_options,
+    json_option,
+    manifest_options,
+    plan_run_options,
+    target_option,
+)
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 
@@ -20,8 +27,7 @@ from rarms_iac.model.plan import Purpose
 @click.option(
     "--remove-disks", is_flag=True, help="Also delete the virtual disks that rarms made; their content is lost."
 )
-@run_options
-@click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+@plan_run_options
 @json_option
 def command(
     session: Session,
@@ -31,7 +37,6 @@ def command(
     target: tuple[str, ...],
     remove_disks: bool,
     how: RunOptions,
-    out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Remove everything that carries this application's mark: plan, show, ask, and do it.
@@ -45,4 +50,4 @@ def command(
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, host_selection)
     request = PlanRequest(purpose=Purpose.DESTROY, limits=PlanLimits(targets=target), remove_disks=remove_disks)
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)
+    return plan_ask_apply(session, hosts, request, how, as_json=as_json)

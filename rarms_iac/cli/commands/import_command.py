@@ -8,7 +8,7 @@ from rarms_iac.app.planning import PlanRequest, hosts_with_machine
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, plan_run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 
@@ -18,8 +18,7 @@ from rarms_iac.model.plan import Purpose
 @click.option("--id", "machine", metavar="ID", required=True, help="The id of the machine, as `rarms plan` names it.")
 @manifest_options
 @host_options
-@run_options
-@click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+@plan_run_options
 @json_option
 def command(
     session: Session,
@@ -29,7 +28,6 @@ def command(
     source: ManifestSource,
     host_selection: HostSelection,
     how: RunOptions,
-    out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Make the machine with this id the manifest's PARTITION: it gets a mark, and nothing else changes.
@@ -39,4 +37,4 @@ def command(
     manifest = load_manifest(source)
     hosts = hosts_with_machine(select_hosts(manifest, host_selection), machine)
     request = PlanRequest(purpose=Purpose.IMPORT, partition=partition, machine=machine)
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)
+    return plan_ask_apply(session, hosts, request, how, as_json=as_json)

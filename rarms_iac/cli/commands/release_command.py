@@ -8,7 +8,7 @@ from rarms_iac.app.planning import PlanRequest, hosts_with_partition
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, plan_run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 
@@ -17,8 +17,7 @@ from rarms_iac.model.plan import Purpose
 @click.argument("partition")
 @manifest_options
 @host_options
-@run_options
-@click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+@plan_run_options
 @json_option
 def command(
     session: Session,
@@ -27,11 +26,10 @@ def command(
     source: ManifestSource,
     host_selection: HostSelection,
     how: RunOptions,
-    out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
     manifest = load_manifest(source)
     hosts = hosts_with_partition(select_hosts(manifest, host_selection), partition)
     request = PlanRequest(purpose=Purpose.RELEASE, partition=partition)
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)
+    return plan_ask_apply(session, hosts, request, how, as_json=as_json)

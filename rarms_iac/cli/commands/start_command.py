@@ -9,7 +9,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.applying.stopping import StopScope
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, plan_run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 
@@ -18,8 +18,7 @@ from rarms_iac.model.plan import Purpose
 @click.argument("partitions", metavar="[PARTITION]...", nargs=-1)
 @manifest_options
 @host_options
-@run_options
-@click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+@plan_run_options
 @json_option
 def command(
     session: Session,
@@ -28,7 +27,6 @@ def command(
     source: ManifestSource,
     host_selection: HostSelection,
     how: RunOptions,
-    out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Start PARTITIONs again that `rarms stop` stopped, or a measurement that was killed; without PARTITION: all.
@@ -38,4 +36,4 @@ def command(
     hosts = select_hosts(load_manifest(source), host_selection)
     refuse_unknown_partitions(hosts, partitions)
     request = PlanRequest(purpose=Purpose.START, stop_scope=StopScope(partitions=partitions))
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)
+    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
