@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from statistics import NormalDist
+from typing import Protocol
 
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
@@ -349,7 +350,13 @@ class Walk:
         return sum(len(series.samples) for setting in self.settings for series in setting.series)
 
 
-def walk(strategy: Strategy, bench: Bench) -> Walk:
+class Measuring(Protocol):
+    """Gives the setting that a strategy asks for."""
+
+    def measure(self, step: Measure, /) -> Setting: ...
+
+
+def walk(strategy: Strategy, bench: Measuring) -> Walk:
     """What `rarms measure` measures of this component with this strategy: its loop, without a host."""
     settings: list[Setting] = []
     while len(settings) <= MOST_SETTINGS:
@@ -357,4 +364,4 @@ def walk(strategy: Strategy, bench: Bench) -> Walk:
         if not isinstance(step, Measure):
             return Walk(settings=tuple(settings), end=step)
         settings.append(bench.measure(step))
-    raise AssertionError(f"{bench.truth.shape} {bench.truth.seed}: no end after {MOST_SETTINGS} settings")
+    raise AssertionError(f"no end after {MOST_SETTINGS} settings")

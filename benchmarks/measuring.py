@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from multiprocessing import Pool
 from pathlib import Path
 from statistics import fmean
+from typing import cast
 
 from benchmarks.components import walk
 from benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import MeasuringContext, SilentMeasuringReporter, measure
+from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, SilentMeasuringReporter, measure
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
@@ -134,7 +135,7 @@ class Bench:
                 reporter=SilentMeasuringReporter(),
                 should_stop=lambda: False,
             )
-            measure(experiment, Once(step), log, context)
+            measure(experiment, Once(step), cast("SettingsLog", log), context)
         return log.all[0]
 
 
@@ -158,6 +159,8 @@ def _answer(component: Component, bench: Bench, strategy: str) -> Answer:
             ending, wrong = "enough", _misses(component, bench, reserve)
         case NotAchievable():
             ending = "not achievable"
+        case _:
+            pass
     return Answer(
         strategy=strategy,
         component=component.name,
