@@ -1,4 +1,4 @@
-"""What a long use case tells while it works, and what ends it early. Both are silent unless a caller wants more."""
+"""The reporter that a use case calls while it works, and the signal that ends it early; by default both are silent."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager

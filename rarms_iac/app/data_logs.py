@@ -1,4 +1,4 @@
-"""Data logs for who plans: found, read, compared with what is now, and made into reservations.
+"""Data logs for planning: finds and reads them, compares them with the present, and turns them into reservations.
 
 Here and nowhere else files of measurements become values for the planner, which reads none.
 """

@@ -1,4 +1,4 @@
-"""Looking at the hosts for what makes a plan ineffective or unsafe there."""
+"""Examining hosts for what makes a plan ineffective or unsafe there."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

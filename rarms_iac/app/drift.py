@@ -1,4 +1,4 @@
-"""Telling who moved, the hosts or the manifest."""
+"""Drift: which resources differ from the last apply, and whether the host or the manifest changed since."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

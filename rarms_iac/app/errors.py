@@ -1,4 +1,4 @@
-"""What ends a use case without an answer, and the findings that say why."""
+"""Errors that end a use case without an answer, and the findings that say why."""
 
 from collections.abc import Sequence
 from enum import Enum

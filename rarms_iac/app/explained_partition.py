@@ -20,7 +20,7 @@ from rarms_iac.planner.sizes import size
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainedPartition:
-    """What is known of a partition when it is explained."""
+    """A partition with the plan, the hosts and the measurements that its explanation needs."""
 
     group: Group
     hosts: Hosts

@@ -1,4 +1,4 @@
-"""What `rarms explain COMPONENT` tells: all that leads from the APT to the per cent that its partition gets."""
+"""The values behind `rarms explain COMPONENT`: all that leads from the APT to the per cent of its partition."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What `rarms graph` draws: the layout as the manifest alone places it, and the candidate graph."""
+"""The data of `rarms graph`: the layout as the manifest alone places it, and the candidate graph."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

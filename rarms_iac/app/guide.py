@@ -1,4 +1,4 @@
-"""What the manual integration guide of a component says, from manifest and data logs."""
+"""The facts of a component's manual integration guide, from manifest and data logs."""
 
 import shlex
 from collections.abc import Iterable
@@ -22,7 +22,7 @@ from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_val
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuideFacts:
-    """What is to be set for one component."""
+    """The values to set by hand for one component."""
 
     component: str
     partition: str

@@ -1,4 +1,4 @@
-"""What a report tells, as plain values: the curves that were looked up, and what each threshold would reserve.
+"""A report as plain values: the curves that the planner looks up, and what each threshold would reserve.
 
 Nothing is computed from samples here. Rows come from the curve that the planner asks (DESIGN section 2), so page,
 terminal, spreadsheet and planner cannot differ.

@@ -1,4 +1,4 @@
-"""What every use case is asked: which manifest, which hosts, how far a plan may go, how long a run may wait."""
+"""The requests that use cases share: which manifest, which hosts and snapshots, how far a plan may go."""
 
 from dataclasses import dataclass
 from datetime import UTC, date, datetime

@@ -1,4 +1,4 @@
-"""What tuning asked for and found, written down beside the data logs, and read for reports."""
+"""The log of tuning beside the data logs: records each run, and reads the last ones for reports."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is tuned: the CoIs with their reservations, what the hosts can promise, and who measures compounds."""
+"""The subject of tuning: CoIs with their reservations, the capacity of the hosts, and the oracle that measures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -40,7 +40,7 @@ class TuningStopped(Unanswered):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningSubject:
-    """What is to be tuned: partitions whose reservations rest on measurements, on hosts of one platform."""
+    """Partitions whose reservations rest on measurements, on hosts of one platform, which tuning may combine."""
 
     hosts: Hosts
     bench: Host  # where compounds are measured

@@ -1,4 +1,4 @@
-"""Where the command starts: `--version` is a constant, everything else is imported when it is asked for."""
+"""The entry point of the command: `--version` is a constant, everything else is imported only when it is needed."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What a command says beside its data: findings and progress, on standard error."""
+"""Messages beside a command's data: findings and progress, on standard error."""
 
 import time
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a command is given beside its options, and the commands' common form."""
+"""The session that every command gets beside its options, and the commands' common form."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

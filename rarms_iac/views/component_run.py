@@ -1,4 +1,4 @@
-"""What `rarms run` shows: each sample of a component as it happens, and what they come to beside the APT."""
+"""`rarms run`: each sample of a component as it happens, and the indexes of all of them beside the APT."""
 
 from collections.abc import Sequence
 from math import isfinite

@@ -1,4 +1,4 @@
-"""What was measured: the summary of `rarms measure`, a row a component, and the same for programs."""
+"""`rarms measure`: progress, the summary with a row a component, and the same for programs."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""What an applied layout showed: every index beside its threshold, with the verdict on it."""
+"""`rarms prove`: every index of the applied layout beside its threshold, with the verdict on it."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

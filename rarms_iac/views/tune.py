@@ -1,4 +1,4 @@
-"""What tuning does and comes to: a table of the settings it asks for, updated in place, and the partitions it found."""
+"""`rarms tune`: a table of the settings it asks for, updated in place, and the partitions that it leaves."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""`rarms completion SHELL`."""
+"""`rarms completion SHELL`: print the completion script of a shell."""
 
 import click
 

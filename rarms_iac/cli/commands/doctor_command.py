@@ -1,4 +1,4 @@
-"""`rarms doctor`: what makes a plan ineffective or unsafe on the hosts."""
+"""`rarms doctor`: examine hosts for what makes a plan ineffective or unsafe."""
 
 from rarms_iac.app.doctor import examine_hosts
 from rarms_iac.app.hosts import select_hosts

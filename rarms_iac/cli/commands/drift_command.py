@@ -1,4 +1,4 @@
-"""`rarms drift`: who moved, the host or the manifest?"""
+"""`rarms drift`: what differs since the last apply, and whether the host or the manifest changed."""
 
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.hosts import select_hosts

@@ -1,4 +1,4 @@
-"""`rarms explain`: what a finding means and how to mend it; how a component is set up by hand."""
+"""`rarms explain`: the page of a finding, the reasons behind a reservation, and the guide to set it up by hand."""
 
 import click
 

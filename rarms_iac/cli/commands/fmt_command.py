@@ -1,4 +1,4 @@
-"""`rarms fmt`: one way to write a manifest."""
+"""`rarms fmt`: rewrite manifests in the canonical form, comments kept."""
 
 from collections.abc import Sequence
 

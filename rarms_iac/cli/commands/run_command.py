@@ -1,4 +1,4 @@
-"""`rarms run`: is the manifest's `run` right?"""
+"""`rarms run`: run components on this machine, to see whether the manifest's `run` is right."""
 
 import click
 

@@ -1,4 +1,4 @@
-"""`rarms validate`: everything wrong with a manifest at once, without a host."""
+"""`rarms validate`: report every mistake of a manifest at once, without a host."""
 
 from dataclasses import replace
 

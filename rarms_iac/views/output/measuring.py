@@ -1,4 +1,4 @@
-"""What was measured, and what a layout showed: `rarms measure` and `prove`."""
+"""Measurements for programs: `rarms measure`, `prove`, `explain COMPONENT`, `select` and `report`."""
 
 from dataclasses import dataclass
 from typing import Literal

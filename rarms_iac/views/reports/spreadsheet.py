@@ -1,4 +1,4 @@
-"""The same measurements as rows of cells, for spreadsheets: units in the headers, numbers as numbers.
+"""Measurements as rows of cells, for CSV and spreadsheets: units in the headers, numbers as numbers.
 
 What was estimated has six digits that count, far more than any interval is narrow; times of samples have the tenth of a
 microsecond that data logs keep. The planner looks its reservations up in the logs, not here.
