@@ -13,6 +13,10 @@ SCHEDULER = Finding(
     summary="The host's scheduler does not honour reserves",
 )
 
+UNKNOWN_SCHEDULER = Finding(
+    code="RARMS166", severity=Severity.WARNING, summary="It is not known whether the host's scheduler honours reserves"
+)
+
 
 def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagnostic]:
     """The hosts of which we do not know that we see everything: they may look empty and be full."""
@@ -39,12 +43,12 @@ def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
         for partition in desired.partitions
         if partition.settings.reserve or partition.settings.limit < 100
     ]
-    if asked and _why_ignored(desired.facts):  # a place is looked up only when there is something to tell
+    if asked:
         yield from scheduler_findings(desired.facts, ", ".join(asked), places.key("hosts", desired.facts.name))
 
 
 def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Iterator[Diagnostic]:
-    """A host on which nobody's reserve has an effect, or none that is known; `whose` would have one."""
+    """A host on which nobody's reserve has an effect (an error), or none that is known; `whose` would have one."""
     why = _why_ignored(facts)
     if why:
         yield SCHEDULER.at(
@@ -53,13 +57,20 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
             f"{_scheduler_advice(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
             address=f"host/{facts.name}",
         )
+    elif facts.scheduler is SchedulerType.UNKNOWN:
+        yield UNKNOWN_SCHEDULER.at(
+            place,
+            f"{facts.name} does not tell which scheduler it runs: whether reserve, limit and weight of {whose} have an "
+            "effect is not known.",
+            "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew; or run `bcdedit "
+            "/enum {current}` there: only where hypervisorschedulertype says Root, they have none.",
+            address=f"host/{facts.name}",
+        )
 
 
 def _scheduler_advice(facts: HostFacts) -> str:
     if facts.client:
         return "Install a Windows Server: a client supports no other scheduler"
-    if facts.scheduler is SchedulerType.UNKNOWN:
-        return "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew"
     return (
         "Choose the core or the classic scheduler (`bcdedit /set hypervisorschedulertype core`; some builds want "
         "`bcdedit /set {hypervisorsettings} hypervisorschedulertype core`) and restart the host"
@@ -73,7 +84,5 @@ def _why_ignored(facts: HostFacts) -> str:
             return "runs the root scheduler"
         case SchedulerType.UNKNOWN if facts.client:
             return "is a client Windows, and those run the root scheduler"
-        case SchedulerType.UNKNOWN:
-            return "does not tell which scheduler it runs"
-        case SchedulerType.CLASSIC | SchedulerType.CORE | SchedulerType.NONE:
+        case SchedulerType.UNKNOWN | SchedulerType.CLASSIC | SchedulerType.CORE | SchedulerType.NONE:
             return ""

@@ -89,7 +89,7 @@ def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ())
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    accepted = host_plan.facts.scheduler in {SchedulerType.ROOT, SchedulerType.UNKNOWN}
+    accepted = host_plan.facts.scheduler is SchedulerType.ROOT
     made = dict(render_scripts(host_plan, plan, accept_scheduler=accepted)) if host_plan.steps else {}
     if all(step.address.task and step.address.partition for step in host_plan.steps):
         for undo in (False, True):

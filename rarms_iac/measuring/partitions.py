@@ -26,18 +26,13 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
 )
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.quantities import LogicalProcessors
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.model.system import Host
 from rarms_iac.providers.interface import StepwiseHost
 
 USUAL_LOAD_MEMORY = 512 * 2**20
 """Bytes that P2 has, as in the paper's Table 1; less where the host has less left."""
-
-LEAST_MEMORY = 32 * 2**20
-"""Bytes below which no operating system starts: what Hyper-V demands of a machine (FACTS 1.3)."""
-
-MEBIBYTE = 2**20
 
 _AT_REST = {RunState.OFF, RunState.SAVED}
 
@@ -103,7 +98,7 @@ def memory_for_load(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
 def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
     """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB."""
     free = budget.capacity.memory - sum(other.memory for other in budget.claims) - taken
-    return min(USUAL_LOAD_MEMORY, free // MEBIBYTE * MEBIBYTE)
+    return min(USUAL_LOAD_MEMORY, free // MEMORY_GRAIN * MEMORY_GRAIN)
 
 
 def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: int) -> int | None:

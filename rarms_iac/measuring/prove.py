@@ -8,7 +8,6 @@ from typing import assert_never
 
 from rarms_iac.measuring.loop import watch
 from rarms_iac.measuring.partitions import (
-    LEAST_MEMORY,
     MeasuringBudget,
     free_memory,
     free_reserve,
@@ -29,6 +28,7 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
+from rarms_iac.model.quantities import LEAST_MEMORY
 from rarms_iac.model.system import Component, Interference, SampleCount
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error

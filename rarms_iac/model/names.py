@@ -8,6 +8,9 @@ NAME_PATTERN = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
 TASK_PATTERN = r"^[A-Za-z][A-Za-z0-9 ]{0,62}$"
 """Task classes, compared without case: they are registry keys."""
 
+POWERSHELL_MEMBERS = frozenset({"psobject", "psbase", "psadapted", "psextended", "pstypenames"})
+"""Names, in lower case, that every object of PowerShell has already: none of its properties can be called so."""
+
 WINDOWS_DEVICES = frozenset(
     ["con", "prn", "aux", "nul", *(f"com{n}" for n in range(1, 10)), *(f"lpt{n}" for n in range(1, 10))]
 )

@@ -164,6 +164,18 @@ def show_bytes(value: int) -> str:
     return f"{value} B"
 
 
+LEAST_MEMORY = 32 * 2**20
+"""Bytes below which Hyper-V takes no machine."""
+
+MEMORY_GRAIN = 2 * 2**20
+"""Bytes of which Hyper-V takes only multiples: an even number of MiB."""
+
+
+def machine_memory(wanted: int) -> Bytes:
+    """The least memory that Hyper-V takes and that holds these bytes."""
+    return Bytes(max(LEAST_MEMORY, -(-wanted // MEMORY_GRAIN) * MEMORY_GRAIN))
+
+
 def show_milliseconds(value: Fraction | int) -> str:
     """`88 ms`, `2 s`: the largest of min, s, ms, us that keeps it short."""
     exact = Fraction(value)

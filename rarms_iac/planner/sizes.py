@@ -9,11 +9,12 @@ from rarms_iac.model.quantities import (
     LogicalProcessors,
     guaranteed,
     in_processors,
+    machine_memory,
     per_virtual_processor,
     show_percent,
     show_processors,
 )
-from rarms_iac.model.system import Host, HypervHost, Measured
+from rarms_iac.model.system import Host, HypervHost, Measured, ProviderKind
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
@@ -67,7 +68,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         weight=weight,
         why_limit=why_limit,
         why_weight=why_weight,
-        memory=Bytes(memory),
+        memory=Bytes(memory) if host.provider is ProviderKind.LINUX else machine_memory(memory),
         start=group.request.start,
         generation=_generation(group, host),
         reason=_reason(group, host, wanted, reserve, processors),

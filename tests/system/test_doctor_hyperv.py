@@ -13,12 +13,12 @@ EXPECTED = {
     "client-with-root-scheduler": ["RARMS159", "RARMS236", "RARMS238", "RARMS241", "RARMS245"],
     "duplicates-of-a-name": ["RARMS151", "RARMS234"],
     "empty-host": ["RARMS234"],
-    "event-log-rolled-over": ["RARMS159", "RARMS163"],
-    "inside-a-guest": ["RARMS158", "RARMS159", "RARMS233", "RARMS249"],
+    "event-log-rolled-over": ["RARMS163", "RARMS166"],
+    "inside-a-guest": ["RARMS158", "RARMS166", "RARMS233", "RARMS249"],
     "machines-in-every-state": ["RARMS234", "RARMS245"],
     "redirected-by-windows-powershell": ["RARMS234"],
     "server-2022-with-strangers": ["RARMS161", "RARMS234"],
-    "unprivileged-caller": ["RARMS158", "RARMS159", "RARMS249"],
+    "unprivileged-caller": ["RARMS158", "RARMS166", "RARMS249"],
 }
 
 

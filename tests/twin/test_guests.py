@@ -172,10 +172,11 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
         assert (ran.code, classes(guest)) == (0, before), f"kill_after {number}\n{ran.says}"
 
 
-def test_a_class_that_holds_a_name_which_is_a_pattern_is_not_ours_to_take() -> None:
+@pytest.mark.parametrize("name", ["a*", "PSObject", "psbase"])
+def test_a_class_that_holds_a_name_which_could_not_come_back_is_not_ours_to_take(name: str) -> None:
     guest = a_guest()
     values = guest.add_key(f"{PROFILE}\\Tasks\\Games").values
-    values["a*"] = Entry(name="a*", kind="DWord", data=1)
+    values[name.lower()] = Entry(name=name, kind="DWord", data=1)
     before = classes(guest)
 
     ran = run(guest, SCRIPT)

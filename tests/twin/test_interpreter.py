@@ -10,7 +10,7 @@ from tests.twin.values import Unsupported
 
 def told(*statements: str, what_if: bool = False) -> list[str]:
     """The lines that a script of these statements writes with `Out`, then its exit code."""
-    head = "param([switch] $AsJson, [switch] $Abandon)\nfunction Out {\nparam($V)\n[Console]::Out.WriteLine($V)\n}\n"
+    head = "param([switch] $AsJson, [switch] $Abandon)\nfunction Out {\nparam($V)\n'{0}' -f [string] $V\n}\n"
     script = head + "\n".join(statements)
     host = WindowsHost()
     put(host, {"s.ps1": script.encode("ascii")})
@@ -43,6 +43,10 @@ def told(*statements: str, what_if: bool = False) -> list[str]:
         ("foreach ($x in @(1, 2, 3)) { if ($x -eq 2) { continue }; Out -V $x }", "1\n3"),
         ("function Late { try { exit 3 } finally { Out -V 'last' } }\ntry { Late } catch { Out -V 'no' }", "last"),
         ("try { throw 'why' } catch { Out -V $_.Exception.Message }", "why"),
+        (
+            "try { $x = ConvertFrom-Json -InputObject '{\"psbase\":1}' } catch { Out -V $_.FullyQualifiedErrorId }",
+            "ReservedMemberName",
+        ),
         ("$x = if ($true) { 'yes' } else { 'no' }\nOut -V $x", "yes"),
         ("$v = 1\n$b = { $v }\nfunction Run {\nparam($B)\n$v = 2\n& $B\n}\nOut -V (Run -B $b)", "2"),
         ("Out -V (@(3, 10, 2) | Sort-Object -Descending)", "10 3 2"),

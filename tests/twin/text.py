@@ -6,7 +6,19 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from tests.twin.values import EMPTY, Char, Enumerated, Guid, Long, Record, Table, Unsupported, Value, text
+from tests.twin.values import (
+    EMPTY,
+    Char,
+    Enumerated,
+    Guid,
+    Long,
+    Record,
+    ScriptError,
+    Table,
+    Unsupported,
+    Value,
+    text,
+)
 
 _HOLE = re.compile(r"\{\{|\}\}|\{(?P<at>[0-9]+)(?:,(?P<width>-?[0-9]+))?(?::(?P<form>[^}]*))?\}|[{}]")
 
@@ -80,6 +92,10 @@ def _plain(value: Value) -> Any:
             raise Unsupported(f"{value!r} in JSON")
 
 
+RESERVED = ("psobject", "psbase", "psadapted", "psextended", "pstypenames")
+"""Members that every object of PowerShell has: it makes none with a property of that name."""
+
+
 def from_json(source: str) -> Value:
     """`ConvertFrom-Json`: objects are records, numbers 64 bits wide (as 7 has them)."""
     return _object(json.loads(source))
@@ -94,6 +110,8 @@ def _object(value: Any) -> Value:
         case list():
             return [_object(one) for one in value]
         case Mapping():
+            if reserved := [key for key in value if key.lower() in RESERVED]:
+                raise ScriptError(f'The member name "{reserved[0]}" is reserved.', error_id="ReservedMemberName")
             return Record(**{key: _object(one) for key, one in value.items()})
         case _:
             raise Unsupported(f"{value!r} in JSON")

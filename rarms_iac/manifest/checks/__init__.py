@@ -21,6 +21,7 @@ from rarms_iac.model.system import System
 CHECKS: Mapping[Finding, Check] = {
     names.UNKNOWN_NAME: names.unknown_name,
     names.DEVICE_NAME: names.device_name,
+    names.POWERSHELL_NAME: names.powershell_name,
     names.PARTITION_LIKE_HOST: names.partition_like_host,
     names.TEST_PARTITION_NAME: names.test_partition_name,
     names.MOVED_IN_A_CIRCLE: names.moved_in_a_circle,
@@ -50,7 +51,7 @@ CHECKS: Mapping[Finding, Check] = {
     processors.HELD_BACK: processors.held_back,
     memory.BELOW_MEMBERS: memory.partition_memory_below_members,
     memory.MEMORY_OVER_HOST: memory.memory_over_host,
-    memory.NOT_WHOLE_MEBIBYTES: memory.memory_not_whole_mebibytes,
+    memory.NOT_A_MACHINES: memory.memory_not_a_machines,
     tasks.SHIPPED_TASK: tasks.shipped_task,
     tasks.UNKNOWN_TASK: tasks.unknown_task,
     tasks.TASK_DIFFERS_IN_CASE: tasks.task_differs_in_case,

@@ -12,18 +12,17 @@ from rarms_iac.manifest.checks.common import (
     partition_of_component,
 )
 from rarms_iac.model.diagnostics import Finding, Severity
-from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes
 from rarms_iac.model.system import Host, RunsOn, System
 
 BELOW_MEMBERS = Finding(
     code="RARMS065", severity=Severity.WARNING, summary="A partition has less memory than its components"
 )
 MEMORY_OVER_HOST = Finding(code="RARMS066", severity=Severity.ERROR, summary="More memory than any host has")
-NOT_WHOLE_MEBIBYTES = Finding(
-    code="RARMS067", severity=Severity.ERROR, summary="The memory is not a whole number of MiB"
-)
+NOT_A_MACHINES = Finding(code="RARMS067", severity=Severity.ERROR, summary="Memory that Hyper-V does not take")
 
-MEBIBYTE = 2**20
+
+_MEBIBYTE = 2**20
 
 
 def partition_memory_below_members(system: System) -> Iterator[Violation]:
@@ -54,15 +53,18 @@ def memory_over_host(system: System) -> Iterator[Violation]:
             )
 
 
-def memory_not_whole_mebibytes(system: System) -> Iterator[Violation]:
-    """Memory on a host like Hyper-V that is no whole number of MiB (FACTS 1.3)."""
+def memory_not_a_machines(system: System) -> Iterator[Violation]:
+    """Memory on a host like Hyper-V that is too little for a machine, or no even number of MiB."""
     for section, name, memory, hosts in _memory_of_partitions(system):
-        if memory % MEBIBYTE and any(map(behaves_like_hyperv, hosts)):
-            down = memory // MEBIBYTE
+        up = machine_memory(memory)
+        if memory != up and any(map(behaves_like_hyperv, hosts)):
+            down = up - MEMORY_GRAIN
+            less = f" or {down // _MEBIBYTE} MiB" if down >= LEAST_MEMORY else ""
             yield Violation(
                 path=(section, name, "memory"),
-                detail=f'"{name}" has {show_bytes(memory)}, but Hyper-V counts memory in whole MiB.',
-                advice=f"Write {down + 1} MiB{f' or {down} MiB' if down else ''}.",
+                detail=f'"{name}" has {show_bytes(memory)}, but Hyper-V takes an even number of MiB, at least '
+                f"{show_bytes(LEAST_MEMORY)}.",
+                advice=f"Write {up // _MEBIBYTE} MiB{less}.",
             )
 
 

@@ -5,12 +5,13 @@ from collections.abc import Collection, Iterable, Iterator
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.measurement import TEST_PARTITIONS
-from rarms_iac.model.names import WINDOWS_DEVICES
+from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import in_a_row, suggestion
 
 UNKNOWN_NAME = Finding(code="RARMS042", severity=Severity.ERROR, summary="Unknown name")
 DEVICE_NAME = Finding(code="RARMS043", severity=Severity.ERROR, summary="Windows keeps this name for a device")
+POWERSHELL_NAME = Finding(code="RARMS167", severity=Severity.ERROR, summary="PowerShell keeps this name for itself")
 PARTITION_LIKE_HOST = Finding(code="RARMS044", severity=Severity.ERROR, summary="A partition has the name of a host")
 TEST_PARTITION_NAME = Finding(
     code="RARMS260", severity=Severity.ERROR, summary="A partition has the name of a test partition"
@@ -94,6 +95,18 @@ def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
         "and no data log can have it.",
         advice=f'Choose another name, for example "{name}-1".',
     )
+
+
+def powershell_name(system: System) -> Iterator[Violation]:
+    """An application whose name no object of PowerShell can have as a property, as a journal's would."""
+    name = system.application.name
+    if name in POWERSHELL_MEMBERS:
+        yield Violation(
+            path=("application", "name"),
+            detail=f'PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
+            "this application could not be read.",
+            advice=f'Choose another name, for example "{name}-1".',
+        )
 
 
 def partition_like_host(system: System) -> Iterator[Violation]:

@@ -9,13 +9,14 @@ from rarms_iac.model.operations import (
     Operation,
     RemovePartition,
     RenamePartition,
+    SetActions,
     SetCpu,
     SetMemory,
     SetProcessors,
     StartPartition,
     StopPartition,
 )
-from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
 from rarms_iac.model.system import SchedulerType
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
@@ -31,7 +32,6 @@ LONGEST_NAME = 100
 MOST_PROCESSORS = {1: 64, 2: 240}
 """Virtual processors by generation (FACTS 2)."""
 
-MEBIBYTE = 2**20
 """The unit of a machine's memory (FACTS 1.3)."""
 
 
@@ -104,10 +104,9 @@ def out_of_range(settings: PartitionSettings) -> str:
     most = MOST_PROCESSORS[settings.generation]
     if not 1 <= settings.processors <= most:
         return f"generation {settings.generation} has 1 to {most} virtual processors, not {settings.processors}"
-    if settings.memory < 1:
-        return "a machine needs memory"
-    if settings.memory % MEBIBYTE:
-        return f"memory counts in whole MiB, and {show_bytes(settings.memory)} is none"
+    if settings.memory < LEAST_MEMORY or settings.memory % MEMORY_GRAIN:
+        least = show_bytes(LEAST_MEMORY)
+        return f"a machine has an even number of MiB, at least {least}, not {show_bytes(settings.memory)}"
     return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
 
 
@@ -148,6 +147,8 @@ def refuse_change(
             return _refuse_settings(replace(machine.settings, reserve=reserve, limit=limit, weight=weight))
         case SetMemory():
             return _refuse_memory(operation, machine, content, facts, guest_build)
+        case SetActions(stop=stop) if stop:
+            return _refuse_running(machine, "what the host does with it when it stops")
         case RenamePartition(name=name):
             return _refuse_settings(replace(machine.settings, name=name))
         case StartPartition():

@@ -12,28 +12,22 @@ function Assert-VmHost {
         Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
     if ($plan.AcceptScheduler) { return }
-    $scheduler = Get-SchedulerType
-    if ($scheduler -ceq 'root') {
+    if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
-    }
-    if ($scheduler -ceq 'unknown') {
-        throw 'the scheduler type is not known (its event has left the log): restart the host, or accept the finding'
     }
 }
 
-function Get-SchedulerType {
-    # Event 2 of the hypervisor: 1 and 2 classic, 3 core, 4 root. A client Windows always has root.
-    $types = @{ 1 = 'classic'; 2 = 'classic'; 3 = 'core'; 4 = 'root' }
+function Test-RootScheduler {
+    # Event 2 of the hypervisor says 4 for root. Where it has left the log: a client Windows has root, of a server it is
+    # not known, which the plan told.
     try {
         $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         $found = @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)
-        $type = [int] $found[0].Properties[0].Value
-        if ($types.Contains($type)) { return $types[$type] }
+        return [int] $found[0].Properties[0].Value -eq 4
     } catch {
         Write-Verbose -Message $_.Exception.Message
     }
     $windows = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
-    if ([string] $windows.GetValue('InstallationType') -ceq 'Client') { return 'root' }
-    'unknown'
+    [string] $windows.GetValue('InstallationType') -ceq 'Client'
 }
 # --- end of the part host ----------------------------------------------------------------------

@@ -3,13 +3,15 @@
 
 function Read-GuestTaskClass {
     # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
-    # values that could not be brought back: text with variables, lists, bytes, and names that cmdlets read as patterns.
+    # values that could not be brought back: text with variables, lists, bytes, and names that cmdlets read as patterns
+    # or that PowerShell keeps for itself.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Read-TaskClass -Task $Task
     $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
         $known = $live['value:' + $name] -cmatch '^(dword|qword|sz):'
-        if (-not $known -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
+        $reserved = $name.ToLowerInvariant() -cmatch '^ps(object|base|adapted|extended|typenames)$'
+        if (-not $known -or $reserved -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
     }
     if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
     $live

@@ -47,7 +47,7 @@ BALANCED = ("Microsoft:PowerPlan\\{381b4222-f694-41f0-9685-ff5bb260df2e}",)
 
 CASES = {
     "root": ("RARMS159", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.ROOT))),
-    "unknown": ("RARMS159", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.UNKNOWN))),
+    "unknown": ("RARMS166", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.UNKNOWN))),
     "no rights": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.MISSING))),
     "rights not proven": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.UNKNOWN))),
     "responsiveness": ("RARMS230", "host/onboard", examination(how=responsive(15))),

@@ -1,3 +1,5 @@
+import pytest
+
 from rarms_iac.model.system import ProviderKind
 from tests.builders import (
     a_component,
@@ -20,8 +22,9 @@ def test_memory_of_partitions() -> None:
     assert found(a_system(hosts=[a_host(), BIG], components=[a_component(memory="8 GiB")])) == []
 
 
-def test_hyperv_counts_memory_in_whole_mebibytes_and_linux_does_not() -> None:
-    odd = [a_component(memory="1000 KiB")]
+@pytest.mark.parametrize("memory", ["1000 KiB", "30 MiB", "513 MiB", "512.5 MiB"])
+def test_hyperv_takes_an_even_number_of_mebibytes_and_linux_all(memory: str) -> None:
+    odd = [a_component(memory=memory)]
 
     assert found(a_system(components=odd)) == [("RARMS067", "components.vision.memory")]
     assert found(a_system(hosts=[a_host(provider=ProviderKind.HYPERV)], components=odd)) == [
