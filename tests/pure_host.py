@@ -195,7 +195,13 @@ def _changed(old: Partition, operation: Operation) -> Partition:
             assert dynamic == settings.dynamic_memory or not settings.running
             return replace(old, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
         case SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            actions = replace(settings, start_action=start, stop_action=stop, checkpoints=checkpoints)
+            assert stop is None or not settings.running, "its stop action changes only while it is off"
+            actions = replace(
+                settings,
+                start_action=start or settings.start_action,
+                stop_action=stop or settings.stop_action,
+                checkpoints=checkpoints or settings.checkpoints,
+            )
             return replace(old, settings=actions)
         case StartPartition():
             return replace(old, settings=replace(settings, running=True), state=RunState.RUNNING)

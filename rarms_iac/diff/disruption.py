@@ -23,6 +23,7 @@ class HostContext:
     making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
     disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
+    attached: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: how many disks it has
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
 
 
@@ -64,7 +65,7 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> froze
 
 
 def needs_off(before: PartitionSettings, after: PartitionSettings, context: HostContext) -> bool:
-    """Tell whether a setting changes for which the machine must be off.
+    """Tell whether a setting changes for which the machine must be off: processors, memory, the action at a stop.
 
     On Linux there is none: a control group takes every value while its processes run. A running machine's memory
     changes live where it is static and both Windows are new enough (FACTS 3).
@@ -79,6 +80,8 @@ def needs_off(before: PartitionSettings, after: PartitionSettings, context: Host
     """
     if context.facts.provider is ProviderKind.LINUX:
         return False
+    if before.stop_action is not after.stop_action:
+        return True
     changed = changed_facets(before, after)
     return Facet.PROCESSORS in changed or (Facet.MEMORY in changed and not _memory_is_live(before, after, context))
 

@@ -140,12 +140,15 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
         new: the settings after it.
     """
     fields = _FIELDS[facet]
+    if facet is Facet.ACTIONS and not builder.new:
+        fields = tuple(name for name in fields if getattr(old, name) != getattr(new, name))
     settings: dict[str, Any] = {name: getattr(new, name) for name in fields}
     needs_state = facet is Facet.PROCESSORS or (facet is Facet.MEMORY and builder.now.state is RunState.OFF)
-    operation = _operation(facet, builder.address, new)
+    needs_state = needs_state or "stop_action" in fields
+    operation = _operation(facet, builder.address, new, fields)
     return builder.step(
         operation,
-        _operation(facet, builder.address, old),
+        _operation(facet, builder.address, old, fields),
         replace(builder.now, settings=replace(builder.now.settings, **settings)),
         (*fields, *(("state",) if needs_state else ())),
         _why_here(facet, old, new, is_new=builder.new),
@@ -153,7 +156,7 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     )
 
 
-def _operation(facet: Facet, address: Address, to: PartitionSettings) -> Operation:
+def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tuple[str, ...]) -> Operation:
     partition, machine = address.partition, address.machine
     match facet:
         case Facet.PROCESSORS:
@@ -165,9 +168,9 @@ def _operation(facet: Facet, address: Address, to: PartitionSettings) -> Operati
         case Facet.ACTIONS:
             return SetActions(
                 partition=partition,
-                start=to.start_action,
-                stop=to.stop_action,
-                checkpoints=to.checkpoints,
+                start=to.start_action if "start_action" in fields else None,
+                stop=to.stop_action if "stop_action" in fields else None,
+                checkpoints=to.checkpoints if "checkpoints" in fields else None,
                 machine=machine,
             )
         case Facet.NAME | Facet.GENERATION:

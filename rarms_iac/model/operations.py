@@ -149,19 +149,28 @@ class SetMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetActions:
-    """Set what happens to the machine when the host starts and stops, and its checkpoints."""
+    """Set what happens to the machine when the host starts and stops, and its checkpoints; None leaves one as it is.
+
+    The action at the host's stop is taken only while the machine is off.
+    """
 
     partition: str
-    start: StartAction
-    stop: StopAction
-    checkpoints: Checkpoints
+    start: StartAction | None = None
+    stop: StopAction | None = None
+    checkpoints: Checkpoints | None = None
     machine: str = ""
     kind: Literal["set_actions"] = "set_actions"
 
     def __str__(self) -> str:
-        start, stop = self.start.value.replace("_", " "), self.stop.value.replace("_", " ")
-        checkpoints = "no" if self.checkpoints is Checkpoints.DISABLED else self.checkpoints.value.replace("_", " ")
-        return f"when the host starts: {start}, when it stops: {stop}; {checkpoints} checkpoints"
+        said = []
+        if self.start:
+            said.append(f"when the host starts: {self.start.value.replace('_', ' ')}")
+        if self.stop:
+            said.append(f"when the host stops: {self.stop.value.replace('_', ' ')}")
+        if self.checkpoints:
+            disabled = self.checkpoints is Checkpoints.DISABLED
+            said.append(f"{'no' if disabled else self.checkpoints.value.replace('_', ' ')} checkpoints")
+        return "; ".join(said)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -248,7 +248,7 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
     [
         (SetCpu(partition="vision", reserve=30, limit=90, weight=7), {"reserve": 30, "limit": 90, "weight": 7}),
         (SetProcessors(partition="vision", processors=1), {"processors": 1}),
-        (SetMemory(partition="vision", memory=MIB, dynamic=True), {"memory": MIB, "dynamic_memory": True}),
+        (SetMemory(partition="vision", memory=32 * MIB, dynamic=True), {"memory": 32 * MIB, "dynamic_memory": True}),
         (
             SetActions(
                 partition="vision",
@@ -457,6 +457,7 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
     [
         (SetProcessors(partition="vision", processors=1), "its processor count can only change while it is off"),
         (SetMemory(partition="vision", memory=512 * MIB, dynamic=True), "switching between static and dynamic memory"),
+        (SetActions(partition="vision", stop=StopAction.SAVE), "what the host does with it when it stops can only"),
         (RemovePartition(partition="vision"), "only a machine that is off can be removed"),
     ],
 )
@@ -523,10 +524,13 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
         (SetCpu(partition="vision", reserve=0, limit=100, weight=10_001), "a weight is 1 to 10000"),
         (SetProcessors(partition="vision", processors=0), "has 1 to 240 virtual processors"),
         (SetProcessors(partition="vision", processors=241), "has 1 to 240 virtual processors"),
-        (SetMemory(partition="vision", memory=0), "a machine needs memory"),
-        (SetMemory(partition="vision", memory=MIB + 1), "memory counts in whole MiB, and 1048577 B is none"),
+        (SetMemory(partition="vision", memory=0), "at least 32 MiB, not 0 B"),
+        (
+            SetMemory(partition="vision", memory=33 * MIB),
+            "a machine has an even number of MiB, at least 32 MiB, not 33 MiB",
+        ),
         (RenamePartition(partition="vision", name=""), "a machine's name has 1 to 100 characters"),
-        (CreatePartition(partition="x", generation=3, memory=MIB), "there is no generation 3"),
+        (CreatePartition(partition="x", generation=3, memory=32 * MIB), "there is no generation 3"),
         (RemoveTaskClass(task="Nothing", inside=""), "there is no task class Nothing"),
         (WriteTaskClass(task="a\\b", inside="", values=VALUES), "a key's name has"),
         (
@@ -591,9 +595,9 @@ def test_more_processors_than_there_are_start_without_a_reserve_only(room: Room)
 
 def test_memory_that_is_not_there_is_noticed_at_the_start(room: Room) -> None:
     host = room.host()
-    do(host, *making("vision", memory=3072 * MIB), *making("speech", memory=1025 * MIB), start("vision"))
+    do(host, *making("vision", memory=3072 * MIB), *making("speech", memory=1026 * MIB), start("vision"))
 
-    with refused(host, "speech needs 1025 MiB, and of 4 GiB 1 GiB are free"):
+    with refused(host, "speech needs 1026 MiB, and of 4 GiB 1 GiB are free"):
         do(host, start("speech"))
 
 
@@ -758,7 +762,7 @@ def test_neither_running_nor_off_is_not_off(tmp_path: Path, state: RunState) -> 
     host.save(host.load().with_machine(machine.now(state)))
 
     assert host.read(VISION, SCOPE)["state"] == state.value
-    for operation in (SetProcessors(partition="vision", processors=1), SetMemory(partition="vision", memory=MIB)):
+    for operation in (SetProcessors(partition="vision", processors=1), SetMemory(partition="vision", memory=32 * MIB)):
         with refused(host, f"is {state.value}, and .* while it is off"):
             do(host, operation)
     do(host, SetCpu(partition="vision", reserve=10, limit=20, weight=30))

@@ -110,7 +110,12 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: opera
         case operations.SetMemory(memory=memory, dynamic=dynamic):
             changed = replace(machine, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
         case operations.SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            actions = replace(settings, start_action=start, stop_action=stop, checkpoints=checkpoints)
+            actions = replace(
+                settings,
+                start_action=start or settings.start_action,
+                stop_action=stop or settings.stop_action,
+                checkpoints=checkpoints or settings.checkpoints,
+            )
             changed = replace(machine, settings=actions)
         case operations.StartPartition():
             changed = machine.now(RunState.RUNNING)
