@@ -10,6 +10,7 @@ from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_wa
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.disks import DiskVerdict, judge_disks
 from rarms_iac.diff.disruption import HostContext
+from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
@@ -209,4 +210,5 @@ def _context(system: System, observed: State) -> HostContext:
     settings = system.hosts[observed.facts.name].settings
     guest_build = settings.guest_windows_build if isinstance(settings, SimulatedHost) else 0
     graces = {name: request.grace for name, request in system.partitions.items()}
-    return HostContext(facts=observed.facts, guest_build=guest_build, graces=graces)
+    attached = {partition.id: count_disks(observed, partition.id) for partition in observed.partitions}
+    return HostContext(facts=observed.facts, guest_build=guest_build, graces=graces, attached=attached)

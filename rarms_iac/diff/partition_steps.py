@@ -197,8 +197,11 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         address=address,
         title=f"{operation}, {others}",
         operation=operation,
-        # Hyper-V merges checkpoints into the disk after the machine is gone: such a disk must not be deleted.
-        before=some_readings(builder.now, ("machine", "state", *(("snapshots",) if going else ()))),
+        # What it got since the plan was seen by nobody: a checkpoint is merged, a disk would be left behind.
+        before={
+            **some_readings(builder.now, ("machine", "name", "state", "snapshots")),
+            "disks": context.attached.get(before.id, 0),
+        },
         after=NOTHING,
         undo=Undo(
             level=UndoLevel.NONE,

@@ -5,7 +5,8 @@ step's guard compares like with like. For a partition: `exists`, `machine` (id),
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`
 (the digest, with the word of who stopped it),
-`snapshots` (how many checkpoints were taken). For a disk: `exists`, `parent`, `used` (a machine has it, or a disk that
+`snapshots` (how many checkpoints were taken), `disks` (how many it has). For a disk: `exists`, `parent`, `used` (a
+machine has it, or a disk that
 grows out of it). For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record`
 (`<application>` or empty), `set`. The names stand in lower case in `values`, as Windows does not tell their case apart.
 For SystemResponsiveness the same as for a task class with that one value.
@@ -50,7 +51,17 @@ def readings(state: State, address: Address, scope: Scope) -> Readings:
     (partition,) = machines
     if address.task:
         return task_readings(find_task(state.tasks, address.task, inside=address.partition, machine=partition.id))
-    return partition_readings(partition)
+    return {**partition_readings(partition), "disks": count_disks(state, partition.id)}
+
+
+def count_disks(state: State, machine: str) -> int:
+    """Count the virtual disks that a machine has.
+
+    Args:
+        state: the host as observed.
+        machine: its id.
+    """
+    return sum(disk.machine == machine for disk in state.disks)
 
 
 def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: str = "") -> tuple[Partition, ...]:

@@ -5,7 +5,7 @@ be seen by the next run: so each of them is a step of its own, with what it chan
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.model import operations
@@ -19,6 +19,11 @@ from rarms_iac.storage.digest import canonical
 
 _FREE: Readings = {"taken": False}
 """Nobody else's machine has the name: one that came after the plan must not get a namesake."""
+
+NO_EMPTY_KEYS: Readings = {"empty": False}
+"""No key is left that holds nothing: a kill may have left one where nothing is to be."""
+
+_CLEARING = (operations.RemoveTaskClass, operations.EraseTaskRecord)
 
 VALUE = "value:"
 """Stands before a task class's value in readings."""
@@ -76,8 +81,18 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
         action=step.title,
         read=_reader(step),
         before={**step.before, **(_FREE if names_pending else {})},
-        after=step.after,
+        after={**step.after, **(NO_EMPTY_KEYS if isinstance(operation, _CLEARING) else {})},
         calls=calls,
+    )
+
+
+def creation_undo_piece(step: Step, creation: operations.CreatePartition, scope: Scope) -> ScriptPiece:
+    """The piece that removes a machine that the same plan made, with nothing that somebody gave it since."""
+    disk = {"Disk": _disk_path(creation, scope)} if creation.image else {}
+    return replace(
+        _piece(step, operations.RemovePartition(partition=creation.partition)),
+        read=call("Read-MadePartition", Name=literal(creation.partition), **disk),
+        before={"exists": True, "added": ""},
     )
 
 
@@ -135,11 +150,10 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
             values = {"DynamicMemoryEnabled": literal(dynamic), "StartupBytes": literal(memory)}
             change = call("Hyper-V\\Set-VMMemory", **vm, **values)
         case operations.SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            values = {
-                "AutomaticStartAction": literal(_START[start]),
-                "AutomaticStopAction": literal(_STOP[stop]),
-                "CheckpointType": literal("".join(word.title() for word in checkpoints.value.split("_"))),
-            }
+            values = {"AutomaticStartAction": literal(_START[start])} if start else {}
+            values |= {"AutomaticStopAction": literal(_STOP[stop])} if stop else {}
+            if checkpoints:
+                values["CheckpointType"] = literal("".join(word.title() for word in checkpoints.value.split("_")))
             change = call("Hyper-V\\Set-VM", **vm, **values)
         case operations.StartPartition():
             change = call("Hyper-V\\Start-VM", **vm)

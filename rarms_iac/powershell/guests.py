@@ -14,7 +14,7 @@ from rarms_iac.model.operations import WriteTaskClass
 from rarms_iac.model.plan import Reading, Step, Undo, UndoLevel
 from rarms_iac.model.state import RegistryValue
 from rarms_iac.model.system import Disruption
-from rarms_iac.powershell.calls import VALUE, ScriptPiece, call, task_value_calls
+from rarms_iac.powershell.calls import NO_EMPTY_KEYS, VALUE, ScriptPiece, call, task_value_calls
 from rarms_iac.powershell.literals import literal
 
 LOST = "what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms"
@@ -85,7 +85,7 @@ def back(task: GuestTask) -> ScriptPiece:
         action=f"bring back what {task.name} was before rarms",
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
         before=_recorded(task),
-        after={"record": "", "set": ""},
+        after={"record": "", "set": "", **NO_EMPTY_KEYS},
         calls=(call("Restore-TaskClass", **whose), call("Clear-TaskRecord", **whose)),
     )
 

@@ -10,10 +10,10 @@ from math import floor
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operations import RemovePartition
+from rarms_iac.model.operations import CreatePartition, RemovePartition
 from rarms_iac.model.plan import HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
-from rarms_iac.powershell.calls import ScriptPiece, fits, pieces_of
+from rarms_iac.powershell.calls import ScriptPiece, creation_undo_piece, fits, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
 from rarms_iac.powershell.templates import as_script, fill, part_text, parts_for, read, remark, runtime
@@ -72,7 +72,7 @@ def render_scripts(host_plan: HostPlan, plan: Plan, *, accept_scheduler: bool = 
 def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_scheduler: bool = False) -> bytes:
     """The script that does the plan's steps in one operating system: the host's own, or a partition's guest.
 
-    With `accept_scheduler` it runs also under the root scheduler or an unknown one: the finding was accepted.
+    With `accept_scheduler` it runs also under the root scheduler: the finding was accepted.
 
     Raises:
         NoLiteral: a value cannot be written into a script.
@@ -107,7 +107,11 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
         if step.undo.operation is None:
             continue
         back = step.reversed(f"undo: {step.title}")
-        for piece in pieces_of(back, _scope(plan)):
+        if isinstance(step.operation, CreatePartition):
+            pieces: tuple[ScriptPiece, ...] = (creation_undo_piece(back, step.operation, _scope(plan)),)
+        else:
+            pieces = pieces_of(back, _scope(plan))
+        for piece in pieces:
             gone = lost.get(step.address)
             steps.append(_NumberedPiece(number=len(steps), piece=piece, step=back, undoes=undoes, lost=gone))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}

@@ -4,6 +4,7 @@
 # them. Its bytes are always the same; without remarks and indentation they are what -EncodedCommand carries.
 # Input: 8 digits, the length of a table; the table, one line for the arguments and one `name length sha256` a file;
 # then the files' bytes. Any byte after that, or the end of the input, asks the script to stop before its next step.
+$PSDefaultParameterValues = @{}
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
 $ProgressPreference = 'SilentlyContinue'

@@ -4,8 +4,18 @@
 [CmdletBinding()]
 param()
 
-Set-StrictMode -Version 3.0
+# What a profile or a caller set must reach none of the calls below.
+$PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
+$WarningPreference = 'SilentlyContinue'
+$VerbosePreference = 'SilentlyContinue'
+$DebugPreference = 'SilentlyContinue'
+$InformationPreference = 'SilentlyContinue'
+$ProgressPreference = 'SilentlyContinue'
+$ConfirmPreference = 'None'
+$WhatIfPreference = $false
+$PSModuleAutoLoadingPreference = 'All'
+Set-StrictMode -Version 3.0
 
 function ConvertTo-AsciiJson {
     # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
@@ -200,5 +210,5 @@ $document = [ordered] @{
         }
     }
 }
-[Console]::Out.WriteLine((ConvertTo-AsciiJson -Value $document))
+ConvertTo-AsciiJson -Value $document
 exit 0

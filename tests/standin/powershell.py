@@ -128,7 +128,11 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         assert file is not None
         assert file.data is not None
         try:
-            code = _walk(session, _compiled(file.data), {"asjson": "-AsJson" in given, "abandon": "-Abandon" in given})
+            code = _walk(
+                session,
+                _compiled(file.data),
+                {"asjson": "-AsJson" in given, "abandon": "-Abandon" in given, "locktimeout": _lock_timeout(given)},
+            )
         except Killed:
             return 137
         for line in session.talk:
@@ -137,6 +141,10 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         if free:
             save(folder, host)
         return code
+
+
+def _lock_timeout(given: Sequence[str]) -> int:
+    return int(given[given.index("-LockTimeout") + 1]) if "-LockTimeout" in given else 0
 
 
 def _tidy(host: WindowsHost) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from tests.twin import hyperv
 from tests.twin.commands import refused
 from tests.twin.dotnet import AccessList, content
-from tests.twin.host import ADMINISTRATORS, Entry, Key
+from tests.twin.host import ADMINISTRATORS, Entry, Interrupted, Key
 from tests.twin.scopes import Scope
 from tests.twin.text import from_json, to_json
 from tests.twin.values import (
@@ -280,6 +280,8 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
 
 
 def start_sleep(scope: Scope, given: Given) -> Value:
+    if scope.session.host.interrupt:
+        raise Interrupted
     scope.session.host.clock += number(given["milliseconds"])
     return EMPTY
 

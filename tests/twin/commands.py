@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.cmdlets import cmdlet, problems_of_call
@@ -23,6 +24,7 @@ class Written:
     name: str
     given: tuple[tuple[str, Expression | None], ...]
     positional: tuple[Expression, ...]
+    line: int  # of its piece of the script, from 1
 
 
 Pipe = Callable[[Scope, list[Value]], list[Value]]
@@ -76,7 +78,8 @@ def _written(node: Node) -> Written:
         else:
             positional.append(value)
         waiting = False
-    return Written(name=name, given=tuple(given), positional=tuple(positional))
+    line = node.start_point.row + 1
+    return Written(name=name, given=tuple(given), positional=tuple(positional), line=line)
 
 
 def _bare(word: str) -> Expression:
@@ -118,8 +121,26 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
         bound[name.lower()] = True if value is None else value(scope)
         if parameter is not None and parameter.accepted and text(bound[name.lower()]) not in parameter.accepted:
             raise ScriptError(f"{plain} -{name} does not take {text(bound[name.lower()])}", error_id="CannotConvert")
-    refused(scope, plain)
-    return do(scope, bound)
+    defaults = _defaults(scope, plain)
+    bound = {**{name: value for name, value in defaults.items() if called.parameter(name)}, **bound}
+    try:
+        refused(scope, plain)
+        return do(scope, bound)
+    except ScriptError as error:
+        if defaults.get("erroraction") == "SilentlyContinue":
+            return EMPTY
+        error.command, error.line = error.command or plain, error.line or written.line
+        raise
+
+
+def _defaults(scope: Scope, name: str) -> dict[str, Value]:
+    """What `$PSDefaultParameterValues` adds to a call, by the lower-case name of the parameter."""
+    found: dict[str, Value] = {}
+    for key, value in scope.read("psdefaultparametervalues").items():
+        pattern, _, parameter = text(key).lower().partition(":")
+        if fnmatch(name.lower(), pattern):
+            found[parameter] = value
+    return found
 
 
 def refused(scope: Scope, what: str) -> None:

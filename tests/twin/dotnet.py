@@ -20,8 +20,6 @@ def static_property(kind: str, name: str, scope: Scope) -> Value:
             return host.computer
         case "environment", "username":
             return host.user
-        case "console", "out":
-            return Out(scope)
         case "datetime", "utcnow":
             return Moment(host.clock)
         case "intptr", "size":
@@ -54,18 +52,6 @@ def _folder(scope: Scope, which: Value) -> Value:
 
 def _short(kind: str) -> str:
     return kind.removeprefix("system.")
-
-
-class Out(Thing):
-    """Standard output."""
-
-    def __init__(self, scope: Scope) -> None:
-        super().__init__()
-        self.scope = scope
-
-    def do_writeline(self, line: Value) -> Value:
-        self.scope.session.output.append(text(line))
-        return EMPTY
 
 
 class Ascii(Thing):
@@ -238,6 +224,12 @@ def _move(scope: Scope, old: Value, new: Value) -> Value:
     return EMPTY
 
 
+def _delete(scope: Scope, path: Value) -> Value:
+    host, where = scope.session.host, text(path)
+    host.effect(f"delete {where}", lambda: host.files.pop(where.lower(), None))
+    return EMPTY
+
+
 def _replace(scope: Scope, old: Value, new: Value, backup: Value) -> Value:
     host, source, target, kept = scope.session.host, text(old), text(new), text(backup)
     data, before = content(scope, source), content(scope, target)
@@ -295,6 +287,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.file", "writealltext"): _write_all,
     ("io.file", "replace"): _replace,
     ("io.file", "move"): _move,
+    ("io.file", "delete"): _delete,
     ("io.directory", "createdirectory"): _make_folder,
     ("io.filestream", "new"): _new_stream,
     ("threading.mutex", "new"): _new_mutex,

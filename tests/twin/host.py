@@ -15,6 +15,10 @@ class Killed(BaseException):
     """The process is gone: no `finally` runs, the mutex is abandoned."""
 
 
+class Interrupted(BaseException):
+    """Somebody pressed Ctrl-C: every `finally` runs, no `catch` does, and the process ends with 0."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Vm:
     """A machine, in the words of the observation; states and actions by their PowerShell names."""
@@ -108,6 +112,8 @@ class WindowsHost:
     registry: dict[str, Key] = field(default_factory=dict)
     files: dict[str, File] = field(default_factory=dict)
     environment: dict[str, str] = field(default_factory=lambda: {"programdata": "C:\\ProgramData", "os": "Windows_NT"})
+    defaults: dict[str, object] = field(default_factory=dict)  # a profile's $PSDefaultParameterValues
+    interrupt: bool = False  # Ctrl-C as soon as a script waits
     mutex: str = ""  # free, `held` by somebody who lives, or `abandoned`
     clock: int = 0  # ms
     made: int = 0  # machines made so far, for their ids
@@ -135,7 +141,7 @@ class WindowsHost:
     def copy(self, **changed: object) -> WindowsHost:
         """The same host, calm: nothing is to be killed or to fail, unless it is said."""
         twin = copy.deepcopy(self)
-        twin.effects, twin.tear = [], False
+        twin.effects, twin.tear, twin.interrupt = [], False, False
         twin.kill_before = twin.kill_after = twin.fail_at = None
         for name, value in changed.items():
             setattr(twin, name, value)

@@ -146,7 +146,7 @@ def new_vm(scope: Scope, given: Given) -> Value:
 
 def _memory_of(value: Value, command: str) -> int:
     size = number(value)
-    if size < 32 * 2**20 or size % 2**20:
+    if size < 32 * 2**20 or size % 2**21:
         raise refuse(f"Invalid startup memory {size}.", command, "InvalidParameter")
     return size
 
@@ -154,6 +154,8 @@ def _memory_of(value: Value, command: str) -> int:
 def set_vm(scope: Scope, given: Given) -> Value:
     _changing(scope)
     vm = _vm(scope, given)
+    if "automaticstopaction" in given:
+        _off(vm, "the automatic stop action", "SetVM")
     names = {
         "notes": "notes",
         "automaticstartaction": "start_action",

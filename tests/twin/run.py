@@ -11,10 +11,10 @@ from typing import Any
 
 from rarms_iac.powershell.tree import sound
 from tests.twin.expressions import parameters_of
-from tests.twin.host import Killed, WindowsHost
+from tests.twin.host import Interrupted, Killed, WindowsHost
 from tests.twin.scopes import Body, Cmdlet, Exit, Parameter, Scope, Session
 from tests.twin.statements import block_of
-from tests.twin.values import ScriptError, Value
+from tests.twin.values import ScriptError, Table, Value, text
 
 FOLDER = "C:\\run"
 """Where scripts lie on the twin."""
@@ -96,24 +96,30 @@ def run(
     declined: frozenset[str] = frozenset(),
     as_json: bool = True,
     abandon: bool = False,
+    unanswered: bool = False,
+    lock_timeout: int = 0,
 ) -> Ran:
     """Runs the script of this name that lies on the host, as an elevated operator would."""
     file = host.file(f"{FOLDER}\\{name}")
     assert file is not None
     assert file.data is not None
     session = Session(host, windows_powershell=windows_powershell, path=file.path, what_if=what_if, declined=declined)
+    session.unanswered = unanswered
     host.clock += BETWEEN_RUNS_MS
     code: int | None
     try:
-        code = _walk(session, _compiled(file.data), {"asjson": as_json, "abandon": abandon})
+        arguments = {"asjson": as_json, "abandon": abandon, "locktimeout": lock_timeout}
+        code = _walk(session, _compiled(file.data), arguments)
+    except Interrupted:
+        code = 0
     except Killed:
         code = None
         host.mutex = "abandoned" if host.mutex == "ours" else host.mutex
     assert host.mutex != "ours", "a process that ends gives the mutex back"
-    return Ran(code=code, lines=tuple(session.output), talk=tuple(session.talk))
+    return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk))
 
 
-def _walk(session: Session, script: _Compiled, arguments: Mapping[str, bool]) -> int:
+def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> int:
     scope = Scope(session, None)
     scope.variables |= {
         "whatifpreference": session.what_if,
@@ -123,11 +129,12 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, bool]) ->
         "pscmdlet": Cmdlet(session),
         "pid": session.process,
         "psversiontable": _versions(session),
+        "psdefaultparametervalues": Table(list(session.host.defaults.items())),
     }
     for parameter in script.parameters:
-        scope.variables[parameter.name] = parameter.default(scope) if parameter.default else arguments[parameter.name]
+        scope.variables[parameter.name] = arguments[parameter.name]
     try:
-        script.body(scope, [])
+        script.body(scope, session.output)
     except Exit as end:
         return end.code
     except ScriptError as error:
@@ -137,8 +144,6 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, bool]) ->
 
 
 def _versions(session: Session) -> Value:
-    from tests.twin.values import Table
-
     return Table([("PSVersion", session.host.powershell["version"]), ("PSEdition", session.host.powershell["edition"])])
 
 

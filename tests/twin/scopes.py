@@ -68,17 +68,20 @@ class Session:
     windows_powershell: bool  # 5.1; otherwise 7
     path: str  # the script's
     what_if: bool = False
-    declined: frozenset[str] = frozenset()  # addresses at which the person at the prompt says no
+    declined: frozenset[str] = frozenset()  # addresses, or actions, at which the person at the prompt says no
+    unanswered: bool = False  # -Confirm, and nobody is at a console
     process: int = 4711
     functions: dict[str, Function] = field(default_factory=dict)
-    output: list[str] = field(default_factory=list)  # lines on standard output
+    output: list[Value] = field(default_factory=list)  # the end of the pipeline: lines on standard output
     talk: list[str] = field(default_factory=list)  # lines of the information stream
 
-    def should_process(self, target: str) -> bool:
+    def should_process(self, target: str, action: str) -> bool:
         if self.what_if:
-            self.talk.append(f'What if: Performing the operation on target "{target}".')
+            self.output.append(f'What if: Performing the operation "{action}" on target "{target}".')
             return False
-        return target not in self.declined
+        if self.unanswered:
+            raise ScriptError("Exception calling ShouldProcess: Windows PowerShell is in NonInteractive mode.")
+        return not {target, action} & self.declined
 
 
 class Scope:
@@ -141,4 +144,4 @@ class Cmdlet(Thing):
     def do_shouldprocess(self, target: str, action: str) -> bool:
         if not action:
             raise AssertionError("a prompt without an action")
-        return self.session.should_process(target)
+        return self.session.should_process(target, action)

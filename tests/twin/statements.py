@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.powershell.tree import text_of
 from tests.twin import commands, members, operators
 from tests.twin.expressions import Expression, expression, function_of, only, type_of
+from tests.twin.host import Interrupted
 from tests.twin.scopes import Body, Continue, Exit, Return, Scope
 from tests.twin.values import (
     EMPTY,
@@ -271,7 +272,7 @@ def _try(node: Node) -> Body:
     def run(scope: Scope, out: list[Value]) -> None:
         try:
             guarded(scope, out)
-        except (ScriptError, Exit, Return, Continue):
+        except (ScriptError, Exit, Return, Continue, Interrupted):
             if last:
                 last(scope, out)
             raise
@@ -292,6 +293,7 @@ def error_record(error: ScriptError) -> Thing:
         Exception=Record(Message=error.says),
         FullyQualifiedErrorId=error.error_id,
         CategoryInfo=Record(Category=error.category),
+        InvocationInfo=Record(MyCommand=error.command, ScriptLineNumber=error.line),
     )
 
 

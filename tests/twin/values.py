@@ -27,6 +27,8 @@ class ScriptError(Exception):
         self.error_id = error_id
         self.category = category
         self.kind = kind  # the .NET type of its exception
+        self.command = ""  # the cmdlet that failed
+        self.line = 0  # where it was called
 
 
 class _Empty:

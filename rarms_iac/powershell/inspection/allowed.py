@@ -24,7 +24,7 @@ class Lists:
     members: frozenset[str]
     operators: frozenset[str]
     given_variables: frozenset[str]  # those that nobody assigns
-    set_variables: frozenset[str] = field(default_factory=frozenset)  # PowerShell's own that may be assigned
+    pins: frozenset[str] = field(default_factory=frozenset)  # assignments to PowerShell's own variables, as written
     blocks: frozenset[str] = field(default_factory=frozenset)  # variables that may stand behind `&`
 
 
@@ -84,7 +84,7 @@ _CHANGING_PLAIN = (_READING_PLAIN - words("Get-CimInstance Get-Content Get-Execu
 _READING_TYPES = words(
     """
     CmdletBinding bool byte byte[] char int long ordered regex scriptblock string string[] switch void
-    Console Environment IntPtr
+    Environment IntPtr
     System.IO.File System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
     System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
     """
@@ -116,20 +116,21 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
     Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId Exception ExecutionPolicy FullName
     FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames InstanceID
     IsActive IsInRole MachineName MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId
-    NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out PSChildName PSEdition PSObject PSVersion
+    NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors PSChildName PSEdition PSObject PSVersion
     Properties Replace Reservation Scope Size SwitchName ToLowerInvariant Value Version VirtualMachinePath
-    WriteLine new
+    new
     """
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains
-    Create CreateDirectory Detail Dispose Equals Exception Flush GetBytes GetFolderPath GetOwner GetString
+    Create CreateDirectory Delete Detail Dispose Equals Exception Flush GetBytes GetFolderPath GetOwner GetString
     GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost MachineName Memory
-    Message Move Needs Number OpenOrCreate Ordinal Out PSChildName PSObject Percent Plan Position Processors
-    Properties Read ReadAllBytes ReadAllText ReleaseMutex Replace Run Serial Set SetLength
+    FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number OpenOrCreate Ordinal
+    PSChildName PSObject Percent Plan Position Processors
+    Properties Read ReadAllBytes ReadAllText ReleaseMutex Replace Run ScriptLineNumber Serial Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ToLowerInvariant ToString Total Undo
-    UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing data kind new number
+    UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number
     plan record run serials set status touched
     """
 )
@@ -141,6 +142,10 @@ _CHANGING_OPERATORS = _READING_OPERATORS | words(
 
 _GIVEN = words("$_ $args $true $false $null $env:OS $env:ProgramData")
 
+_PINS = frozenset({"$ErrorActionPreference = 'Stop'", "$PSDefaultParameterValues = @{}"})
+_SILENT_PROGRESS = "$ProgressPreference = 'SilentlyContinue'"
+_NO_PROMPT = "$ConfirmPreference = 'None'"
+
 READING = Lists(
     constructs=_READING,
     qualified=_READING_HYPERV,
@@ -149,7 +154,9 @@ READING = Lists(
     members=_READING_MEMBERS,
     operators=_READING_OPERATORS,
     given_variables=_GIVEN | {"$PSVersionTable"},
-    set_variables=frozenset({"$ErrorActionPreference"}),
+    pins=_PINS
+    | {f"${stream}Preference = 'SilentlyContinue'" for stream in ("Debug", "Information", "Verbose", "Warning")}
+    | {_SILENT_PROGRESS, _NO_PROMPT, "$WhatIfPreference = $false", "$PSModuleAutoLoadingPreference = 'All'"},
     blocks=frozenset({"$Read"}),
 )
 CHANGING = Lists(
@@ -160,7 +167,7 @@ CHANGING = Lists(
     members=_CHANGING_MEMBERS,
     operators=_CHANGING_OPERATORS,
     given_variables=_GIVEN | words("$Matches $PID $PSCmdlet $PSCommandPath $PSScriptRoot $WhatIfPreference"),
-    set_variables=words("$ErrorActionPreference $ConfirmPreference"),
+    pins=_PINS | {_NO_PROMPT},
     blocks=words("$read $set $fits $guard"),
 )
 
@@ -187,7 +194,7 @@ BOOTSTRAP = Lists(
     ),
     operators=words(", = += ++ -and -ceq -cne -cnotmatch -eq -f -lt -ne -not -replace -split + - . :: |"),
     given_variables=words("$_ $false $null $true $env:OS"),
-    set_variables=words("$ErrorActionPreference $ProgressPreference"),
+    pins=_PINS | {_SILENT_PROGRESS},
 )
 
 

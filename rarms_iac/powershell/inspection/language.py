@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
-from rarms_iac.powershell.inspection.allowed import words
+from rarms_iac.powershell.inspection.allowed import ScriptKind, words
 from rarms_iac.powershell.inspection.script import Script
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.powershell.tree import text_of
@@ -101,8 +101,17 @@ def _is_operator(node: "Node") -> bool:
 
 def _is_known(script: Script, node: "Node", text: str, own: frozenset[str]) -> bool:
     if is_assigned(node):
-        return (text in own and not _is_special(text)) or text in script.lists.set_variables
+        return (text in own and not _is_special(text)) or _is_pin(script, node)
     return text in script.lists.given_variables or text.lower() in own
+
+
+def _is_pin(script: Script, node: "Node") -> bool:
+    """Whether a variable of PowerShell's own gets the one value that it may have, in a read-only script once."""
+    assignment: Node | None = node
+    while assignment is not None and assignment.type != "assignment_expression":
+        assignment = assignment.parent
+    pin = text_of(assignment) if assignment else ""
+    return pin in script.lists.pins and (script.kind is not ScriptKind.OBSERVE or script.text.count(pin) == 1)
 
 
 def _own_variables(script: Script) -> frozenset[str]:

@@ -29,7 +29,7 @@ _RUN_KEYS = words("""
     """)
 _STEP_KEYS = words("Number Address Action Needs Read Before After Set")
 _EXTRA_KEYS = ("Undoes", "Lost", "Fits")
-_READERS = words("Read-Partition Read-TaskClass Read-GuestTaskClass Read-Disk")
+_READERS = words("Read-Partition Read-MadePartition Read-TaskClass Read-GuestTaskClass Read-Disk")
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass

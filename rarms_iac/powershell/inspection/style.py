@@ -30,7 +30,6 @@ _VERBS = _CHANGING_VERBS | words("""
     Unregister Wait Block Grant Protect Revoke Unblock Unprotect Use
     """)
 _SINGULAR = ("ss", "us", "is", "Data", "Windows")
-_KEPT = frozenset({"$erroractionpreference", "$confirmpreference", "$progresspreference"})
 
 
 def check_style(script: Script) -> Iterator[Diagnostic]:
@@ -78,8 +77,9 @@ def _check_unused(script: Script) -> Iterator[Diagnostic]:
 
 
 def _unused_among(script: Script, variables: list["Node"], readers: list["Node"]) -> Iterator[Diagnostic]:
+    heeded = {pin.partition(" ")[0].lower() for pin in script.lists.pins}  # PowerShell itself reads them
     read = Counter(text_of(node).lower() for node in readers if not is_assigned(node))
     for node in variables:
         name = text_of(node).lower()
-        if is_assigned(node) and not read[name] and ":" not in name and name not in _KEPT:
+        if is_assigned(node) and not read[name] and ":" not in name and name not in heeded:
             yield script.problem(UNUSED, node, f"{text_of(node)} is never read", "leave it out")

@@ -12,6 +12,22 @@ function Read-Disk {
     $live
 }
 
+function Read-MadePartition {
+    # As Read-Partition, and what somebody gave the machine since: an undo must not take it away with that.
+    param([string] $Name, [string] $Disk = '')
+    $live = Read-Partition -Name $Name
+    if (-not $live['exists']) { return $live }
+    $vm = Get-Machine -Name $Name
+    $pending = '{0}.rarms-{1}' -f $Name, $script:Definition.Plan
+    $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) {
+        if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
+    })
+    if (@($Name, $pending) -cnotcontains $live['name']) { $added += 'name ' + $live['name'] }
+    if ($live['snapshots']) { $added += 'a checkpoint' }
+    $live['added'] = $added -join ', '
+    $live
+}
+
 function Test-DiskUse {
     # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)

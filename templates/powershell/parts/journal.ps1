@@ -6,6 +6,9 @@ $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
+    $fresh = $script:Journal + '.new'
+    # Left by a run that was killed before it began.
+    if (-not $WhatIfPreference -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
     if (-not (Test-Path -LiteralPath $script:Journal)) { return }
     Assert-Owner -Path $script:Folder
     Assert-Owner -Path $script:Journal
@@ -65,6 +68,7 @@ function Write-FirstRecord {
     if ($plan.Undo) {
         # It must lie beside this one, as it was made.
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
+        if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
         if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)

@@ -8,7 +8,8 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:Mutex = $null
 
 function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held.
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
     $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
     $held = $false
@@ -24,7 +25,6 @@ function Enter-Host {
     }
     if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
-    if ($WhatIfPreference) { return }
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }

@@ -7,7 +7,7 @@ $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
-    $live = @{ exists = $false; values = ''; record = ''; set = '' }
+    $live = @{ exists = $false; values = ''; record = ''; set = ''; empty = Test-EmptyKey -Task $Task }
     [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
     [Array]::Sort($names, [System.StringComparer]::Ordinal)
     foreach ($name in $names) {
@@ -51,9 +51,14 @@ function Get-TaskPath {
 }
 
 function Write-TaskValue {
+    # A value that is there already is left: a step that was killed goes on where it stopped.
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
+    $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
+    $live = Read-TaskClass -Task $Task
+    $there = [string] $live['value:' + $Name.ToLowerInvariant()]
+    if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -85,8 +90,30 @@ function Write-TaskRecord {
 }
 
 function Clear-TaskRecord {
+    # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
     Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
+        if (Test-BareKey -Path $path) { Clear-Key -Path $path }
+    }
+}
+
+function Test-EmptyKey {
+    # Whether a kill left keys that hold nothing: a class without values, a record without its digest, or ours above it.
+    param([string] $Task)
+    $application = '{0}\{1}' -f $script:RecordRoot, $script:Definition.Application
+    $record = '{0}\{1}' -f $application, $Task
+    foreach ($path in @((Get-TaskPath -Task $Task), $application, $script:RecordRoot)) {
+        if (Test-BareKey -Path $path) { return $true }
+    }
+    (Test-Path -LiteralPath $record) -and -not (Get-Item -LiteralPath $record).GetValue('set')
+}
+
+function Test-BareKey {
+    # Whether a key is there and holds neither values nor keys.
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    -not (@(Get-ChildItem -LiteralPath $Path).Count + @((Get-Item -LiteralPath $Path).GetValueNames()).Count)
 }
 
 function Get-RecordPath {

@@ -19,6 +19,8 @@ param(
     [switch] $Abandon
 )
 
+# A profile's would reach into every call.
+$PSDefaultParameterValues = @{}
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
 
@@ -32,6 +34,8 @@ $script:Recorded = @{}          # by number of a step, what the journal says of 
 $script:Serials = @{}           # by application: how many runs there were
 $script:Touched = @{}           # of an undo: numbers of the apply's steps that may have changed something
 $script:Skipped = @{}           # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Current = $script:Whole # the step that is read or done: what fails, fails there
+$script:Refusal = $null         # kind and step of what ends the run with 3
 
 # A run ------------------------------------------------------------------------------------------
 
@@ -40,6 +44,7 @@ function Open-Run {
     param([System.Collections.IDictionary] $Definition)
     $script:Definition = $Definition
     $guard = $Definition.Guard
+    if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     Enter-Host
     if (-not $Abandon) { & $guard }
     Read-Journal
@@ -49,7 +54,7 @@ function Open-Run {
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = 'unchanged'
-        if ($open -and -not $script:Cmdlet.ShouldProcess('host', 'close the unfinished run')) { $status = 'skipped' }
+        if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) { $status = 'skipped' }
         elseif ($open) {
             Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
             $status = 'abandoned'
@@ -65,7 +70,7 @@ function Open-Run {
             if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
         }
     } elseif ($open) {
-        Exit-Refused -Detail ('plan {0} is unfinished here: finish or undo it' -f $last.plan)
+        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $Definition.Guest -and [long] $script:Serials[$Definition.Application] -ne $Definition.Serial) {
         Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
     }
@@ -104,6 +109,7 @@ function Find-Moved {
     foreach ($step in $script:Steps) {
         $at = $step.Address
         $read = $step.Read
+        $script:Current = $step
         $leave = Get-Leave -Step $step
         if ($leave -ceq 'done before') {
             if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) { $made[$at] = @{ After = @{} } }
@@ -123,12 +129,14 @@ function Find-Moved {
     }
     foreach ($at in @($made.Keys | Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
-        $read = $made[$at]['Step'].Read
+        $script:Current = $made[$at]['Step']
+        $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
             if ($ahead.Contains($at + ' ' + $name)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
+    $script:Current = $script:Whole
 }
 
 # A step -----------------------------------------------------------------------------------------
@@ -139,6 +147,7 @@ function Invoke-Step {
     $read = $Step.Read
     $set = $Step.Set
     $fits = $Step['Fits']
+    $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) {
         Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave
@@ -149,25 +158,27 @@ function Invoke-Step {
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
         exit 1
     }
+    $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
     $live = & $read
-    if (-not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
+    # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
+    if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
         # One that was begun and killed has changed something.
         $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
         Add-StepRecord -Step $Step -Status $status
         return
     }
     $moved = @(Compare-Step -Step $Step -Live $live)
-    $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
     if ($moved.Count -and -not $lacks.Count) {
         Exit-Refused -Step $Step -Detail ('changed since the plan: ' + ($moved -join ', '))
     }
     $skip = ''
-    if ($moved.Count -or @($lacks | Where-Object -FilterScript { $_ -cne $Step.Address }).Count) {
+    # A preview shows every step that could be done; nothing is called anyway.
+    if ($lacks.Count -and ($moved.Count -or -not $WhatIfPreference)) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
-    } elseif (-not $script:Cmdlet.ShouldProcess($Step.Address, $Step.Action)) {
+    } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
         $skip = 'left out'
     }
     if ($skip) {
@@ -181,6 +192,17 @@ function Invoke-Step {
     $missed = @(Compare-Reading -Live (& $read) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
+}
+
+function Test-Wanted {
+    # What -WhatIf or whoever sits at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    param([string] $Address, [string] $Action)
+    if ($AsJson -and $WhatIfPreference) { return $false }
+    try {
+        $script:Cmdlet.ShouldProcess($Address, $Action)
+    } catch {
+        throw '-Confirm asks, and nobody can answer here: run the script in a console, or without -Confirm'
+    }
 }
 
 function Get-Leave {
@@ -209,10 +231,11 @@ function Compare-Step {
     if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
     # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
     if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Contains('Undoes')) {
-        $names = @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')
+        $names = @($Step.Before.Keys) + @($Step.After.Keys)
+        if ($names -ccontains 'values') { $names += @(@($Live.Keys) -clike 'value:*') }
         $odd = @($names | Where-Object -FilterScript {
             # Names of values come and go one by one; a machine may be on its way to be off.
-            $busy = $_ -ceq 'values' -or ($_ -ceq 'state' -and $Live[$_] -ceq 'busy')
+            $busy = @('values', 'empty') -ccontains $_ -or ($_ -ceq 'state' -and $Live[$_] -ceq 'busy')
             $old = Test-Agreed -Left $Live -Right $Step.Before -Name $_
             -not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $_))
         })
@@ -243,7 +266,7 @@ function Write-RunEvent {
             format = 'rarms-event/1'; kind = $Kind; plan = $script:Definition.Plan; number = $Step.Number
             total = $script:Definition.Total; address = $Step.Address; status = $Status; detail = $Detail
         }
-        [Console]::Out.WriteLine((ConvertTo-AsciiJson -Value $line))
+        ConvertTo-AsciiJson -Value $line
     } else {
         $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
         Write-Information -MessageData $text -InformationAction Continue
@@ -251,10 +274,26 @@ function Write-RunEvent {
 }
 
 function Exit-Refused {
-    # The host is not as planned, busy, or the plan was used: exit code 3.
+    # The host is not as planned, busy, or the plan was used: exit code 3. The end tells it, because what an event gives
+    # to the pipeline here could end up in the caller's variable.
     param([string] $Kind = 'refused', [System.Collections.IDictionary] $Step = $script:Whole, [string] $Detail)
-    Write-RunEvent -Kind $Kind -Step $Step -Status 'refused' -Detail $Detail
-    exit 3
+    $script:Refusal = @{ Kind = $Kind; Step = $Step }
+    throw $Detail
+}
+
+function Exit-Failed {
+    # The end of a run that did not come to its own: refused (3), or what failed, in which call and on which line (1).
+    param($Failure)
+    $detail = [string] $Failure.Exception.Message
+    if ($null -ne $script:Refusal) {
+        Write-RunEvent -Kind $script:Refusal.Kind -Step $script:Refusal.Step -Status 'refused' -Detail $detail
+        exit 3
+    }
+    $id = [string] $Failure.FullyQualifiedErrorId
+    $at = $Failure.InvocationInfo
+    if ($id -cne $detail) { $detail = '{0} ({1} {2}, line {3})' -f $detail, $at.MyCommand, $id, $at.ScriptLineNumber }
+    Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
+    exit 1
 }
 
 function ConvertTo-AsciiJson {
@@ -274,7 +313,8 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:Mutex = $null
 
 function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held.
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
     $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
     $held = $false
@@ -290,7 +330,6 @@ function Enter-Host {
     }
     if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
-    if ($WhatIfPreference) { return }
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
@@ -330,6 +369,9 @@ $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
+    $fresh = $script:Journal + '.new'
+    # Left by a run that was killed before it began.
+    if (-not $WhatIfPreference -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
     if (-not (Test-Path -LiteralPath $script:Journal)) { return }
     Assert-Owner -Path $script:Folder
     Assert-Owner -Path $script:Journal
@@ -389,6 +431,7 @@ function Write-FirstRecord {
     if ($plan.Undo) {
         # It must lie beside this one, as it was made.
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
+        if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
         if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
@@ -421,29 +464,23 @@ function Assert-VmHost {
         Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
     if ($plan.AcceptScheduler) { return }
-    $scheduler = Get-SchedulerType
-    if ($scheduler -ceq 'root') {
+    if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
-    }
-    if ($scheduler -ceq 'unknown') {
-        throw 'the scheduler type is not known (its event has left the log): restart the host, or accept the finding'
     }
 }
 
-function Get-SchedulerType {
-    # Event 2 of the hypervisor: 1 and 2 classic, 3 core, 4 root. A client Windows always has root.
-    $types = @{ 1 = 'classic'; 2 = 'classic'; 3 = 'core'; 4 = 'root' }
+function Test-RootScheduler {
+    # Event 2 of the hypervisor says 4 for root. Where it has left the log: a client Windows has root, of a server it is
+    # not known, which the plan told.
     try {
         $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         $found = @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)
-        $type = [int] $found[0].Properties[0].Value
-        if ($types.Contains($type)) { return $types[$type] }
+        return [int] $found[0].Properties[0].Value -eq 4
     } catch {
         Write-Verbose -Message $_.Exception.Message
     }
     $windows = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
-    if ([string] $windows.GetValue('InstallationType') -ceq 'Client') { return 'root' }
-    'unknown'
+    [string] $windows.GetValue('InstallationType') -ceq 'Client'
 }
 # --- end of the part host ----------------------------------------------------------------------
 # --- part tasks: the same bytes in every script that carries it --------------------------------
@@ -455,7 +492,7 @@ $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
-    $live = @{ exists = $false; values = ''; record = ''; set = '' }
+    $live = @{ exists = $false; values = ''; record = ''; set = ''; empty = Test-EmptyKey -Task $Task }
     [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
     [Array]::Sort($names, [System.StringComparer]::Ordinal)
     foreach ($name in $names) {
@@ -499,9 +536,14 @@ function Get-TaskPath {
 }
 
 function Write-TaskValue {
+    # A value that is there already is left: a step that was killed goes on where it stopped.
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
+    $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
+    $live = Read-TaskClass -Task $Task
+    $there = [string] $live['value:' + $Name.ToLowerInvariant()]
+    if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -533,8 +575,30 @@ function Write-TaskRecord {
 }
 
 function Clear-TaskRecord {
+    # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
     Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
+        if (Test-BareKey -Path $path) { Clear-Key -Path $path }
+    }
+}
+
+function Test-EmptyKey {
+    # Whether a kill left keys that hold nothing: a class without values, a record without its digest, or ours above it.
+    param([string] $Task)
+    $application = '{0}\{1}' -f $script:RecordRoot, $script:Definition.Application
+    $record = '{0}\{1}' -f $application, $Task
+    foreach ($path in @((Get-TaskPath -Task $Task), $application, $script:RecordRoot)) {
+        if (Test-BareKey -Path $path) { return $true }
+    }
+    (Test-Path -LiteralPath $record) -and -not (Get-Item -LiteralPath $record).GetValue('set')
+}
+
+function Test-BareKey {
+    # Whether a key is there and holds neither values nor keys.
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    -not (@(Get-ChildItem -LiteralPath $Path).Count + @((Get-Item -LiteralPath $Path).GetValueNames()).Count)
 }
 
 function Get-RecordPath {
@@ -562,7 +626,7 @@ try {
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9cf3f30bcb282eb0ced87fe6569fbd707e32aff9a8dd60fb996d0540db458256'
+        UndoDigest = 'b9d2e617a770873f11df10aa9fde1f391eb9f2ea1f26377a2f98a3e90b69e44d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -653,8 +717,7 @@ try {
 
     Complete-Run
 } catch {
-    Write-RunEvent -Kind 'failed' -Step @{ Address = 'script'; Number = 0 } -Status 'failed' -Detail $_.Exception.Message
-    exit 1
+    Exit-Failed -Failure $_
 } finally {
     Exit-Host
 }

@@ -1,0 +1,311 @@
+"""What generated scripts met under a real PowerShell: each is here as the stand-in has learnt it."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.powershell.render import render_observe
+from tests.effort import examples
+from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
+from tests.twin.cells import Prepared, everything, fresh
+from tests.twin.host import Entry, Killed, WindowsHost
+from tests.twin.observing import JOURNAL, PROFILE
+from tests.twin.run import Ran, put, run
+from tests.twin.test_scripts import seen
+
+PENDING_FOLDER = "c:\\run\\"
+
+
+def asked(prepared: Prepared, host: WindowsHost, *declined: str) -> Ran:
+    """A run at whose prompts somebody says no to these addresses or actions."""
+    put(host, scripts_of(prepared.plan))
+    return run(host, apply_script(prepared.plan), declined=frozenset(declined))
+
+
+def actions(prepared: Prepared, address: str) -> list[str]:
+    """What the run says of an address, step by step."""
+    ran = apply(prepared.copy(), prepared.plan)
+    return [event["detail"] for event in ran.events if event["address"] == address and event["status"] == "begun"]
+
+
+@pytest.mark.parametrize(("cell", "name"), [(fresh, "planning"), (everything, "speech")], ids=["creation", "stop"])
+def test_a_declined_step_leaves_out_all_that_builds_on_it_and_records_none(cell, name: str) -> None:  # type: ignore[no-untyped-def]
+    prepared = cell()
+    address = f"partition/{name}"
+    undisturbed = prepared.copy()
+    assert apply(undisturbed, prepared.plan).code == 0
+    for action in actions(prepared, address):
+        host = prepared.copy()
+
+        ran = asked(prepared, host, action)
+
+        statuses = ran.status_of(address)
+        assert ran.code == 1, ran.says
+        assert statuses.index("skipped") >= 0
+        assert set(statuses[statuses.index("skipped") :]) == {"skipped"}, f"{action}\n{ran.says}"
+        finished = apply(host, prepared.plan)
+        assert finished.code == 0, f"{action}\n{finished.says}"
+        assert seen(host)["machines"] == seen(undisturbed)["machines"], action
+
+
+@pytest.mark.parametrize("cell", [fresh, everything])
+def test_what_a_declined_step_left_is_undone_whole(cell) -> None:  # type: ignore[no-untyped-def]
+    prepared = cell()
+    for name in ("planning", "speech"):
+        for action in actions(prepared, f"partition/{name}"):
+            host = prepared.copy()
+            asked(prepared, host, action)
+
+            ran = undo(host, prepared.plan)
+
+            assert ran.code == 0, f"{action}\n{ran.says}"
+            assert seen(host)["machines"] == seen(prepared.copy())["machines"], action
+
+
+def given_since(host: WindowsHost, what: str) -> None:
+    (vm,) = (one for one in host.vms.values() if one.name == "planning")
+    match what:
+        case "disk":
+            host.write_file("D:\\results.vhdx", b"somebody's")
+            vm.disks.append("D:\\results.vhdx")
+        case "name":
+            vm.name = "kept"
+        case "checkpoint":
+            vm.checkpoint_count = 1
+
+
+@pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
+def test_an_undo_does_not_remove_a_machine_with_what_somebody_gave_it_since(what: str) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    given_since(host, what)
+    before = seen(host)
+
+    ran = undo(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert "added" in ran.says
+    assert seen(host) == before
+
+
+@pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
+def test_a_removal_refuses_a_machine_with_what_the_plan_did_not_see(what: str) -> None:
+    made = fresh()
+    host = made.copy()
+    apply(host, made.plan)
+    removal = made.cell.on(host).plan(purpose=_destroy())
+    given_since(host, what)
+    before = seen(host)
+
+    ran = apply(host, removal)
+
+    assert ran.code == 3, ran.says
+    assert seen(host) == before
+
+
+def _destroy() -> object:
+    from rarms_iac.model.plan import Purpose
+
+    return Purpose.DESTROY
+
+
+@pytest.mark.parametrize("cell", [fresh, everything])
+def test_nothing_is_left_in_the_registry_of_a_run_that_was_undone(cell) -> None:  # type: ignore[no-untyped-def]
+    prepared = cell()
+    whole = prepared.copy()
+    apply(whole, prepared.plan)
+    written = [at for at, effect in enumerate(whole.effects) if "HKLM:" in effect]
+    assert written
+    for at in [*written[:: max(1, len(written) // examples(8))], None]:
+        host = prepared.copy(kill_after=at)
+        apply(host, prepared.plan)
+        host = host.copy()
+
+        ran = undo(host, prepared.plan)
+
+        assert ran.code == 0, ran.says
+        assert host.registry == prepared.copy().registry, whole.effects[at] if at is not None else "not killed"
+
+
+def test_what_a_profile_gives_to_every_call_does_not_reach_into_a_run() -> None:
+    prepared = everything()
+    plain = prepared.copy()
+    apply(plain, prepared.plan)
+    host = prepared.copy(defaults={"Set-VM:AutomaticStartAction": "Nothing", "*:ErrorAction": "SilentlyContinue"})
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 0, ran.says
+    assert seen(host.copy(defaults={})) == seen(plain)
+    failing = prepared.copy(defaults={"*:ErrorAction": "SilentlyContinue"}, refusals={"Get-VMHost": ("E1", "X", "no")})
+    assert "no" in apply(failing, prepared.plan).says
+
+
+def test_a_profile_does_not_reach_into_what_a_host_looks_like() -> None:
+    host = everything().copy(refusals={"Get-VM": ("AccessDenied", "PermissionDenied", "may not")})
+    hidden = host.copy(defaults={"*:ErrorAction": "SilentlyContinue"})
+    for one in (host, hidden):
+        put(one, {"observe.ps1": render_observe()})
+
+    assert run(hidden, "observe.ps1").lines == run(host, "observe.ps1").lines
+    assert json.loads(run(host, "observe.ps1").lines[0])["machines"]["status"] == "denied"
+
+
+PINNED = [
+    *("PSDefaultParameterValues", "ErrorActionPreference", "WarningPreference", "VerbosePreference"),
+    *("DebugPreference", "InformationPreference", "ProgressPreference", "ConfirmPreference", "WhatIfPreference"),
+    "PSModuleAutoLoadingPreference",
+]
+
+
+@pytest.mark.parametrize("name", PINNED)
+def test_observe_pins_a_preference_before_it_calls_anything(name: str) -> None:
+    text = render_observe().decode("ascii")
+
+    assert f"\r\n${name} = " in text.partition("Set-StrictMode")[0]
+
+
+def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -> None:
+    prepared = everything()
+    host = prepared.copy(interrupt=True)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 0, "PowerShell's own"
+    assert ran.events[-1]["status"] == "begun", "no closing event: nobody may take it for done"
+    assert host.mutex == ""
+    other = apply(host.copy(), fresh().plan)
+    assert (other.code, "run its script again, or its undo script" in other.says) == (3, True)
+    host = host.copy()
+    assert apply(host, prepared.plan).events[-1]["status"] == "done"
+
+
+def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
+    prepared = fresh()
+    host = prepared.copy(mutex="held")
+    put(host, scripts_of(prepared.plan))
+
+    ran = run(host, apply_script(prepared.plan), what_if=True)
+    spoken = run(host, apply_script(prepared.plan), what_if=True, as_json=False)
+
+    assert ran.code == 0, ran.says
+    assert {event["status"] for event in ran.events} == {"skipped"}
+    assert sum(line.startswith("What if: ") for line in spoken.lines) > 3
+
+
+def test_a_failure_names_its_step_its_cmdlet_and_its_error() -> None:
+    prepared = fresh()
+    at = next(at for at, effect in enumerate(_effects(prepared)) if effect.startswith("Set-VMMemory"))
+    host = prepared.copy(fail_at=at)
+
+    *_, begun, failed = apply(host, prepared.plan).events
+
+    assert (failed["kind"], failed["address"]) == ("failed", "partition/planning")
+    assert (begun["status"], begun["number"]) == ("begun", failed["number"])
+    assert "Set-VMMemory Unspecified" in failed["detail"]
+
+
+def test_a_reading_that_fails_names_the_step_it_was_read_for() -> None:
+    prepared = everything()
+    host = prepared.copy(refusals={"Get-VMMemory": ("InvalidState,GetVMMemory", "InvalidOperation", "it is busy")})
+
+    failed = apply(host, prepared.plan).events[-1]
+
+    assert failed["address"].startswith("partition/")
+    assert "it is busy (Get-VMMemory InvalidState,GetVMMemory, line" in failed["detail"]
+
+
+def _effects(prepared: Prepared) -> list[str]:
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    return host.effects
+
+
+@pytest.mark.parametrize("seconds", [-5, 3_000_000])
+def test_a_wait_that_makes_no_sense_is_refused_in_our_own_words(seconds: int) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+
+    ran = run(host, apply_script(prepared.plan), lock_timeout=seconds)
+
+    assert ran.code == 1
+    assert ran.events[-1]["detail"] == "-LockTimeout takes 0 to 86400 seconds"
+    assert host.effects == []
+
+
+def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+
+    ran = run(host, apply_script(prepared.plan), unanswered=True)
+
+    assert ran.code == 1
+    assert "nobody can answer here" in ran.events[-1]["detail"]
+
+
+def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+    del host.files[PENDING_FOLDER + undo_script(prepared.plan)]
+
+    ran = run(host, apply_script(prepared.plan))
+
+    assert ran.code == 1
+    assert ran.events[-1]["detail"].endswith("must lie beside this script: put it there")
+
+
+@pytest.mark.parametrize("after", ["apply", "undo", "undo of another"])
+def test_a_journal_that_never_began_is_cleared_away_by_the_next_run(after: str) -> None:
+    prepared = fresh()
+    at = next(
+        at for at, effect in enumerate(_effects(prepared)) if effect.startswith("write") and "jsonl.new" in effect
+    )
+    host = prepared.copy(kill_after=at)
+    apply(host, prepared.plan)
+    host = host.copy()
+    assert host.file(JOURNAL + ".new")
+
+    ran = apply(host, prepared.plan) if after == "apply" else undo(host, prepared.plan)
+
+    assert ran.code == (0 if after == "apply" else 3), ran.says
+    assert host.file(JOURNAL + ".new") is None
+
+
+def test_a_step_of_many_values_that_is_killed_at_its_first_one_every_time_ends() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+
+    def kill(changed: WindowsHost) -> None:
+        if changed.effects[-1].startswith(f"New-ItemProperty {PROFILE}"):
+            raise Killed
+
+    runs = 0
+    ran = None
+    while (ran is None or ran.code is None) and runs < 40:
+        host = host.copy(watch=kill)
+        ran = apply(host, prepared.plan)
+        runs += 1
+
+    assert ran is not None
+    assert ran.code == 0, f"still not done after {runs} runs"
+    assert runs > 3
+
+
+def test_a_value_of_another_type_is_written_again() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    task = host.registry[f"{PROFILE}\\Tasks\\Localization".lower()]
+    task.values["priority"] = replace(task.values["priority"], kind="String", data="5")
+    assert isinstance(task.values["priority"], Entry)
+
+    left = prepared.cell.on(host).plan()
+    ran = apply(host, left)
+
+    assert ran.code == 0, ran.says
+    assert task.values["priority"].kind == "DWord"
