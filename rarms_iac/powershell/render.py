@@ -256,7 +256,8 @@ def _extra(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
 
 
 def _table(readings: Readings) -> str:
-    return "; ".join(f"{literal(name)} = {literal(value)}" for name, value in sorted(readings.items()))
+    """In lower case, as the script reads them: 5.1 compares keys by culture, and to a Turkish one I and i differ."""
+    return "; ".join(f"{literal(name.lower())} = {literal(value)}" for name, value in sorted(readings.items()))
 
 
 def _remarks(numbered: _NumberedPiece, total: int) -> Iterable[str]:

@@ -9,7 +9,19 @@ from tests.twin.host import File, WindowsHost
 from tests.twin.operators import match_thing
 from tests.twin.scopes import Scope
 from tests.twin.text import regex
-from tests.twin.values import EMPTY, Enumerated, Moment, Record, ScriptError, Thing, Unsupported, Value, number, text
+from tests.twin.values import (
+    EMPTY,
+    Enumerated,
+    Moment,
+    Record,
+    ScriptError,
+    Table,
+    Thing,
+    Unsupported,
+    Value,
+    number,
+    text,
+)
 
 
 def static_property(kind: str, name: str, scope: Scope) -> Value:
@@ -294,6 +306,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
     ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{byte:02X}" for byte in bytes(data)),
     ("array", "sort"): _sort,
+    ("collections.hashtable", "new"): lambda scope, comparer: Table(ordinal=True),
     ("string", "equals"): _equals,
     ("security.principal.windowsidentity", "getcurrent"): _identity,
     ("security.principal.windowsprincipal", "new"): lambda scope, identity: Principal(scope),

@@ -28,7 +28,7 @@ def told(*statements: str, what_if: bool = False) -> list[str]:
         ("function Two { @('a', 'b') }\nOut -V (Two)", "a b"),
         ("$x = @('a')\nOut -V $x.Count", "1"),
         ("$n = @{ 1 = 'one' }\nOut -V ($n.Contains([long] 1))", "False"),
-        ("$n = @{ Name = 'one' }\nOut -V $n['NAME']", "one"),
+        ("$n = @{ Name = 'one' }\nOut -V $n['Name']", "one"),
         ("Out -V ([long] 5 -ceq 5)", "True"),
         ("Out -V ('A' -ceq 'a')", "False"),
         ("Out -V ('A' -eq 'a')", "True"),

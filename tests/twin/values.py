@@ -125,25 +125,34 @@ class Moment(Thing):
 
 
 class Table:
-    """A hashtable, or an ordered one: keys that are text do not tell case."""
+    """A hashtable, or an ordered one. 5.1 compares keys that are text by the culture of whoever runs it.
 
-    def __init__(self, entries: Iterable[tuple[Value, Value]] = (), *, ordered: bool = False) -> None:
+    So two texts that are one key in some cultures and two in others are an error here, unless the table is ordinal.
+    """
+
+    def __init__(
+        self, entries: Iterable[tuple[Value, Value]] = (), *, ordered: bool = False, ordinal: bool = False
+    ) -> None:
         self.ordered = ordered
+        self.ordinal = ordinal
         self._held: dict[tuple[str, object], tuple[Value, Value]] = {}
+        self._texts: dict[str, str] = {}  # by what any culture may make of it: the text that is a key
         for key, value in entries:
             if self.has(key):
                 raise Unsupported(f"the key {key!r} stands twice")
             self.put(key, value)
 
     def put(self, key: Value, value: Value) -> None:
-        old = self._held.get(_key(key))
-        self._held[_key(key)] = (old[0] if old else key, None if value is EMPTY else value)
+        old = self._held.get(self._key(key))
+        if isinstance(key, str) and not self.ordinal:
+            self._texts[_in_some_culture(key)] = key
+        self._held[self._key(key)] = (old[0] if old else key, None if value is EMPTY else value)
 
     def has(self, key: Value) -> bool:
-        return _key(key) in self._held
+        return self._key(key) in self._held
 
     def at(self, key: Value) -> Value:
-        found = self._held.get(_key(key))
+        found = self._held.get(self._key(key))
         return found[1] if found else None
 
     def keys(self) -> list[Value]:
@@ -154,6 +163,15 @@ class Table:
 
     def __len__(self) -> int:
         return len(self._held)
+
+    def _key(self, key: Value) -> tuple[str, object]:
+        if isinstance(key, str) and (held := self._texts.get(_in_some_culture(key), key)) != key:
+            raise Unsupported(f"the keys {held!r} and {key!r}: whether they are one depends on the culture")
+        return _key(key)
+
+
+def _in_some_culture(key: str) -> str:
+    return key.lower().replace("\N{SOFT HYPHEN}", "")
 
 
 def _key(key: Value) -> tuple[str, object]:
@@ -167,7 +185,7 @@ def _key(key: Value) -> tuple[str, object]:
         case Char():
             return "char", str(key)
         case str():
-            return "text", key.lower()
+            return "text", key
         case _:
             raise Unsupported(f"{key!r} as a key")
 

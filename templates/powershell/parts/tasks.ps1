@@ -7,7 +7,11 @@ $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
-    $live = @{ exists = $false; values = ''; record = ''; set = ''; empty = Test-EmptyKey -Task $Task }
+    # Ordinal: names of values are anybody's, and 5.1 compares other tables' keys by culture.
+    $live = [System.Collections.Hashtable]::new([System.StringComparer]::Ordinal)
+    $live['exists'] = $false
+    foreach ($name in @('values', 'record', 'set')) { $live[$name] = '' }
+    $live['empty'] = Test-EmptyKey -Task $Task
     [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
     [Array]::Sort($names, [System.StringComparer]::Ordinal)
     foreach ($name in $names) {

@@ -9,7 +9,7 @@ function Read-GuestTaskClass {
     $live = Read-TaskClass -Task $Task
     $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
-        $known = $live['value:' + $name] -cmatch '^(dword|qword|sz):'
+        $known = $live['value:' + $name.ToLowerInvariant()] -cmatch '^(dword|qword|sz):'
         $reserved = $name.ToLowerInvariant() -cmatch '^ps(object|base|adapted|extended|typenames)$'
         if (-not $known -or $reserved -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
     }
@@ -28,7 +28,7 @@ function Save-TaskRecord {
     } elseif ($live['exists']) {
         $values = [ordered] @{}
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
-            $kind, $data = $live['value:' + $name] -split ':', 2
+            $kind, $data = $live['value:' + $name.ToLowerInvariant()] -split ':', 2
             if ($kind -cne 'sz') { $data = [long] $data }
             $values[$name] = [ordered] @{ kind = $kind; data = $data }
         }
@@ -41,6 +41,8 @@ function Restore-TaskClass {
     # Brings back what the record says was there before rarms: no class, or exactly these values.
     param([string] $Task, [string] $Application)
     $path = Get-RecordPath -Task $Task -Application $Application
+    # Without its digest nothing was written yet; without the record all is back.
+    if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
     $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
     if ($null -eq $before) {
         Clear-TaskClass -Task $Task

@@ -133,7 +133,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -731,7 +732,7 @@ try {
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'af89e6152a0288bff2e216a542d399bd3f57f256b3526a4fa99ef5bb252eeef1'
+        UndoDigest = 'be488583549471eb7ba77de57dfb92ea2213386b803ab8876dc4883943acd8b1'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

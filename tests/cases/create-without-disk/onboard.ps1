@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -662,7 +663,7 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9de103e87d8a5a6b8cf34d0da7110693ea3f3f984b797e57f96c4bfca8abf5bf'
+        UndoDigest = 'd61cf1fde89db16ec92d58dbb170a7ef9f08a16e6012eaa5d13ca89cb80bc2a3'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -618,7 +619,7 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c44df2cc47b72960bb9040a1c4852c3e1fdbaa7dbd9a8380b534322b67e89f3e'
+        UndoDigest = '64b19c0978a6b0da1a59c72eda9b4233485fd2cfdb5858bcd65a6297a7afe02b'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

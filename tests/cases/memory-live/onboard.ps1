@@ -133,7 +133,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -680,7 +681,7 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c3623db082845ff1410a6e93bcfe5699e862229dbbed483cf1caf74ffd5a2c35'
+        UndoDigest = 'c457c70dba5f3b0d80f4450573417dbd9845c2b392c2f32956d4ed9bdcf40d9d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -618,7 +619,7 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9aa0f07aa4a7b821cf7a5d32cb8a16ccadaf086b3f66810a5c6ac6619919d887'
+        UndoDigest = '6817de339b0de9f1b8c6e73c1c2dba745452cce7e908a195d7c71fd1a2866bc3'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

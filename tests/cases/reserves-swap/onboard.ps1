@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -662,7 +663,7 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c9546954e11b44aefe9877c8348f3d66e9343395a9c3d34b4a8a695bb814373f'
+        UndoDigest = 'f5ce0c1a853ea7842338e68cd8c355d0cab041f1e8ad0fedb2ce4c0eaba834a0'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

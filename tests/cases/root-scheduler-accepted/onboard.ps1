@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -662,7 +663,7 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0851f49193fb6daa1ae2299f2a9d1c4d6bce82a6bea2cdb1d3067e93a0e0be6b'
+        UndoDigest = '01d5899aad52083937c3bdc80948166d8b125c08241ae351b93a2e67cca49e08'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -133,7 +133,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -680,7 +681,7 @@ try {
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '3494eecdddf7da5ee3b87b5866d223bac951aa8c2492b9ec265212dd34e24a1b'
+        UndoDigest = 'cf8f86cf2cb2f808f0df1de5b309d88de73a3d3d41e080b7ecc84128e2e38a28'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -133,7 +133,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -636,7 +637,7 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b2c0f8211984b7e969a8c22d766e46a039eef9bf519de353dc5056ad8390c27a'
+        UndoDigest = '4539d3214bf2f59cbb282d7432268efd8b758be5c621c4fc4537b0670ed09e23'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

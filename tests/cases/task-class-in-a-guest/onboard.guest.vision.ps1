@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -469,7 +470,11 @@ $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
-    $live = @{ exists = $false; values = ''; record = ''; set = ''; empty = Test-EmptyKey -Task $Task }
+    # Ordinal: names of values are anybody's, and 5.1 compares other tables' keys by culture.
+    $live = [System.Collections.Hashtable]::new([System.StringComparer]::Ordinal)
+    $live['exists'] = $false
+    foreach ($name in @('values', 'record', 'set')) { $live[$name] = '' }
+    $live['empty'] = Test-EmptyKey -Task $Task
     [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
     [Array]::Sort($names, [System.StringComparer]::Ordinal)
     foreach ($name in $names) {
@@ -606,7 +611,7 @@ function Read-GuestTaskClass {
     $live = Read-TaskClass -Task $Task
     $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
-        $known = $live['value:' + $name] -cmatch '^(dword|qword|sz):'
+        $known = $live['value:' + $name.ToLowerInvariant()] -cmatch '^(dword|qword|sz):'
         $reserved = $name.ToLowerInvariant() -cmatch '^ps(object|base|adapted|extended|typenames)$'
         if (-not $known -or $reserved -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
     }
@@ -625,7 +630,7 @@ function Save-TaskRecord {
     } elseif ($live['exists']) {
         $values = [ordered] @{}
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
-            $kind, $data = $live['value:' + $name] -split ':', 2
+            $kind, $data = $live['value:' + $name.ToLowerInvariant()] -split ':', 2
             if ($kind -cne 'sz') { $data = [long] $data }
             $values[$name] = [ordered] @{ kind = $kind; data = $data }
         }
@@ -638,6 +643,8 @@ function Restore-TaskClass {
     # Brings back what the record says was there before rarms: no class, or exactly these values.
     param([string] $Task, [string] $Application)
     $path = Get-RecordPath -Task $Task -Application $Application
+    # Without its digest nothing was written yet; without the record all is back.
+    if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
     $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
     if ($null -eq $before) {
         Clear-TaskClass -Task $Task
@@ -658,7 +665,7 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '522f514013e90b087ef982ce718c591c9e7ba26a41f95ace0368f674e5d00659'
+        UndoDigest = '1534e0d76e48f2792978cdc60c43df62139b936702ea072b4da77cb8186590ed'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -680,7 +687,7 @@ try {
         Needs = @('partition/vision', 'partition/vision/task/MotionControl')
         Read = { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
         Before = @{ 'taken' = $false }
-        After = @{ 'exists' = $true; 'record' = 'robot'; 'set' = '59f2d42fe4cf'; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'record' = 'robot'; 'set' = '59f2d42fe4cf'; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Save-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf'
             Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0

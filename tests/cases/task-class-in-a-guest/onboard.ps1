@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -662,7 +663,7 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9414c4c69362956a04ef53d70caef3e6a319a1ce013c7ac7d992069e90cfa49b'
+        UndoDigest = 'b65998bbdbf668e6e1d05d30e7c5a3e9ac185369f72b292fdd1f4eeb1f21804d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -132,7 +132,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -662,7 +663,7 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b8166ff86d742d2446e057c81a2ebc9b19e57ebcde8ce7e0c6e625c1ecfc5c7f'
+        UndoDigest = '35e18e2eda9c314dfbf2a7a7fcdbbaf2f4320762d0c48e2730427e418c24b725'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -133,7 +133,8 @@ function Find-Moved {
         $script:Current = $made[$at]['Step']
         $read = $script:Current.Read
         foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
-            if ($ahead.Contains($at + ' ' + $name)) { continue }
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
         }
     }
@@ -636,7 +637,7 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0bc955ab7088131720f8b44e8118cb0d7ffa4fbbf6c38e94d3c654e753bf4e1f'
+        UndoDigest = '99c3dbd744c148fe2eda98adaeee3109ee33e1e57bfc2b5e00a730967bf59bb4'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -54,8 +54,8 @@ def test_a_class_must_be_free_and_nothing_else_is_claimed_of_it() -> None:
     assert motion.after == {
         "exists": True,
         "values": "priority, scheduling category",
-        "value:Priority": "dword:6",
-        "value:Scheduling Category": "sz:Medium",
+        "value:priority": "dword:6",
+        "value:scheduling category": "sz:Medium",
         "record": "robot",
         "set": "0123456789ab",
     }
