@@ -71,7 +71,7 @@ def given_since(host: WindowsHost, what: str) -> None:
             vm.disks.append("D:\\results.vhdx")
         case "name":
             vm.name = "kept"
-        case "checkpoint":
+        case _:
             vm.checkpoint_count = 1
 
 
