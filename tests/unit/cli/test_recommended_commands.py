@@ -9,7 +9,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +17,11 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.storage.datalog.files import append_setting
+from rarms_iac.storage.datalog.log import Recorded
+from tests.builders_measured import a_series, a_setting
 from tests.crashing import KILLED
-from tests.measuring import leave_logs
+from tests.measuring import TAKEN, leave_logs
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 
@@ -94,6 +97,18 @@ def killed(*words: str, at: int) -> Callable[[], None]:
 def logs(**least: int) -> Callable[[], None]:
     """What leaves data logs that need so many per cent."""
     return lambda: leave_logs(Path(), least)
+
+
+def drifting(component: str, reserves: Iterable[int]) -> Callable[[], None]:
+    """What adds settings to a data log at which each job takes longer than the one before, whatever it reserves."""
+
+    def append() -> None:
+        log = Path("measurements", "onboard", component, "busy-loop.jsonl")
+        slower = a_series(component, [20 + 0.4 * job for job in range(60)])
+        for reserve in reserves:
+            append_setting(log, Recorded(setting=a_setting(reserve, slower), provenance=TAKEN))
+
+    return append
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,6 +237,16 @@ SITUATIONS = {
         words=("measure", "vision"),
         says="this does both",
         recommends=("rarms measure vision --write-processors",),
+    ),
+    "settings below have no steady state": Situation(
+        steps=(
+            write(MEASURED),
+            do("measure", "vision", "--from", "10%", "--to", "60%", "--step", "50%"),
+            drifting("vision", range(11, 60)),
+        ),
+        words=("measure", "vision"),
+        says="RARMS267",
+        recommends=("rarms measure vision --again --samples 2000",),
     ),
     "there is no manifest": Situation(steps=(), words=("validate",), says="RARMS001", recommends=("rarms init",)),
     "the manifest is empty": Situation(
