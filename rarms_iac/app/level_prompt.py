@@ -5,12 +5,12 @@ from dataclasses import replace
 from typing import Protocol
 
 from rarms_iac.app.errors import RequestError, UseCaseError
-from rarms_iac.app.experiments import ExperimentResult
+from rarms_iac.app.experiments import ExperimentResult, reserves_between
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.select import SelectOutcome, SelectRequest, select_level
+from rarms_iac.app.select import BeyondMeasured, SelectOutcome, SelectRequest, select_level
 from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept
@@ -48,6 +48,10 @@ class LevelPrompt(Protocol):
         """Tell whether to measure the reservation that follows, as it lies between measured settings."""
         ...
 
+    def extends(self, beyond: BeyondMeasured) -> bool:
+        """Tell whether to measure higher settings, since no measured one is enough for the level."""
+        ...
+
     def refused(self, problem: RequestError | UseCaseError) -> None:
         """Tell why the level that was given cannot be had; the same component is asked again."""
         ...
@@ -58,7 +62,10 @@ class LevelPrompt(Protocol):
 
 
 def ask_levels(
-    hosts: Hosts, result: ExperimentResult, prompt: LevelPrompt, refine: Callable[[], ExperimentResult]
+    hosts: Hosts,
+    result: ExperimentResult,
+    prompt: LevelPrompt,
+    measure: Callable[[tuple[int, ...]], ExperimentResult],
 ) -> ExperimentResult:
     """Ask for a level of each component of an experiment, and write the answers into the manifest.
 
@@ -66,7 +73,7 @@ def ask_levels(
         hosts: Those of the manifest, which is read anew for each level.
         result: What was measured.
         prompt: Shows it, and asks.
-        refine: Measures what the manifest then asks for, where it is not measured yet.
+        measure: Measures these settings; none: searches what the manifest then asks for.
 
     Raises:
         SessionEnded: Somebody asked for an end.
@@ -77,7 +84,9 @@ def ask_levels(
     source, names = hosts.manifest.source, result.experiment.setup.members
     prompt.show(result, report_of_manifest(hosts.manifest))
     for name in names:
-        while level := prompt.ask(name):
+        kept = ""
+        while level := kept or prompt.ask(name):
+            kept = ""
             try:
                 written = _selected(hosts, _request_of(name, level), prompt)
                 if written is None:
@@ -85,14 +94,32 @@ def ask_levels(
                 prompt.written(written)
                 if not _is_interpolated(written) or not prompt.refines(written):
                     break
-                result = refine()
+                result = measure(())
             except (RequestError, UseCaseError) as problem:
                 prompt.refused(problem)
-                continue
+                extended = _extended(problem, prompt, measure)
+                if extended is None:
+                    continue
+                kept, result = level, extended
             if isinstance(result.conclusion, Stopped):
                 return result
             prompt.show(result, report_of_manifest(load_manifest(source)))
     return _beside_new_thresholds(hosts, result)
+
+
+def _extended(
+    problem: RequestError | UseCaseError,
+    prompt: LevelPrompt,
+    measure: Callable[[tuple[int, ...]], ExperimentResult],
+) -> ExperimentResult | None:
+    """What higher settings came to, where the level needs them and somebody wants them; else None."""
+    if not isinstance(problem, BeyondMeasured) or not prompt.extends(problem):
+        return None
+    try:
+        return measure(reserves_between(problem.first, problem.last, None))
+    except UseCaseError as refusal:
+        prompt.refused(refusal)
+        return None
 
 
 def _request_of(component: str, level: str) -> SelectRequest:

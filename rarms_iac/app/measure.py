@@ -156,11 +156,15 @@ def _measure_all(
                 complete[path] = remeasurement
             if prompt is not None and not is_stopped:
 
-                def refine(bench: MeasuringHost = bench, experiment: Experiment = experiment) -> ExperimentResult:
-                    return _refined(hosts, experiment, bench, request, reporter, stop, rest)
+                def more(
+                    reserves: tuple[int, ...], bench: MeasuringHost = bench, experiment: Experiment = experiment
+                ) -> ExperimentResult:
+                    return _measured_on(
+                        hosts, experiment, bench, replace(request, reserves=reserves), reporter, stop, rest
+                    )
 
                 try:
-                    result = ask_levels(hosts, result, prompt, refine)
+                    result = ask_levels(hosts, result, prompt, more)
                 except SessionEnded:
                     ended = True
                 is_stopped = isinstance(result.conclusion, Stopped)
@@ -173,7 +177,7 @@ def _measure_all(
     return outcome, complete
 
 
-def _refined(
+def _measured_on(
     hosts: Hosts,
     experiment: Experiment,
     bench: MeasuringHost,
@@ -182,13 +186,13 @@ def _refined(
     stop: StopSignal,
     rest: PartitionRest,
 ) -> ExperimentResult:
-    """Search the least reservation for the thresholds that the manifest has now; what is recorded is not run again."""
+    """Measure these settings, or else search for the thresholds that the manifest has now; nothing is run twice."""
     fresh = replace(hosts, manifest=load_manifest(hosts.manifest.source))
     setup = experiment.setup
     again = experiment_of(fresh.system, experiment.host, setup.members, setup.interference, request.samples)
-    search = replace(request, reserves=(), coarse=False, again=False)
+    further = replace(request, coarse=False, again=False)
     with stop.gently():
-        return run_experiment(fresh, again, bench, search, reporter=reporter, stop=stop, rest=rest)
+        return run_experiment(fresh, again, bench, further, reporter=reporter, stop=stop, rest=rest)
 
 
 def _remeasurements(
@@ -421,8 +425,8 @@ def _make_room(
     if still_running := rest.stop(bench):
         message = f"On {bench.name} these run, and would change what is measured: {', '.join(still_running)}."
         advice = (
-            "Let `rarms measure --stop-partitions` stop them and start them again afterwards, or do it yourself: "
-            "`rarms stop`, later `rarms start`."
+            f"Let `rarms {rest.command} --stop-partitions` stop them and start them again afterwards, or do it "
+            "yourself: `rarms stop`, later `rarms start`."
         )
         address = f"host/{bench.name}"
         raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=address)])

@@ -1,10 +1,12 @@
 """Fewer virtual processors for components that cannot use theirs: written, and measured again."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
+from rarms_iac.app.control import SILENT, Reporter
 from rarms_iac.app.experiments import ExperimentResult, MeasureRequest
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifest_edits import write_processors
 from rarms_iac.app.measure import MeasureOutcome
 from rarms_iac.model.outcomes import Sufficient
@@ -13,58 +15,89 @@ from rarms_iac.statistics.parallelism import usable_processors
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Narrowing:
-    """What was written of a component."""
+    """A component that was measured alone and cannot use all its virtual processors."""
 
     component: str
     before: int
-    after: int
-    file: str
+    after: int  # on several platforms the most that it can use on any
+    reserve: int  # the highest CR that it needs with as many as before, in whole per cent
 
 
-def narrow(hosts: Hosts, outcome: MeasureOutcome) -> tuple[Narrowing, ...]:
-    """Write `processors` for each component that was measured alone and cannot use all that it has.
+NarrowingConsent = Callable[[Narrowing], bool]
+"""Whether fewer processors of a component are written into the manifest; may raise `SessionEnded`."""
+
+
+def always_narrows(_narrowing: Narrowing) -> bool:
+    """Write all of them, as the options ask for."""
+    return True
+
+
+def narrow(
+    hosts: Hosts,
+    request: MeasureRequest,
+    outcome: MeasureOutcome,
+    measure: Callable[[MeasureRequest], MeasureOutcome],
+    consents: NarrowingConsent = always_narrows,
+    reporter: Reporter = SILENT,
+) -> MeasureOutcome:
+    """Write `processors` for components that cannot use all that they have, where that is wanted, and measure these.
 
     Args:
         hosts: Those that were measured on; the files of their manifest are written.
-        outcome: What was measured.
+        request: How it was measured.
+        outcome: What was measured; what it says of other components stands.
+        measure: Measures with the manifest as it is now.
+        consents: Asked for each component before its `processors` are written.
+        reporter: Hears what was written.
 
     Returns:
-        What was written; of a component on several platforms the most that it can use on any.
+        What is known now; the same outcome where nothing was written.
 
     Raises:
         CannotFormat: The text is no manifest.
-        UseCaseError: A file cannot be written (failed).
+        UseCaseError: A file cannot be written (failed), or as measuring.
     """
-    found: dict[str, list[tuple[int, int]]] = {}
+    if outcome.stopped or outcome.ended:
+        return outcome
+    written: list[str] = []
+    try:
+        for narrowing in narrowings(outcome):
+            if not consents(narrowing):
+                continue
+            file = write_processors(hosts.manifest, narrowing.component, narrowing.after)
+            written.append(narrowing.component)
+            reporter.message(
+                f"Written to {file}: `processors: {narrowing.after}` for {narrowing.component}, which uses no more of "
+                f"its {narrowing.before}. It is measured again."
+            )
+    except SessionEnded:
+        return replace(outcome, ended=True)
+    if not written:
+        return outcome
+    search = replace(request, components=tuple(written), together=False, coarse=False, again=False)
+    return _beside(outcome, measure(search), written)
+
+
+def narrowings(outcome: MeasureOutcome) -> Iterator[Narrowing]:
+    """Yield each component that was measured alone and can use fewer virtual processors than it has on any platform.
+
+    Args:
+        outcome: What was measured.
+    """
+    alone: dict[str, list[tuple[int, int, int]]] = {}
     for result in outcome.results:
         setup = result.experiment.setup
         if len(setup.members) == 1 and isinstance(result.conclusion, Sufficient):
             usable = usable_processors(result.settings, setup.members[0], setup.processors) or setup.processors
-            found.setdefault(setup.members[0], []).append((setup.processors, usable))
-    return tuple(
-        Narrowing(component=name, before=before, after=after, file=write_processors(hosts.manifest, name, after))
-        for name, pairs in found.items()
-        for before, after in [(max(before for before, _ in pairs), max(after for _, after in pairs))]
-        if after < min(before for before, _ in pairs)
-    )
+            alone.setdefault(setup.members[0], []).append((setup.processors, usable, result.conclusion.reserve))
+    for name, found in alone.items():
+        before, after, reserve = (max(each) for each in zip(*found, strict=True))
+        if after < min(processors for processors, _, _ in found):
+            yield Narrowing(component=name, before=before, after=after, reserve=reserve)
 
 
-def measure_narrowed(
-    narrowed: tuple[Narrowing, ...],
-    request: MeasureRequest,
-    outcome: MeasureOutcome,
-    measure: Callable[[MeasureRequest], MeasureOutcome],
-) -> MeasureOutcome:
-    """Measure again what was narrowed, with the manifest as it is now.
-
-    Args:
-        narrowed: What was written.
-        request: How it was measured.
-        outcome: What was measured before; what it says of other components stands.
-        measure: Measures with the manifest as it is now.
-    """
-    names = tuple(narrowing.component for narrowing in narrowed)
-    after = measure(replace(request, components=names))
+def _beside(outcome: MeasureOutcome, after: MeasureOutcome, names: list[str]) -> MeasureOutcome:
+    """What was measured anew, beside what still stands of the rest."""
 
     def stands(result: ExperimentResult) -> bool:
         return result.experiment.setup.members[0] not in names or len(result.experiment.setup.members) > 1

@@ -45,6 +45,7 @@ class PartitionRest:
     hosts: Hosts
     reporter: Reporter
     consents: StopConsent = never_consents
+    command: str = "measure"  # that could have been asked to stop them
 
     def stop(self, bench: MeasuringHost) -> tuple[str, ...]:
         """Stop what runs of the application on this host, if that is consented to.
@@ -124,6 +125,11 @@ def at_rest(state: State, application: str) -> State:
         return stopped_partition(partition, StoppedBy.MEASUREMENT) if runs else partition
 
     return replace(state, partitions=tuple(map(resting, state.partitions)))
+
+
+def all_at_rest(states: Mapping[str, State], application: str) -> Mapping[str, State]:
+    """Return the same of several hosts, by name."""
+    return {name: at_rest(state, application) for name, state in states.items()}
 
 
 def is_for_measuring(run: Journal | ScriptRun) -> bool:

@@ -62,14 +62,27 @@ class Selection:
     why_no_headroom: str
 
 
+class BeyondMeasured(UseCaseError):
+    """No measured reservation is enough for a level, and the host can give more.
+
+    Attributes:
+        first: the lowest CR that was not measured, in whole per cent.
+        last: the highest that the host can give.
+    """
+
+    def __init__(self, problem: UseCaseError, first: int, last: int) -> None:
+        super().__init__(problem.outcome, problem.diagnostics, problem.sources)
+        self.first = first
+        self.last = last
+
+
 FAR = 10
 """So many times worse than the worst that was measured is no level that somebody wants."""
 
 
 def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> str:
     """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
-    highest = log.measured[-1]
-    limit = min(100, int(100 * capacity_of(host, None).processors / log.processors))
+    highest, limit = log.measured[-1], _limit(log, host)
     safe = curve.safe_value_at(highest)
     holds = "" if safe is None or not isfinite(safe) else f": {_show_level(index, safe)} holds at {highest} %"
     if highest >= limit:
@@ -78,6 +91,11 @@ def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether,
         f"Choose an easier level{holds}. Or measure higher settings, and select again: "
         f"`{log.again} --from {highest + 1}% --to {limit}%`."
     )
+
+
+def _limit(log: MeasuredTogether, host: Host) -> int:
+    """The highest CR that the host can give."""
+    return min(100, int(100 * capacity_of(host, None).processors / log.processors))
 
 
 def _why_far(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:
@@ -224,7 +242,11 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tu
         addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
         reasons = [finding for finding in planning.findings if finding.address in addresses]
         findings = [_with_next_command(finding, logs, choice) for finding in reasons or planning.findings]
-        raise UseCaseError(Outcome.NEGATIVE, findings, manifest.sources)
+        problem = UseCaseError(Outcome.NEGATIVE, findings, manifest.sources)
+        for host, log in logs[:1]:
+            if any(finding.code == NOT_MET.code for finding in findings) and log.measured[-1] < _limit(log, host):
+                raise BeyondMeasured(problem, log.measured[-1] + 1, _limit(log, host))
+        raise problem
     selection = Selection(
         component=name,
         index=choice.index.name,

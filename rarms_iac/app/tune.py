@@ -1,6 +1,6 @@
 """Tuning: components are combined into partitions, so that less is reserved."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac import __version__
@@ -12,6 +12,7 @@ from rarms_iac.app.manifest_edits import PartitionEdits, write_partitions
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import hold_benches, record_reservations
 from rarms_iac.app.measurement_files import now
+from rarms_iac.app.resting import PartitionRest, StopConsent, all_at_rest, never_consents, starting_again
 from rarms_iac.app.tuning_log import record_tuning
 from rarms_iac.app.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.app.tuning_subject import Experiments, bench_of, subject_of_tuning
@@ -59,6 +60,8 @@ def tune_components(
     stop: StopSignal = NEVER_STOP,
     planner_reporter: PlannerReporter | None = None,
     consent: Consent | None = None,
+    confirms: Callable[["TuningResult"], bool] | None = None,
+    stop_consents: StopConsent = never_consents,
 ) -> TuningResult:
     """Find components that can share a partition and reserve less together, and write that into the manifest.
 
@@ -72,24 +75,32 @@ def tune_components(
         stop: Asked between settings and while samples come.
         planner_reporter: Hears what the search asks, and what it was answered; None: nobody does.
         consent: Asked before a combination is measured; None: all are allowed.
+        confirms: Asked with what was found, before it is written; None: nobody is asked.
+        stop_consents: Whether partitions of the application that run there may be stopped meanwhile. They start again
+            afterwards, however it ends.
 
     Raises:
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not
             measured, or the hosts are of several platforms (negative).
     """
-    end = _search_held(hosts, request, reporter, stop, planner_reporter or SilentReporter(), consent or Always())
+    rest = PartitionRest(hosts=hosts, reporter=reporter, consents=stop_consents, command="tune")
+    end = _search_held(hosts, request, rest, stop, planner_reporter or SilentReporter(), consent or Always())
     edits = PartitionEdits(files=(), removed=())
-    if end.compounds and not request.dry_run:
+    is_wanted = bool(end.compounds) and not request.dry_run
+    if is_wanted and (confirms is None or confirms(_result(hosts, end, request, edits))):
         edits = write_partitions(hosts.manifest, end.compounds)
         record_reservations(hosts)
+    result = _result(hosts, end, request, edits)
+    record_tuning(hosts, result.platform, result.run)
+    return result
+
+
+def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: PartitionEdits) -> TuningResult:
     findings = (*tuning_findings(end, hosts.manifest.places), *(_still_too_much(hosts, end) if edits.files else ()))
-    platform = end.subject.bench.platform
-    run = tuning_run(end, request.strategy, written=bool(edits.files))
-    record_tuning(hosts, platform, run)
     return TuningResult(
-        platform=platform,
+        platform=end.subject.bench.platform,
         hosts=tuple(sorted(hosts.chosen)),
-        run=run,
+        run=tuning_run(end, request.strategy, written=bool(edits.files)),
         findings=findings,
         removed=edits.removed,
         files=edits.files,
@@ -99,7 +110,7 @@ def tune_components(
 def _search_held(
     hosts: Hosts,
     request: TuneRequest,
-    reporter: Reporter,
+    rest: PartitionRest,
     stop: StopSignal,
     planner_reporter: PlannerReporter,
     consent: Consent,
@@ -113,10 +124,16 @@ def _search_held(
         on_busy_host=request.on_busy_host,
         lock_timeout_ms=request.lock_timeout_ms,
     )
-    with hold_benches(hosts, [bench.name], request.lock_timeout_ms, reporter) as benches:
-        subject = subject_of_tuning(hosts, bench, observe_hosts(hosts))
+    with (
+        hold_benches(hosts, [bench.name], request.lock_timeout_ms, rest.reporter) as benches,
+        starting_again(hosts, benches, rest.reporter, stop),
+    ):
+        states = observe_hosts(hosts)
+        if not request.on_busy_host:
+            states = all_at_rest(states, hosts.system.application.name)
+        subject = subject_of_tuning(hosts, bench, states)
         oracle = Experiments(
-            subject=subject, bench=benches[bench.name], request=measuring, reporter=reporter, stop=stop
+            subject=subject, bench=benches[bench.name], request=measuring, reporter=rest.reporter, stop=stop, rest=rest
         )
         inquiry = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
         return search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)

@@ -9,6 +9,7 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measure import run_experiment
+from rarms_iac.app.resting import PartitionRest
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
@@ -205,6 +206,7 @@ class Experiments:
     request: MeasureRequest
     reporter: Reporter = SILENT
     stop: StopSignal = NEVER_STOP
+    rest: PartitionRest | None = None  # stops what is in the way; None: nothing is stopped
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
@@ -233,6 +235,7 @@ class Experiments:
                 reporter=self.reporter,
                 stop=self.stop,
                 strategy=strategy,
+                rest=self.rest,
             )
         match result.conclusion:
             case Stopped():

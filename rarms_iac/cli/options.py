@@ -180,6 +180,15 @@ def lock_timeout_option(function: F) -> F:
     return time_option("--lock-timeout", default="0 s", text=text)(function)
 
 
+def stop_option(function: F) -> F:
+    """`--stop-partitions` as `stop_partitions: bool`."""
+    return click.option(
+        "--stop-partitions",
+        is_flag=True,
+        help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
+    )(function)
+
+
 def output_option(function: F) -> F:
     """`--output` as `outputs: tuple[Output, ...]`; `--json` is short for `--output json`."""
 

@@ -1,25 +1,30 @@
-"""What is asked at a terminal: which level of performance is good enough, and whether a combination is measured."""
+"""What is asked at a terminal: levels of performance, combinations, and whether something is stopped or written."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import click
 
+from rarms_iac.app.combining import CombiningOffer
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.files import STANDARD_INPUT
-from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.select import SelectOutcome
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.resting import StopConsent, always_consents, never_consents
+from rarms_iac.app.select import BeyondMeasured, SelectOutcome
+from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.interrupts import Interrupted
-from rarms_iac.cli.messages import TerminalReporter, stopped, tell
+from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
-from rarms_iac.model.quantities import show_lp_percent
-from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
+from rarms_iac.views import questions
+from rarms_iac.views.console import paragraph, render
+from rarms_iac.views.questions import Question
+from rarms_iac.views.select import selection_text
+from rarms_iac.views.tune import TuningProgress, tuned_text
 
 
 def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
@@ -53,42 +58,24 @@ class TerminalLevelPrompt:
 
     def show(self, result: ExperimentResult, report: Report) -> None:
         """Show the settings, a plot an index, and what all reservations add up to."""
-        from rarms_iac.views.console import paragraph
-        from rarms_iac.views.measure import settings_text
-        from rarms_iac.views.reports.summary import fit_text, platform_fits
-        from rarms_iac.views.reports.terminal import TerminalPlot, legend
-
-        ascii_only = self._terminal.ascii_only
-        self._terminal.talk("")
-        self._terminal.talk(settings_text(result))
-        members = result.experiment.setup.members
-        for measurement in report.measurements:
-            if not measurement.rests or measurement.components != members:
-                continue
-            for index in measurement.indexes:
-                self._terminal.talk("")
-                self._terminal.talk(TerminalPlot(curve=index, ascii_only=ascii_only))
-            self._terminal.talk(legend(ascii_only=ascii_only))
-        for fit in platform_fits(report):
-            self._terminal.talk(paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}"))
+        self._terminal.talk(questions.curves_text(result, report, ascii_only=self._terminal.ascii_only))
 
     def ask(self, component: str) -> str:
         """Read a line; the input's end is an empty one."""
-        question = f"\nA level for {component}, as 100 ms or 95 %, or Enter to go on [?, q]: "
-        return read_answer(self._session, question, LEVEL_HELP)
+        return read_answer(self._session, questions.level_question(component))
 
     def confirms(self, proposed: SelectOutcome) -> bool:
         """Show what would follow, and ask."""
-        from rarms_iac.views.select import selection_text
-
         self._terminal.talk(selection_text(proposed.selection))
-        return ask_yes_or_no(self._session, "Write this level into the manifest?", WRITE_HELP)
+        return ask_yes_or_no(self._session, questions.WRITE_LEVEL)
 
     def refines(self, written: SelectOutcome) -> bool:
         """Ask, naming the reservations that were not measured themselves."""
-        reserves = sorted({level.reserve for level in written.selection.levels if level.interpolated})
-        named = in_a_row([f"{reserve} %" for reserve in reserves])
-        return ask_yes_or_no(self._session, f"{named} lies between measured settings. Measure there?", REFINE_HELP)
+        return ask_yes_or_no(self._session, questions.refine_question(written))
+
+    def extends(self, beyond: BeyondMeasured) -> bool:
+        """Ask, naming the settings."""
+        return ask_yes_or_no(self._session, questions.extend_question(beyond))
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
         """Say why."""
@@ -102,56 +89,60 @@ class TerminalLevelPrompt:
         self._terminal.talk(f"Written to {Path(outcome.file).as_posix()}.")
 
 
-class TerminalStopConsent:
-    """Asks once for each host whether its partitions may be stopped to measure; called as a `StopConsent`."""
+class TerminalCombiningPrompt(TuningProgress):
+    """A `CombiningPrompt` that shows how the search goes, and asks once for each combination."""
 
     def __init__(self, session: Session) -> None:
+        super().__init__(session.terminal.talk, session.terminal.live_table())
         self._session = session
-        self._answers: dict[str, bool] = {}
+        self._answers: dict[Members, bool] = {}
 
-    def __call__(self, host: str, partitions: tuple[str, ...]) -> bool:
-        """Ask.
+    def combines(self, offer: CombiningOffer) -> bool:
+        """Ask, naming what is needed, what there is, and what is predicted."""
+        return ask_yes_or_no(self._session, questions.combine_question(offer))
 
-        Raises:
-            UseCaseError: A signal came instead of an answer.
-        """
-        if host not in self._answers:
-            running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
-            question = f"On {host} {running}. Stop while it is measured, and start again afterwards?"
-            try:
-                self._answers[host] = ask_yes_or_no(self._session, question, STOP_HELP)
-            except SessionEnded:
-                raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
-        return self._answers[host]
+    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+        """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked anew."""
+        if members not in self._answers:
+            question = questions.combination_question(members, settings, gain)
+            self._answers[members] = ask_yes_or_no(self._session, question)
+        return self._answers[members]
 
-
-LEVEL_HELP = (
-    "A level is how well it must do, with its unit: 100 ms, 95 %, 24 /s. Where it may belong to several indexes, begin "
-    "with the index: p99_response_time 100 ms. What follows is shown before anything is written. Enter goes on, q ends."
-)
-WRITE_HELP = "y writes it as the component's `apt`, comments kept; n leaves the manifest as it is; q ends."
-COMBINE_HELP = (
-    "y measures components together, each combination after a question, as `rarms tune --interactive` does; q ends."
-)
-PARTITIONS_HELP = "y writes them as `partitions`, comments kept; n leaves the manifest as it is; q ends."
-STOP_HELP = "y stops them as `rarms stop` does, and starts them when all is measured; n measures nothing."
-TRY_HELP = "y measures them together, setting by setting, and keeps what is recorded; n tries another; q ends."
-REFINE_HELP = "y searches the least reservation there, setting by setting; n takes what the curve says; q ends."
+    def confirms(self, found: TuningResult) -> bool:
+        """Show the partitions, and ask."""
+        self.ended()
+        self._session.terminal.talk(tuned_text(found))
+        return ask_yes_or_no(self._session, questions.WRITE_PARTITIONS)
 
 
-def read_answer(session: Session, question: str, help_text: str) -> str:
+def stop_consent(session: Session, *, stop_partitions: bool, as_json: bool) -> StopConsent:
+    """Who says whether partitions may be stopped to measure: the option, else somebody at a terminal, once a host."""
+    if stop_partitions:
+        return always_consents
+    if as_json or not session.terminal.answers:
+        return never_consents
+
+    @cache
+    def asked(host: str, partitions: tuple[str, ...]) -> bool:
+        try:
+            return ask_yes_or_no(session, questions.stop_question(host, partitions))
+        except SessionEnded:
+            raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
+
+    return asked
+
+
+def read_answer(session: Session, question: Question) -> str:
     """Read a line at the terminal; `?` shows the help and asks anew, and the input's end is an empty line.
 
     Raises:
         SessionEnded: The answer was `q`, or a signal.
     """
-    from rarms_iac.views.console import paragraph
-
     while True:
         try:
             with session.interrupts.at_prompt():
                 session.terminal.flush()
-                session.terminal.status(question)
+                session.terminal.status(question.text)
                 answer = sys.stdin.readline().strip()
         except Interrupted:
             session.terminal.talk("")
@@ -160,77 +151,18 @@ def read_answer(session: Session, question: str, help_text: str) -> str:
             raise SessionEnded
         if answer != "?":
             return answer
-        session.terminal.talk(paragraph(help_text))
+        session.terminal.talk(paragraph(question.help_text))
 
 
-def ask_yes_or_no(session: Session, question: str, help_text: str) -> bool:
+def ask_yes_or_no(session: Session, question: Question) -> bool:
     """Ask at the terminal; an empty answer, or the input's end, is no, and what is neither is asked anew.
 
     Raises:
         SessionEnded: The answer was `q`, or a signal.
     """
-    from rarms_iac.views.console import paragraph, render
-
-    text = render(paragraph(f"{question} [y/N/?/q]"), session.terminal.width).removesuffix("\n") + " "
-    answer = read_answer(session, text, help_text).lower()
+    text = render(paragraph(f"{question.text} [y/N/?/q]"), session.terminal.width).removesuffix("\n") + " "
+    asked = Question(text=text, help_text=question.help_text)
+    answer = read_answer(session, asked).lower()
     while answer not in {"", "y", "yes", "n", "no"}:
-        answer = read_answer(session, f"Say y or n: {text}", help_text).lower()
+        answer = read_answer(session, Question(text=f"Say y or n: {text}", help_text=question.help_text)).lower()
     return answer in {"y", "yes"}
-
-
-class TerminalConsent:
-    """A `Consent` that asks once for each combination."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._answers: dict[Members, bool] = {}
-
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
-        """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked anew."""
-        if members not in self._answers:
-            self._answers[members] = self._ask(members, settings, gain)
-        return self._answers[members]
-
-    def _ask(self, members: Members, settings: int, gain: int) -> bool:
-        saves = show_lp_percent(gain)
-        question = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}."
-        return ask_yes_or_no(self._session, question, TRY_HELP)
-
-
-def combine_if_wanted(session: Session, hosts: Hosts) -> ExitCode:
-    """After levels were chosen: where they need more than there is, offer to combine components, and to write that."""
-    from rarms_iac.app.combining_offer import combining_offer
-    from rarms_iac.app.tune import TuneRequest, tune_components
-    from rarms_iac.views.tune import TuningProgress, tuned_text
-
-    offer = combining_offer(hosts)
-    if offer is None:
-        return ExitCode.DONE
-    need, have = (show_lp_percent(amount) for amount in (offer.need, offer.have))
-    then = "" if offer.predicted is None else f", predicted {show_lp_percent(offer.predicted)} combined"
-    try:
-        if not ask_yes_or_no(session, f"Need {need}, have {have}{then}. Combine components?", COMBINE_HELP):
-            return ExitCode.DONE
-        progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
-        reporter, consent = TerminalReporter(session), TerminalConsent(session)
-        found = tune_components(
-            hosts,
-            TuneRequest(dry_run=True),
-            reporter=reporter,
-            stop=session.interrupts,
-            planner_reporter=progress,
-            consent=consent,
-        )
-        progress.ended()
-        tell(session.terminal, found.findings, hosts.manifest.sources)
-        session.terminal.talk(tuned_text(found))
-        if found.run.ending == "stopped":
-            return stopped(session)
-        if found.run.ending != "successful":
-            return ExitCode.NO
-        if ask_yes_or_no(session, "Write these partitions into the manifest?", PARTITIONS_HELP):
-            written = tune_components(hosts, TuneRequest(), reporter=reporter, stop=session.interrupts, consent=consent)
-            session.terminal.talk(f"Written to {', '.join(written.files)}.")
-    except SessionEnded:
-        session.terminal.talk("Ended. What is measured and written stays: `rarms tune` goes on with combining.")
-    return session.interrupts.exit_code or ExitCode.DONE

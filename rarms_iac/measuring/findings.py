@@ -57,7 +57,7 @@ LESS_UNKNOWN = Finding(
     code="RARMS267", severity=Severity.WARNING, summary="Less may be enough: settings below have no steady state"
 )
 UNUSABLE_PROCESSORS = Finding(
-    code="RARMS268", severity=Severity.NOTE, summary="A component reserves processors that it cannot use"
+    code="RARMS268", severity=Severity.NOTE, summary="Fewer virtual processors may be enough"
 )
 
 

@@ -54,6 +54,7 @@ class TuningProgress(SilentReporter):
         """Leave the table on the terminal."""
         if self._live is not None and self._live.rows:
             self._say(table(self._live.rows, wrap=(0, 2), right=(1,)))
+            self._live.rows.clear()
 
 
 def answer_text(worse: Sequence[str]) -> str:

@@ -58,12 +58,14 @@ class Person:
         )
         os.close(keyboard)
 
-    def waits_for(self, words: str) -> None:
-        """Read until these words were shown after those that were waited for before."""
+    def waits_for(self, *words: str) -> str:
+        """Read until any of these words were shown after those that were waited for before; the first that were."""
         until = time.monotonic() + LONGEST
-        while (at := self._plain().find(words, self._read)) < 0:
+        while not (found := [(at, each) for each in words if (at := self._plain().find(each, self._read)) >= 0]):
             assert self._more(until), f"no {words!r} in {self._plain()[self._read :]}"
-        self._read = at + len(words)
+        at, first = min(found)
+        self._read = at + len(first)
+        return first
 
     def types(self, line: str) -> None:
         """Type a line."""
@@ -194,8 +196,11 @@ def test_a_combination_is_shown_before_it_is_written(tmp_path: Path) -> None:
     try:
         person.types("y")
         person.waits_for("Try path-following and stock-messages?")
+        person.waits_for("[y/N/?/q]")
         person.types("y")
-        person.waits_for("successful, 2.")
+        while person.waits_for("saves at most", "successful, 2.") == "saves at most":
+            person.waits_for("[y/N/?/q]")
+            person.types("n")
         person.waits_for("Write these partitions into the manifest? [y/N/?/q]")
         assert "partitions:" not in (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
         person.types("y")

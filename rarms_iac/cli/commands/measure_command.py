@@ -4,22 +4,35 @@ from dataclasses import replace
 
 import click
 
+from rarms_iac.app.combining import combine_if_wanted
 from rarms_iac.app.experiments import MeasureRequest, reserves_between
-from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.files import STANDARD_INPUT
+from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import MeasureOutcome, measure_components
-from rarms_iac.app.narrowing import measure_narrowed, narrow
+from rarms_iac.app.narrowing import Narrowing, NarrowingConsent, narrow
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.resting import StopConsent, always_consents, never_consents
+from rarms_iac.app.resting import StopConsent
+from rarms_iac.app.tune import TuneRequest
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.commands.tune_command import tell_what_was_written
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
-from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
-from rarms_iac.cli.prompts import TerminalLevelPrompt, TerminalStopConsent, combine_if_wanted, refuse_without_terminal
+from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, stop_option
+from rarms_iac.cli.prompts import (
+    TerminalCombiningPrompt,
+    TerminalLevelPrompt,
+    ask_yes_or_no,
+    refuse_standard_input,
+    refuse_without_terminal,
+    stop_consent,
+)
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.wording import quoted
 from rarms_iac.views.measure import measure_json, summary_text
+from rarms_iac.views.questions import narrow_question
+from rarms_iac.views.tune import tuned_text
 
 STRATEGIES = ("default", "bisection", "paper")
 
@@ -49,15 +62,12 @@ STRATEGIES = ("default", "bisection", "paper")
 )
 @click.option("--interactive", is_flag=True, help="Measure a coarse curve, and ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
-@click.option(
-    "--stop-partitions",
-    is_flag=True,
-    help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
-)
+@stop_option
 @click.option(
     "--write-processors",
     is_flag=True,
-    help="Write fewer `processors` for components that cannot use theirs, and measure these again.",
+    help="Write fewer `processors` for components that cannot use theirs, and measure these again. [default: ask at a "
+    "terminal]",
 )
 @lock_timeout_option
 @json_option
@@ -110,26 +120,26 @@ def command(
     if interactive:
         refuse_without_terminal(session, source)
         request = replace(request, coarse=not (request.reserves or verify or strategy != "default"))
+    if write_processors:
+        refuse_standard_input(source)
     hosts = select_hosts(load_manifest(source), host_selection)
+    reporter = TerminalReporter(session)
+    consents = stop_consent(session, stop_partitions=stop_partitions, as_json=as_json)
+    prompt = TerminalLevelPrompt(session) if interactive else None
 
-    def measured(asked: MeasureRequest) -> MeasureOutcome:
-        return measure_components(
-            select_hosts(load_manifest(source), host_selection),
-            asked,
-            reporter=TerminalReporter(session),
-            stop=session.interrupts,
-            prompt=TerminalLevelPrompt(session) if interactive else None,
-            consents=_consents(session, stop_partitions=stop_partitions, as_json=as_json),
-        )
+    def current() -> Hosts:
+        return select_hosts(load_manifest(source), host_selection)
 
-    outcome = measured(request)
-    if write_processors and not outcome.stopped and (narrowed := narrow(hosts, outcome)):
-        for narrowing in narrowed:
-            session.terminal.talk(
-                f"Written to {narrowing.file}: `processors: {narrowing.after}` for {narrowing.component}, which uses "
-                f"no more of its {narrowing.before}. It is measured again."
-            )
-        outcome = measure_narrowed(narrowed, request, outcome, measured)
+    def measured_again(asked: MeasureRequest) -> MeasureOutcome:
+        return measure_components(current(), asked, reporter=reporter, stop=session.interrupts, consents=consents)
+
+    outcome = measure_components(
+        hosts, request, reporter=reporter, stop=session.interrupts, prompt=prompt, consents=consents
+    )
+    if write_processors:
+        outcome = narrow(hosts, request, outcome, measured_again, reporter=reporter)
+    elif session.terminal.answers and not as_json and source.manifest != STANDARD_INPUT:
+        outcome = narrow(hosts, request, outcome, measured_again, _asking(session), reporter)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(measure_json(outcome.results, outcome.findings, outcome.not_begun))
@@ -141,14 +151,37 @@ def command(
         session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
         return session.interrupts.exit_code or ExitCode.DONE
     if interactive and not has_errors(outcome.findings):
-        return combine_if_wanted(session, select_hosts(load_manifest(source), host_selection))
+        return _combine(session, current(), TuneRequest(samples=samples, on_busy_host=on_busy_host), consents)
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
-def _consents(session: Session, *, stop_partitions: bool, as_json: bool) -> StopConsent:
-    if stop_partitions:
-        return always_consents
-    return TerminalStopConsent(session) if session.terminal.answers and not as_json else never_consents
+def _asking(session: Session) -> NarrowingConsent:
+    def asked(narrowing: Narrowing) -> bool:
+        return ask_yes_or_no(session, narrow_question(narrowing))
+
+    return asked
+
+
+def _combine(session: Session, hosts: Hosts, request: TuneRequest, consents: StopConsent) -> ExitCode:
+    """After levels were chosen: what somebody wants to be done where they need more than there is."""
+    prompt, reporter = TerminalCombiningPrompt(session), TerminalReporter(session)
+    outcome = combine_if_wanted(
+        hosts, request, prompt, reporter=reporter, stop=session.interrupts, stop_consents=consents
+    )
+    prompt.ended()
+    if outcome.ended:
+        session.terminal.talk("Ended. What is measured and written stays: `rarms tune` goes on with combining.")
+        return session.interrupts.exit_code or ExitCode.DONE
+    if outcome.result is None:
+        return ExitCode.DONE
+    tell_what_was_written(session, outcome.result)
+    tell(session.terminal, outcome.result.findings, hosts.manifest.sources)
+    if outcome.result.run.ending == "stopped":
+        return stopped(session)
+    if outcome.result.run.ending != "successful":
+        session.terminal.talk(tuned_text(outcome.result))
+        return ExitCode.NO
+    return ExitCode.DONE
 
 
 def percent(text: str | None) -> int | None:

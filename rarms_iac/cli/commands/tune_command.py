@@ -11,12 +11,17 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
-from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
-from rarms_iac.cli.prompts import TerminalConsent, refuse_standard_input, refuse_without_terminal
+from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, stop_option
+from rarms_iac.cli.prompts import (
+    TerminalCombiningPrompt,
+    refuse_standard_input,
+    refuse_without_terminal,
+    stop_consent,
+)
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.storage.datalog.tuning import TuningStrategy
-from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
+from rarms_iac.views.tune import tuned_json, tuned_text
 
 
 @rarms_command("tune")
@@ -34,6 +39,7 @@ from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 @click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is.")
 @click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data logs say so.")
+@stop_option
 @lock_timeout_option
 @json_option
 def command(
@@ -47,6 +53,7 @@ def command(
     dry_run: bool,
     samples: int | None,
     on_busy_host: bool,
+    stop_partitions: bool,
     lock_timeout: int,
     as_json: bool,
 ) -> ExitCode:
@@ -54,8 +61,11 @@ def command(
 
     Measures compounds on the host, setting by setting, as `rarms measure --together` does; interrupted or killed, the
     same command goes on. What is found becomes `partitions` of the manifest, comments kept, for review. Exit code 4
-    where nothing fits, however components are combined.
+    where nothing fits, however components are combined. Where partitions of the application run, they must rest
+    meanwhile, as for `rarms measure`.
     """
+    if stop_partitions and on_busy_host:
+        raise click.UsageError("Give one of --stop-partitions and --on-busy-host.", click.get_current_context())
     if repeat and strategy != "paper":
         raise click.UsageError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
     if not dry_run:
@@ -71,7 +81,7 @@ def command(
         on_busy_host=on_busy_host,
         lock_timeout_ms=lock_timeout,
     )
-    progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
+    progress = TerminalCombiningPrompt(session)
     try:
         result = tune_components(
             hosts,
@@ -79,13 +89,14 @@ def command(
             reporter=TerminalReporter(session),
             stop=session.interrupts,
             planner_reporter=progress,
-            consent=TerminalConsent(session) if interactive else None,
+            consent=progress if interactive else None,
+            stop_consents=stop_consent(session, stop_partitions=stop_partitions, as_json=as_json),
         )
     except SessionEnded:
         progress.ended()
         return stopped(session)
     progress.ended()
-    _tell_what_was_written(session, result)
+    tell_what_was_written(session, result)
     tell(session.terminal, result.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(tuned_json(result))
@@ -96,7 +107,8 @@ def command(
     return ExitCode.NO if has_errors(result.findings) else ExitCode.DONE
 
 
-def _tell_what_was_written(session: Session, result: TuningResult) -> None:
+def tell_what_was_written(session: Session, result: TuningResult) -> None:
+    """Say what became of the manifest."""
     for name in result.removed:
         session.terminal.tell(f"The entry of partition {name} is gone: its components are elsewhere now.")
     for file in result.files:

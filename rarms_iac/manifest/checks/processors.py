@@ -31,7 +31,7 @@ RESERVE_OVER_HOST = Finding(
     code="RARMS061", severity=Severity.ERROR, summary="The reserve is larger than any host can give"
 )
 RESERVE_BEYOND_PARALLELISM = Finding(
-    code="RARMS063", severity=Severity.WARNING, summary="The reserve is larger than the component can use"
+    code="RARMS063", severity=Severity.WARNING, summary="A fixed reserve is more than the component's threads can use"
 )
 MORE_PROCESSORS_THAN_HOST = Finding(
     code="RARMS064", severity=Severity.ERROR, summary="More virtual processors than any host can run"

@@ -10,7 +10,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import measure_components
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.select import SelectOutcome
+from rarms_iac.app.select import BeyondMeasured, SelectOutcome
 from tests.unit.app.test_measure import MANIFEST, write
 
 
@@ -37,6 +37,10 @@ class Page:
         self.shown.append(f"measure {[level.reserve for level in written.selection.levels]}?")
         return self._answers.pop(0) == "y"
 
+    def extends(self, beyond: BeyondMeasured) -> bool:
+        self.shown.append(f"measure from {beyond.first} to {beyond.last}?")
+        return self._answers.pop(0) == "y"
+
     def refused(self, problem: RequestError | UseCaseError) -> None:
         self.shown.append(f"no: {type(problem).__name__}")
 
@@ -48,7 +52,7 @@ def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
     hosts = select_hosts(load_manifest(source), HostSelection())
-    page = Page("fast", "1 ms", "80 ms", "n", "90 ms", "y", "n")
+    page = Page("fast", "1 ms", "n", "80 ms", "n", "90 ms", "y", "n")
 
     outcome = measure_components(hosts, MeasureRequest(), prompt=page)
 
@@ -58,7 +62,7 @@ def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
         "level of vision?",
         "no: RequestError",
         "level of vision?",
-        "no: UseCaseError",
+        "no: BeyondMeasured",
         "level of vision?",
         "write 80?",
         "level of vision?",
@@ -85,6 +89,23 @@ def test_from_a_coarse_curve_to_a_level_that_is_measured(tmp_path: Path) -> None
     assert len(reserves) > 10
     assert result.planned is not None
     assert not result.planned.interpolated
+
+
+def test_a_level_beyond_what_was_measured_is_measured_in_the_session_where_that_is_wanted(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST)
+    source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
+    hosts = select_hosts(load_manifest(source), HostSelection())
+    page = Page("60 ms", "n", "60 ms", "y", "y", "n", "")
+
+    outcome = measure_components(hosts, MeasureRequest(reserves=(10, 20)), prompt=page)
+
+    (result,) = outcome.results
+    assert page.shown[1:4] == ["level of vision?", "no: BeyondMeasured", "measure from 21 to 100?"]
+    assert page.shown[4:7] == ["level of vision?", "no: BeyondMeasured", "measure from 21 to 100?"]
+    assert "write 60?" in page.shown[7:], "the level is looked up again without asking for it again"
+    assert page.shown.count("level of vision?") == 2
+    assert {21, 31, 100} <= {setting.reserve for setting in result.settings}
+    assert load_manifest(source).system.components["vision"].apt["mean_response_time"].value == 60
 
 
 def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:

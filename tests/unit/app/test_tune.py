@@ -13,6 +13,7 @@ import pytest
 
 from rarms_iac.storage.datalog.configuration import last_chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
+from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.builders_measured import a_setting
 from tests.files import copy_files
 from tests.measuring import leave_log, steady
@@ -284,3 +285,48 @@ def test_repeating_belongs_to_the_papers_procedure(here: Path) -> None:
 
     assert ran.code == 64
     assert "--strategy paper" in ran.err
+
+
+@pytest.fixture
+def applied(here: Path) -> Path:
+    """The same on a host where its partitions run, with less than they need."""
+    manifest = here / "rarms.yaml"
+    manifest.write_text(MANIFEST.replace("reserve: measured", "reserve: 10 %"), encoding="utf-8", newline="\n")
+    assert rarms("apply", "--auto-approve").code == 0
+    manifest.write_text(MANIFEST, encoding="utf-8", newline="\n")
+    return here
+
+
+def running() -> list[str]:
+    """The partitions that run on the host."""
+    settings = [partition.settings for partition in read_snapshot(rarms("snapshot").out.encode()).partitions]
+    return sorted(each.name for each in settings if each.running)
+
+
+def test_on_an_applied_host_it_stops_what_runs_there_only_where_that_is_wanted(applied: Path) -> None:
+    refused = rarms("tune", "--samples", "60")
+    tuned = rarms("tune", "--samples", "60", "--stop-partitions")
+
+    assert refused.code == 3
+    assert "`rarms tune --stop-partitions`" in " ".join(refused.err.split())
+    assert tuned.code == 0, tuned.err
+    assert "started paths, video and vision again" in " ".join(tuned.err.split())
+    assert "partitions:" in (applied / "rarms.yaml").read_text(encoding="utf-8")
+    assert running() == ["paths", "video", "vision"]
+    assert rarms("tune", "--stop-partitions", "--on-busy-host").code == 64
+
+
+def test_a_session_on_an_applied_host_goes_on_to_combining_and_asks_once_whether_it_may_stop_what_runs(
+    applied: Path,
+) -> None:
+    levels, combined = "\n" * 3, "y\n" * 9
+    words = ("measure", "--interactive", "--samples", "60")
+    ran = rarms(*words, stdin=f"y\n{levels}{combined}", at_a_terminal=True)
+
+    said = " ".join(ran.err.split())
+    assert ran.code == 0, ran.err
+    assert said.count("Stop while it is measured, and start again afterwards?") == 1
+    assert "Combine components? [y/N/?/q]" in said
+    assert "Write these partitions into the manifest? [y/N/?/q]" in said
+    assert "partitions:" in (applied / "rarms.yaml").read_text(encoding="utf-8")
+    assert running() == ["paths", "video", "vision"]

@@ -3,6 +3,8 @@
 from contextlib import chdir
 from pathlib import Path
 
+import pytest
+
 from tests.unit.cli.running import rarms
 
 COMPONENT = """\
@@ -56,3 +58,31 @@ def test_asked_to_it_writes_fewer_processors_and_measures_again(tmp_path: Path) 
     assert "RARMS268" not in ran.err
     assert manifest.read_text(encoding="utf-8").count("processors: 1\n") == 1
     assert "stale" not in planned.err
+
+
+@pytest.mark.parametrize(("answer", "written", "code"), [("y", 1, 0), ("n", 0, 0), ("q", 0, 0)])
+def test_at_a_terminal_it_asks_before_it_writes_and_measures_again(
+    answer: str, written: int, code: int, tmp_path: Path
+) -> None:
+    manifest = tmp_path / "rarms.yaml"
+    manifest.write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        ran = rarms("measure", "eyes", stdin=f"?\n{answer}\n", at_a_terminal=True)
+
+    said = " ".join(ran.err.split())
+    assert "eyes uses no more than 1 of its 4 virtual processors" in said
+    assert "Write `processors: 1` into the manifest, and measure it again? [y/N/?/q]" in said
+    assert "y writes it, comments kept, and measures how much it needs then" in said
+    assert manifest.read_text(encoding="utf-8").count("processors: 1\n") == written
+    assert ("It is measured again." in said) == bool(written)
+    assert ("RARMS268" in said) == (not written)
+    assert ran.code == code
+
+
+def test_where_a_program_reads_the_answer_nobody_is_asked(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        ran = rarms("measure", "eyes", "--json", stdin="y\n", at_a_terminal=True)
+
+    assert "[y/N/?/q]" not in ran.err
+    assert "RARMS268" in ran.err

@@ -1,0 +1,124 @@
+"""After levels were chosen: where they need more than there is, components are combined, if somebody wants it.
+
+Begin at `combine_if_wanted`. `combining_offer` says what is needed, what there is, and what would probably be needed.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.hosts import Hosts, observe_hosts
+from rarms_iac.app.level_prompt import SessionEnded
+from rarms_iac.app.resting import StopConsent, all_at_rest, never_consents
+from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
+from rarms_iac.app.tuning_subject import TuningSubject, bench_of, subject_of_tuning
+from rarms_iac.planner.combining.candidates import candidates_of
+from rarms_iac.planner.combining.guiding import guide_of
+from rarms_iac.planner.combining.oracle import WHOLE, Consent, PlannerReporter, total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombiningOffer:
+    """All in per cent of one logical processor."""
+
+    need: int  # what is reserved apart
+    have: int
+    predicted: int | None  # what would be reserved with the best single compound; None: none would save anything
+
+
+class CombiningPrompt(Consent, PlannerReporter, Protocol):
+    """Asks somebody whether components are combined, which of them, and whether that is written.
+
+    Every method that asks may raise `SessionEnded`.
+    """
+
+    def combines(self, offer: CombiningOffer) -> bool:
+        """Show what is needed and what there is, and tell whether to combine."""
+        ...
+
+    def confirms(self, found: TuningResult) -> bool:
+        """Show what was found, and tell whether it is written into the manifest."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombiningOutcome:
+    """What came of the offer."""
+
+    result: TuningResult | None = None  # None: nothing had to be combined, or nobody wanted to
+    ended: bool = False  # somebody asked for an end at a question
+
+
+def combine_if_wanted(
+    hosts: Hosts,
+    request: TuneRequest,
+    prompt: CombiningPrompt,
+    *,
+    reporter: Reporter = SILENT,
+    stop: StopSignal = NEVER_STOP,
+    stop_consents: StopConsent = never_consents,
+) -> CombiningOutcome:
+    """Offer to combine components where their reservations exceed the hosts, and write what is found and confirmed.
+
+    Args:
+        hosts: Of one platform, with the manifest as it is now.
+        request: How components are combined.
+        prompt: Asks, and hears what the search asks and is answered.
+        reporter: Hears of every setting that is run.
+        stop: Asked between settings and while samples come.
+        stop_consents: Whether partitions of the application that run there may be stopped meanwhile.
+
+    Raises:
+        UseCaseError: As `tune_components`.
+    """
+    offer = combining_offer(hosts)
+    try:
+        if offer is None or not prompt.combines(offer):
+            return CombiningOutcome()
+        result = tune_components(
+            hosts,
+            request,
+            reporter=reporter,
+            stop=stop,
+            planner_reporter=prompt,
+            consent=prompt,
+            confirms=prompt.confirms,
+            stop_consents=stop_consents,
+        )
+    except SessionEnded:
+        return CombiningOutcome(ended=True)
+    return CombiningOutcome(result=result)
+
+
+def combining_offer(hosts: Hosts) -> CombiningOffer | None:
+    """Work out whether the measured reservations exceed their hosts, and what one compound would probably save.
+
+    Args:
+        hosts: Of one platform; they are looked at.
+
+    Returns:
+        None where all fits, or not all is measured.
+    """
+    try:
+        states = all_at_rest(observe_hosts(hosts), hosts.system.application.name)
+        subject = subject_of_tuning(hosts, bench_of(hosts), states)
+    except UseCaseError:
+        return None
+    need = total(subject.cois)
+    if need <= subject.capacity:
+        return None
+    return CombiningOffer(need=need, have=subject.capacity, predicted=_predicted(subject, need))
+
+
+def _predicted(subject: TuningSubject, need: int) -> int | None:
+    candidates = candidates_of(subject.cois, subject.may_share, most=WHOLE)
+    guide = guide_of(candidates, subject.predictor)
+    savings: list[int] = []
+    for mask, candidate in candidates.by_mask.items():
+        reserve, members = guide.predicted(mask), set(candidate.coi.members)
+        if reserve is not None:
+            parts = total(coi for coi in subject.cois if set(coi.members) <= members)
+            savings.append(parts - candidate.coi.processors * reserve)
+    saved = max(savings, default=0)
+    return need - saved if saved > 0 else None

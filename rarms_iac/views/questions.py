@@ -1,0 +1,124 @@
+"""What is asked at a terminal, with the help that `?` shows, and the curves that a level is picked from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.combining import CombiningOffer
+from rarms_iac.app.experiments import ExperimentResult
+from rarms_iac.app.narrowing import Narrowing
+from rarms_iac.app.report_model import Report
+from rarms_iac.app.select import BeyondMeasured, SelectOutcome
+from rarms_iac.model.quantities import show_lp_percent, show_processors
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.planner.combining.oracle import Members
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What is asked, and what `?` answers."""
+
+    text: str
+    help_text: str
+
+
+WRITE_LEVEL = Question(
+    text="Write this level into the manifest?",
+    help_text="y writes it as the component's `apt`, comments kept; n leaves the manifest as it is; q ends.",
+)
+WRITE_PARTITIONS = Question(
+    text="Write these partitions into the manifest?",
+    help_text="y writes them as `partitions`, comments kept; n leaves the manifest as it is; q ends.",
+)
+
+
+def level_question(component: str) -> Question:
+    """Which level is good enough for a component."""
+    return Question(
+        text=f"\nA level for {component}, as 100 ms or 95 %, or Enter to go on [?, q]: ",
+        help_text="A level is how well it must do, with its unit: 100 ms, 95 %, 24 /s. Where it may belong to several "
+        "indexes, begin with the index: p99_response_time 100 ms. What follows is shown before anything is written. "
+        "Enter goes on, q ends.",
+    )
+
+
+def refine_question(written: SelectOutcome) -> Question:
+    """Whether to measure the reservations that were looked up between measured ones."""
+    reserves = sorted({level.reserve for level in written.selection.levels if level.interpolated})
+    named = in_a_row([f"{reserve} %" for reserve in reserves])
+    return Question(
+        text=f"{named} lies between measured settings. Measure there?",
+        help_text="y searches the least reservation there, setting by setting; n takes what the curve says; q ends.",
+    )
+
+
+def extend_question(beyond: BeyondMeasured) -> Question:
+    """Whether to measure higher settings for a level that no measured one reaches."""
+    settings = f"{beyond.first} to {beyond.last} %" if beyond.first < beyond.last else f"{beyond.last} %"
+    return Question(
+        text=f"{settings} is not measured yet. Measure there?",
+        help_text="y measures there and looks the level up again; n asks for another level; q ends.",
+    )
+
+
+def stop_question(host: str, partitions: Sequence[str]) -> Question:
+    """Whether partitions may be stopped to measure."""
+    running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
+    return Question(
+        text=f"On {host} {running}. Stop while it is measured, and start again afterwards?",
+        help_text="y stops them as `rarms stop` does, and starts them when all is done; n measures nothing; q ends.",
+    )
+
+
+def narrow_question(narrowing: Narrowing) -> Question:
+    """Whether fewer processors of a component are written."""
+    now, then = (
+        show_processors(Fraction(narrowing.reserve * count, 100)) for count in (narrowing.before, narrowing.after)
+    )
+    return Question(
+        text=f"{narrowing.component} uses no more than {narrowing.after} of its {narrowing.before} virtual processors: "
+        f"{narrowing.reserve} % of these is {now}, and would be {then}. Write `processors: {narrowing.after}` into the "
+        "manifest, and measure it again?",
+        help_text="y writes it, comments kept, and measures how much it needs then; n leaves all as it is; q ends.",
+    )
+
+
+def combine_question(offer: CombiningOffer) -> Question:
+    """Whether components are combined, since they need more than there is."""
+    need, have = (show_lp_percent(amount) for amount in (offer.need, offer.have))
+    then = "" if offer.predicted is None else f", predicted {show_lp_percent(offer.predicted)} combined"
+    return Question(
+        text=f"Need {need}, have {have}{then}. Combine components?",
+        help_text="y measures components together, each combination after a question, as `rarms tune --interactive` "
+        "does; q ends.",
+    )
+
+
+def combination_question(members: Members, settings: int, gain: int) -> Question:
+    """Whether this combination is measured."""
+    saves = show_lp_percent(gain)
+    return Question(
+        text=f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}.",
+        help_text="y measures them together, setting by setting, and keeps what is recorded; n tries another; q ends.",
+    )
+
+
+def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -> "RenderableType":
+    """The settings, a plot an index, and what all reservations add up to."""
+    from rarms_iac.views.console import paragraph, stack
+    from rarms_iac.views.measure import settings_text
+    from rarms_iac.views.reports.summary import fit_text, platform_fits
+    from rarms_iac.views.reports.terminal import TerminalPlot, legend
+
+    parts: list[RenderableType] = ["", settings_text(result)]
+    for measurement in report.measurements:
+        if measurement.rests and measurement.components == result.experiment.setup.members:
+            for index in measurement.indexes:
+                parts += ["", TerminalPlot(curve=index, ascii_only=ascii_only)]
+            parts.append(legend(ascii_only=ascii_only))
+    parts += [paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}") for fit in platform_fits(report)]
+    return stack(*parts)
