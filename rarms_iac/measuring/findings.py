@@ -56,9 +56,7 @@ FIXED_ANYWAY = Finding(
 LESS_UNKNOWN = Finding(
     code="RARMS267", severity=Severity.WARNING, summary="Less may be enough: settings below have no steady state"
 )
-UNUSABLE_PROCESSORS = Finding(
-    code="RARMS268", severity=Severity.NOTE, summary="Fewer virtual processors may be enough"
-)
+UNUSABLE_PROCESSORS = Finding(code="RARMS268", severity=Severity.NOTE, summary="Fewer virtual processors may be enough")
 
 
 LONG = 2000
