@@ -1,7 +1,7 @@
 """Messages beside a command's data: findings and progress, on standard error."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from types import TracebackType
@@ -18,7 +18,6 @@ from rarms_iac.views.findings import findings_text
 if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
     from rarms_iac.applying.run_report import RunReporter
     from rarms_iac.measuring.loop import MeasuringReporter
-    from rarms_iac.model.measurement import Series
 
 
 def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
@@ -79,27 +78,6 @@ class TerminalReporter:
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
         """Write findings."""
         tell(self._terminal, diagnostics, sources)
-
-
-class ProofProgress:
-    """Shows how far the components of a host are, while they are run all together; used in a `with`."""
-
-    def __init__(self, session: Session) -> None:
-        self._table = session.terminal.live_table()
-
-    def __enter__(self) -> "ProofProgress":
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self._table is not None:
-            self._table.hide()
-
-    def __call__(self, host: str, series: "Mapping[str, Series]") -> None:
-        """Show it in place; nothing where there is no terminal."""
-        if self._table is not None:
-            from rarms_iac.views.prove import sample_counts
-
-            self._table.show(sample_counts(host, series))
 
 
 def stopped(session: Session) -> ExitCode:

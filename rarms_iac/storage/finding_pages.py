@@ -23,3 +23,15 @@ def severity_line(page: str) -> str:
 def may_be_accepted(page: str) -> bool:
     """Whether `policy.accept` may name it: a warning, or an error whose page says so."""
     return severity_line(page) in {"warning", "error, can be accepted"}
+
+
+def is_code(subject: str) -> bool:
+    """Whether a finding is meant: a number, with or without its letters."""
+    number = subject.upper().removeprefix("RARMS")
+    return number.isascii() and number.isdecimal()
+
+
+def code_of(finding: str) -> str:
+    """The code that is meant: `14`, `rarms14` and `RARMS014` are one."""
+    number = finding.upper().removeprefix("RARMS")
+    return f"RARMS{number:0>3}" if number.isascii() and number.isdecimal() else finding.upper()

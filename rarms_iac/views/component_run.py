@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from rarms_iac.app.run_component import ComponentRunResult, meets, noise
+from rarms_iac.app.run_component import ComponentRunResult, SilentSamples, meets, noise
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Sample
@@ -117,3 +117,51 @@ def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | N
         at_least=float(threshold.value) if isinstance(threshold, AtLeast) else None,
         met=meets(point.value, threshold) if point and threshold else None,
     )
+
+
+FAILURE_LINES = 10
+"""Of standard error, that are shown where samples failed."""
+
+
+class Screen(Protocol):
+    """Where samples are shown."""
+
+    def data(self, text: str) -> None:
+        """Write what was asked for."""
+
+    def show(self, content: "RenderableType") -> None:
+        """The same, laid out."""
+
+    def talk(self, content: "RenderableType") -> None:
+        """Write what is said beside it."""
+
+    def flush(self) -> None:
+        """Show all of it now."""
+
+
+class FailureReporter(SilentSamples):
+    """A `SampleReporter` that shows what a component with failed samples wrote last on standard error."""
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Show the last lines."""
+        if result.failed and last_words.strip():
+            last = last_words.strip().splitlines()[-FAILURE_LINES:]
+            lines = "\n".join(f"  {visible(line, keep='')}" for line in last)
+            self._screen.talk(f"{result.component.name} wrote last on standard error:\n{lines}")
+
+
+class LiveSampleReporter(FailureReporter):
+    """The same, and every sample as it happens."""
+
+    def sample(self, component: str, number: int, sample: Sample) -> None:
+        """Show it now."""
+        self._screen.data(sample_text(component, number, sample))
+        self._screen.flush()
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Show what the samples come to."""
+        self._screen.show(summary_text(result))
+        super().ended(result, last_words)

@@ -13,7 +13,7 @@ from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.console import paragraph, stack, table
+from rarms_iac.views.console import LiveTable, paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
 from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
@@ -121,3 +121,26 @@ def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
             verdict_error=verdict.error,
             why=verdict.measured.reason,
         )
+
+
+class ProofProgress:
+    """Shows how far the components of a host are, while they are run all together; used in a `with`.
+
+    Args:
+        live: the table that is updated in place; None: there is no terminal, and nothing is shown.
+    """
+
+    def __init__(self, live: LiveTable | None) -> None:
+        self._live = live
+
+    def __enter__(self) -> "ProofProgress":
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        if self._live is not None:
+            self._live.hide()
+
+    def __call__(self, host: str, series: Mapping[str, Series]) -> None:
+        """Show it in place."""
+        if self._live is not None:
+            self._live.show(sample_counts(host, series))

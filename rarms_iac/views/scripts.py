@@ -1,14 +1,22 @@
 """Scripts for a reader: one with line numbers, or two compared by their steps; `difference_json` is for programs."""
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.scripts import PlanScript
 from rarms_iac.powershell.difference import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
 from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.plan import ScriptDetailOutput, ScriptDifferenceOutput, ScriptStepOutput
+from rarms_iac.views.output.plan import (
+    ScriptDetailOutput,
+    ScriptDifferenceOutput,
+    ScriptOutput,
+    ScriptsOutput,
+    ScriptStepOutput,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -75,6 +83,31 @@ def _colour(before: Token | None, token: Token, piece: str) -> str:
 def _begins_call(before: Token | None) -> bool:
     """Whether a word after this token is a call."""
     return before is None or before.kind is TokenKind.NEWLINE or before.text in {"{", "(", "|", ";", "="}
+
+
+def left_out(scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[str]:
+    """Yield what is to be said of the scripts of a plan that are not shown."""
+    guests = sorted({script.guest for script in scripts if script.guest} - {script.guest for script in selected})
+    if not selected:
+        yield "The plan changes nothing on the hosts themselves."
+    if guests:
+        yield f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME)."
+
+
+def scripts_json(plan: str, scripts: Sequence[PlanScript]) -> str:
+    """Scripts of a plan of this id, for programs."""
+    outputs = tuple(
+        ScriptOutput(
+            name=script.name,
+            host=script.host,
+            guest=script.guest,
+            undo=script.undo,
+            sha256=script.sha256,
+            text=script.text,
+        )
+        for script in scripts
+    )
+    return as_json(ScriptsOutput(plan=plan, scripts=outputs))
 
 
 def difference_text(difference: ScriptDifference, old: str, new: str) -> "RenderableType":

@@ -6,7 +6,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.storage.finding_pages import finding_page
+from rarms_iac.storage.finding_pages import code_of, finding_page, is_code
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.output.common import ExplanationOutput
@@ -69,15 +69,3 @@ def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
     else:
         session.terminal.show(page_text(page))
     return ExitCode.DONE
-
-
-def is_code(subject: str) -> bool:
-    """Whether a finding is meant: a number, with or without its letters."""
-    number = subject.upper().removeprefix("RARMS")
-    return number.isascii() and number.isdecimal()
-
-
-def code_of(finding: str) -> str:
-    """The code that is meant: `14`, `rarms14` and `RARMS014` are one."""
-    number = finding.upper().removeprefix("RARMS")
-    return f"RARMS{number:0>3}" if number.isascii() and number.isdecimal() else finding.upper()

@@ -7,10 +7,10 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.prove import USUAL_SEED, ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.messages import ProofProgress, TerminalReporter, tell
+from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.views.prove import proof_text, prove_json
+from rarms_iac.views.prove import ProofProgress, proof_text, prove_json
 
 
 @rarms_command("prove")
@@ -43,7 +43,7 @@ def command(
 
 def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_json: bool) -> ExitCode:
     """Prove what is applied, and show it; also at the end of `rarms apply --prove`."""
-    with ProofProgress(session) as progress:
+    with ProofProgress(session.terminal.live_table()) as progress:
         outcome = prove_layout(
             hosts, request, reporter=TerminalReporter(session), stop=session.interrupts, listener=progress
         )

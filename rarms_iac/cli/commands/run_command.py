@@ -4,19 +4,13 @@ import click
 
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.run_component import ComponentRunResult, RunRequest, SilentSamples, run_components
+from rarms_iac.app.run_component import RunRequest, run_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.options import json_option, manifest_options, time_option
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.model.measurement import Sample
-from rarms_iac.views.component_run import ran_json, sample_text, summary_text
-from rarms_iac.views.console import visible
-
-LINES = 10
-"""Of standard error, that are shown where samples failed."""
+from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter, ran_json
 
 
 @rarms_command("run")
@@ -59,30 +53,3 @@ def command(
         session.terminal.data(ran_json(outcome.results, outcome.findings))
     tell(session.terminal, outcome.findings, manifest.sources)
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
-
-
-class FailureReporter(SilentSamples):
-    """A `SampleReporter` that shows what a component with failed samples wrote last on standard error."""
-
-    def __init__(self, terminal: Terminal) -> None:
-        self._terminal = terminal
-
-    def ended(self, result: ComponentRunResult, last_words: str) -> None:
-        """Show the last lines."""
-        if result.failed and last_words.strip():
-            lines = "\n".join(f"  {visible(line, keep='')}" for line in last_words.strip().splitlines()[-LINES:])
-            self._terminal.talk(f"{result.component.name} wrote last on standard error:\n{lines}")
-
-
-class LiveSampleReporter(FailureReporter):
-    """The same, and every sample as it happens."""
-
-    def sample(self, component: str, number: int, sample: Sample) -> None:
-        """Show it now."""
-        self._terminal.data(sample_text(component, number, sample))
-        self._terminal.flush()
-
-    def ended(self, result: ComponentRunResult, last_words: str) -> None:
-        """Show what the samples come to."""
-        self._terminal.show(summary_text(result))
-        super().ended(result, last_words)

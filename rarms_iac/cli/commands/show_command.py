@@ -25,11 +25,9 @@ from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifes
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
-from rarms_iac.views.as_json import as_json as written
 from rarms_iac.views.finding_forms import findings_json
 from rarms_iac.views.findings import findings_text
-from rarms_iac.views.output.plan import ScriptOutput, ScriptsOutput
-from rarms_iac.views.scripts import difference_json, difference_text, script_text
+from rarms_iac.views.scripts import difference_json, difference_text, left_out, script_text, scripts_json
 
 
 @rarms_command("show")
@@ -133,13 +131,14 @@ def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form
             session.terminal.show(difference_text(difference, form.against, script.name))
         return ExitCode.DONE
     if form.as_json:
-        session.terminal.data(written(ScriptsOutput(plan=plan.id, scripts=tuple(map(_output, selected)))))
+        session.terminal.data(scripts_json(plan.id, selected))
     elif form.raw:
         session.terminal.exactly(only_script(selected, "--raw").text)
     else:
         for script in selected:
             _show_script(session, script.name, script.text, whole=form.whole)
-    _mention_others(session, scripts, selected)
+    for sentence in left_out(scripts, selected):
+        session.terminal.talk(sentence)
     return ExitCode.DONE
 
 
@@ -150,14 +149,6 @@ def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> Exit
     if not scripts:
         session.terminal.talk("The plan changes nothing, so it has no scripts.")
     return ExitCode.DONE
-
-
-def _mention_others(session: Session, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> None:
-    guests = sorted({script.guest for script in scripts if script.guest} - {script.guest for script in selected})
-    if not selected:
-        session.terminal.talk("The plan changes nothing on the hosts themselves.")
-    if guests:
-        session.terminal.talk(f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME).")
 
 
 def _check(session: Session, path: str, *, as_json: bool) -> ExitCode:
@@ -188,9 +179,3 @@ def _show_transport(session: Session, form: ScriptForm) -> ExitCode:
 def _show_script(session: Session, heading: str, text: str, *, whole: bool) -> None:
     numbered = script_text(text, colour=session.terminal.colour, whole=whole)
     session.terminal.data(f"{heading}\n{numbered}\n")
-
-
-def _output(script: PlanScript) -> ScriptOutput:
-    return ScriptOutput(
-        name=script.name, host=script.host, guest=script.guest, undo=script.undo, sha256=script.sha256, text=script.text
-    )
