@@ -16,7 +16,7 @@ hosts:
 components:
   vision:
     criticality: 30
-    apt: { mean_response_time: { at_most: 25 ms } }
+    apt: { mean_response_time: { at_most: 41 ms } }
     memory: 512 MiB
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }

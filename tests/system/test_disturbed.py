@@ -36,7 +36,7 @@ class Scenario:
 
 FIXED = MANIFEST.replace("reserve: measured", "reserve: 30 %")
 APPLY = ("apply", "--auto-approve")
-MEASURE = ("measure", "--samples", "30")
+MEASURE = ("measure", "--samples", "60")
 SCENARIOS = {
     "apply": Scenario(words=APPLY),
     "undo": Scenario(words=("undo", "--auto-approve"), before=(APPLY,)),
@@ -47,7 +47,7 @@ SCENARIOS = {
         before=(APPLY, ("release", "vision", "--auto-approve")),
     ),
     "measure": Scenario(words=MEASURE),
-    "tune": Scenario(words=("tune", "--samples", "30"), before=(MEASURE,)),
+    "tune": Scenario(words=("tune", "--samples", "60"), before=(MEASURE,)),
 }
 
 
