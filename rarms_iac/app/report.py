@@ -137,7 +137,8 @@ def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[Component
     reservations = measured_reservations(measurements_of(manifest), {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components):
-            for entry in _entries(configuration_path(folder, platform, name))[-1:]:
+            entries = _entries(configuration_path(folder, platform, name))
+            for entry in [entry for entry in entries if entry.component == name][-1:]:
                 description = f"{entry.when}, on {entry.host} at {entry.reserve} %"
                 layout = tuple(_layout_since(entry, system, reservations))
                 for index in entry.indexes:

@@ -166,7 +166,7 @@ class RunProgress:
 
     def _partition(self, address: str) -> _PartitionProgress:
         name = "/".join(address.split("/")[1:2] if address.startswith("partition/") else [address])
-        described = visible(name, keep="") + members_of(name, self._components)
+        described = visible(name + members_of(name, self._components), keep="")
         return self._partitions.setdefault(name, _PartitionProgress(name=name, described=described, total=0))
 
     def _end(self, partition: _PartitionProgress) -> None:
