@@ -14,12 +14,13 @@ from pathlib import Path
 from benchmarks.timing import Figure, report, seconds
 from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.host import Host, KeepForHost, ProviderKind, SimulatedHost
 from rarms_iac.model.journal import RunKind, RunStarted, StepRecorded, StepStatus
 from rarms_iac.model.operations import CreatePartition, Operation, RenamePartition, SetCpu, WriteMark
 from rarms_iac.model.plan import HostPlan, Scope, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Disruption, Host, KeepForHost, ProviderKind, SimulatedHost
+from rarms_iac.model.system import Disruption
 from rarms_iac.providers.marks import mark_for, write_mark
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk

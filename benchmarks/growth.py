@@ -17,24 +17,12 @@ from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import OrderedSteps, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.host import Host, KeepForHost, ProviderKind, SchedulerType, SimulatedHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, ProcessorTime
 from rarms_iac.model.state import HostFacts, Rights, State
-from rarms_iac.model.system import (
-    Application,
-    Component,
-    CpuRequest,
-    Disruption,
-    Host,
-    KeepForHost,
-    Policy,
-    ProviderKind,
-    RunsOn,
-    SchedulerType,
-    SimulatedHost,
-    System,
-)
+from rarms_iac.model.system import Application, Component, CpuRequest, Disruption, Policy, RunsOn, System
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.views.console import render

@@ -25,7 +25,8 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
 from rarms_iac.model.measurement import Setting, run_of
 from rarms_iac.model.outcomes import ExperimentStep, Measure, Missed, NotAchievable, Sufficient, Swept
-from rarms_iac.model.system import AtMost, Component, Elapsed, Threshold
+from rarms_iac.model.run import Elapsed
+from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.distributions import share_interval

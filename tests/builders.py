@@ -8,6 +8,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.host import (
+    Connect,
+    Host,
+    HostSettings,
+    HypervHost,
+    KeepForHost,
+    LinuxHost,
+    ProviderKind,
+    SimulatedHost,
+)
 from rarms_iac.model.quantities import (
     Bytes,
     CpuAmount,
@@ -19,40 +29,24 @@ from rarms_iac.model.quantities import (
     Unit,
     parse_quantity,
 )
+from rarms_iac.model.run import Closed, Command, Elapsed, FromEnvironment, Periodic, Run, SampleCount, Samples, Stop
 from rarms_iac.model.system import (
     Application,
     AtLeast,
     AtMost,
     Browser,
     BusyLoop,
-    Closed,
-    Command,
     Component,
-    Connect,
     CpuRequest,
-    Elapsed,
-    FromEnvironment,
     Guest,
-    Host,
-    HostSettings,
-    HypervHost,
     HypervPartition,
     Interference,
-    KeepForHost,
-    LinuxHost,
     Measured,
     PartitionRequest,
-    Periodic,
     Policy,
-    ProviderKind,
-    Run,
     RunsOn,
-    SampleCount,
-    Samples,
-    SimulatedHost,
     Simulation,
     StartMode,
-    Stop,
     System,
     TaskCategory,
     TaskRequest,

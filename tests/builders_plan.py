@@ -6,6 +6,7 @@ from dataclasses import replace
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Resource, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.operations import Operation, SetCpu
 from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Totals, Undo, UndoLevel
@@ -24,7 +25,7 @@ from rarms_iac.model.state import (
     TaskClass,
     ValueKind,
 )
-from rarms_iac.model.system import Disruption, Host, ProviderKind, SchedulerType, StartMode
+from rarms_iac.model.system import Disruption, StartMode
 from tests.builders import a_host, memory
 
 

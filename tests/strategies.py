@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from hypothesis import strategies as st
 
+from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.quantities import Percent, ShareOfHost
 from rarms_iac.model.state import (
     Checkpoints,
@@ -22,17 +23,7 @@ from rarms_iac.model.state import (
     TaskClass,
     ValueKind,
 )
-from rarms_iac.model.system import (
-    Component,
-    CpuRequest,
-    Host,
-    PartitionRequest,
-    ProviderKind,
-    RunsOn,
-    SchedulerType,
-    StartMode,
-    System,
-)
+from rarms_iac.model.system import Component, CpuRequest, PartitionRequest, RunsOn, StartMode, System
 from tests.builders import a_component, a_host, a_partition, a_system
 
 NAMES = ("arm", "base", "camera", "door", "ears", "feet")

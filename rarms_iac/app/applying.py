@@ -14,8 +14,8 @@ from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.undo import abandon
 from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.system import ProviderKind
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 
 ELSEWHERE = Finding(code="RARMS213", severity=Severity.ERROR, summary="The plan's simulated host is not in this folder")

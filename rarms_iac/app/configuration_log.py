@@ -8,9 +8,10 @@ from rarms_iac import __version__
 from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.measuring.setup import interference_of
+from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.layout import PlacedPartition
-from rarms_iac.model.system import Component, Host
+from rarms_iac.model.system import Component
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size

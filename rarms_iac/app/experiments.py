@@ -8,9 +8,10 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
+from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion
-from rarms_iac.model.system import Host, RunsOn
+from rarms_iac.model.system import RunsOn
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve

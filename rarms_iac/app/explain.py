@@ -26,9 +26,10 @@ from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
-from rarms_iac.model.system import Component, Host, Measured
+from rarms_iac.model.system import Component, Measured
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.alternatives import ChosenPlace, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of

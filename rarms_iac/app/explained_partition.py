@@ -7,10 +7,11 @@ from fractions import Fraction
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Disruption, Host, System
+from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view

@@ -11,9 +11,10 @@ from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
 from rarms_iac.app.tuning_log import outdated_compounds
 from rarms_iac.measuring.setup import interference_of
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_lp_percent, show_processors
-from rarms_iac.model.system import Host, System
+from rarms_iac.model.system import System
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.values import cost

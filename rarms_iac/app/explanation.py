@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
+from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.layout import PlacedPartition, Placement
 from rarms_iac.model.quantities import LogicalProcessors
-from rarms_iac.model.system import Component, Host, SchedulerType, Threshold
+from rarms_iac.model.system import Component, Threshold
 from rarms_iac.planner.alternatives import Elsewhere
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, LeastReserve

@@ -8,9 +8,10 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Host, PartitionRequest, System
+from rarms_iac.model.system import PartitionRequest, System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured

@@ -9,10 +9,12 @@ from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.explain import find_component
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import Unit
-from rarms_iac.model.system import Command, Component, Host, RunsOn
+from rarms_iac.model.run import Command
+from rarms_iac.model.system import Component, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, names_of, rests_on_a_log

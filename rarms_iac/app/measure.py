@@ -52,10 +52,10 @@ from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import Partition
-from rarms_iac.model.system import ProviderKind
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork

@@ -27,9 +27,10 @@ from rarms_iac.applying.host_drift import drift_of_hosts
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
-from rarms_iac.model.system import Host, ProviderKind, System
+from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import ReservationSource, names_of

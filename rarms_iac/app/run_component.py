@@ -17,7 +17,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.system import AtLeast, AtMost, Component, Elapsed, Run, SampleCount, System, Threshold
+from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded

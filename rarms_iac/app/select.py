@@ -12,10 +12,11 @@ from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, plain
-from rarms_iac.model.system import Component, Host, System, Threshold
+from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of

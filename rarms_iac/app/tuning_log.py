@@ -7,7 +7,7 @@ from rarms_iac.app.data_logs import Measurements, why_outdated
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors
 from rarms_iac.app.report_model import PlatformTuning
-from rarms_iac.model.system import Host
+from rarms_iac.model.host import Host
 from rarms_iac.planner.reservations import Names
 from rarms_iac.storage.datalog.tuning import TuningRun, append_run, read_runs, tuning_path
 

@@ -17,10 +17,11 @@ from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.measuring.strategies import Answering, apts_of
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Host, System
+from rarms_iac.model.system import System
 from rarms_iac.planner import findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured

@@ -9,10 +9,10 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, UseCaseError, unreachable_finding
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
-from rarms_iac.model.system import Host, ProviderKind
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.append import Damaged

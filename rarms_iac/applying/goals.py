@@ -14,10 +14,11 @@ from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
+from rarms_iac.model.host import HypervHost, SimulatedHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
-from rarms_iac.model.system import Disruption, HypervHost, SimulatedHost, System
+from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import desired_state
 from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Severity
+from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.state import HostFacts, Rights, State
-from rarms_iac.model.system import SchedulerType
 
 NO_RIGHTS = Finding(code="RARMS158", severity=Severity.ERROR, summary="Without rights, nothing seen proves nothing")
 SCHEDULER = Finding(

@@ -6,9 +6,9 @@ from itertools import groupby
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
-from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.powershell.guests import GuestTask
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect

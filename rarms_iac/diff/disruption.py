@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import ceil
 
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Making
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Disk, Facet, HostFacts, Partition, PartitionSettings, RunState
-from rarms_iac.model.system import GRACE, Disruption, ProviderKind
+from rarms_iac.model.system import GRACE, Disruption
 
 WINDOWS_10 = 10240
 SERVER_2016 = 14393

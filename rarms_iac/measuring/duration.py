@@ -10,7 +10,7 @@ from math import ceil, log2
 from rarms_iac.measuring.settling import PATIENCE
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.system import Elapsed, Periodic, Run
+from rarms_iac.model.run import Elapsed, Periodic, Run
 from rarms_iac.statistics.errors import FIRST_LOOK
 
 STEPS_OF_PAPER = 10

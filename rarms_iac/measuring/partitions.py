@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits
 from rarms_iac.model.claims import WHOLE, Claim
+from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -28,7 +29,6 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
-from rarms_iac.model.system import Host
 from rarms_iac.providers.interface import StepwiseHost
 
 USUAL_LOAD_MEMORY = 512 * 2**20

@@ -29,7 +29,8 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.quantities import LEAST_MEMORY
-from rarms_iac.model.system import Component, Interference, SampleCount
+from rarms_iac.model.run import SampleCount
+from rarms_iac.model.system import Component, Interference
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge_each

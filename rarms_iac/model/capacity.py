@@ -6,9 +6,9 @@ from fractions import Fraction
 from itertools import accumulate
 
 from rarms_iac.model.claims import WHOLE, Claim, load_of
+from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Host
 
 SEARCH_NODES = 5_000
 """How far the exact packing looks before it says no: a count, not a time, so that equal inputs have equal answers."""

@@ -3,18 +3,10 @@
 from dataclasses import dataclass
 from fractions import Fraction
 
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.system import (
-    Closed,
-    Command,
-    Component,
-    ProviderKind,
-    Run,
-    SampleCount,
-    Samples,
-    SchedulerType,
-    Stop,
-)
+from rarms_iac.model.run import Closed, Command, Run, SampleCount, Samples, Stop
+from rarms_iac.model.system import Component
 
 P1 = "rarms-p1"
 """The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""

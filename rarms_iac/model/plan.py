@@ -8,10 +8,11 @@ from typing import Literal
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.state import HostFacts
-from rarms_iac.model.system import Disruption, Host
+from rarms_iac.model.system import Disruption
 
 Reading = bool | int | str
 Readings = Mapping[str, Reading]

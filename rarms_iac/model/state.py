@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.system import ProviderKind, SchedulerType
 
 
 class Rights(StrEnum):

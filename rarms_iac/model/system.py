@@ -10,15 +10,9 @@ from datetime import date
 from enum import StrEnum
 from fractions import Fraction
 
-from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost
-
-
-class ProviderKind(StrEnum):
-    """What enforces a reservation on a host."""
-
-    SIMULATED = "simulated"
-    HYPERV = "hyperv"
-    LINUX = "linux"
+from rarms_iac.model.host import Connect, Host
+from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
+from rarms_iac.model.run import Run
 
 
 class Disruption(StrEnum):
@@ -87,100 +81,6 @@ class Application:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeepForHost:
-    """What is never promised to a partition."""
-
-    processor: CpuAmount = field(default_factory=lambda: ShareOfHost(Percent(Fraction(0))))
-    memory: Bytes = Bytes(0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Connect:
-    """How a remote system is reached: the system's own ssh."""
-
-    ssh: str  # user@host, or a name of the ssh configuration
-    shell: str = "pwsh"  # pwsh or powershell
-
-
-class SchedulerType(StrEnum):
-    """How the hypervisor schedules virtual processors (FACTS 2); under `root` reserves have no effect."""
-
-    CLASSIC = "classic"
-    CORE = "core"
-    ROOT = "root"
-    UNKNOWN = "unknown"
-    NONE = "none"  # no hypervisor: Linux
-
-
-class FaultEffect(StrEnum):
-    """What a simulated host does wrong when asked to."""
-
-    REFUSE = "refuse"
-    FAIL_AFTER = "fail_after"
-    LATE = "late"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """A fault that is asked of a simulated host."""
-
-    operation: str  # the operation's kind: start_partition, set_cpu, ...
-    at: str  # an address, or `*`
-    effect: FaultEffect
-    delay: Milliseconds = Milliseconds(Fraction(0))
-    times: int | None = None  # how often it strikes; None: always
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedHost:
-    """The machine that a simulated host pretends to be."""
-
-    windows_build: int = 26100  # Windows Server 2025
-    guest_windows_build: int = 26100
-    client: bool = False  # a client Windows, not a server
-    scheduler: SchedulerType = SchedulerType.CLASSIC
-    smt: bool = False
-    administrator: bool = True
-    faults: Mapping[str, Fault] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HypervHost:
-    """What partitions of a Hyper-V host use unless they say otherwise."""
-
-    switch: str | None = None
-    image: str | None = None
-    vm_path: str | None = None
-    generation: int = 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinuxHost:
-    """Where control groups are made."""
-
-    slice: str = "rarms"
-    control_groups: str = "automatic"  # automatic, v1 or v2
-
-
-HostSettings = SimulatedHost | HypervHost | LinuxHost
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Host:
-    """A machine that partitions are made on."""
-
-    name: str
-    provider: ProviderKind
-    logical_processors: int
-    memory: Bytes
-    keep_for_host: KeepForHost
-    platform: str  # hosts of one platform share measurements
-    connect: Connect | None
-    settings: HostSettings
-    system_responsiveness: int | None = None  # per cent that MMCSS leaves to everybody else; None: left as it is
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class AtMost:
     """The index must not be larger: response times, jitter, miss rates."""
 
@@ -195,98 +95,6 @@ class AtLeast:
 
 
 Threshold = AtMost | AtLeast
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """A program of the component's own: no shell reads it."""
-
-    words: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
-    """A Python function, driven by a small runner."""
-
-    module: str
-    function: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FromEnvironment:
-    """A value read from rarms' own environment when the component starts, so that no secret stands in git."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SampleCount:
-    """A setting ends after so many samples."""
-
-    samples: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Elapsed:
-    """A setting ends after so long."""
-
-    time: Milliseconds
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Closed:
-    """The next job starts when the last one ended."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Periodic:
-    """A job starts every period; its response counts from its scheduled start."""
-
-    period: Milliseconds
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stop:
-    """How a component is asked to end, and how long it may take."""
-
-    signal: str = "TERM"
-    grace: Milliseconds = Milliseconds(Fraction(5000))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
-    """Where in a sample a value stands, and its unit as a factor to ours (1 for counts)."""
-
-    name: str
-    factor: Fraction = Fraction(1)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Samples:
-    """How the component's output becomes samples: `json_lines`, `pattern` (RE2) or `per_run`."""
-
-    source: str
-    pattern: str = ""
-    response_time: Field | None = None
-    success: Field | None = None
-    count: Field | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
-    """How a component is started, fed, watched and ended."""
-
-    start: Command | Call
-    files: tuple[str, ...]
-    environment: Mapping[str, str | FromEnvironment]
-    folder: str  # as written; relative to the file that says it
-    until: SampleCount | Elapsed
-    timeout: Milliseconds
-    stop: Stop
-    arrival: Closed | Periodic
-    samples: Samples
-    deadline: Milliseconds | None  # None: no deadline
-    failures: int  # failed samples a setting may have
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.model.capacity import capacity_of, fits
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.system import Host, System
+from rarms_iac.model.system import System
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import HostView, by_name
 from rarms_iac.planner.reservations import ReservationSource

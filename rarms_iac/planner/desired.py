@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, Making, PlacedPartition
 from rarms_iac.model.moves import renaming
 from rarms_iac.model.names import is_shipped_task
@@ -23,7 +24,7 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import Host, ProviderKind, StartMode, System
+from rarms_iac.model.system import StartMode, System
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.digest import set_of_settings, set_of_values
 

@@ -7,8 +7,9 @@ asks, by weight: so the policy decides weights, and what one component needs nev
 from fractions import Fraction
 from typing import assert_never
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, in_processors, per_virtual_processor
-from rarms_iac.model.system import Headroom, Host
+from rarms_iac.model.system import Headroom
 from rarms_iac.planner.groups import Group, Rank
 
 WEIGHT = 100

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Host, RunsOn, System
+from rarms_iac.model.system import RunsOn, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group, company, groups_of
 from rarms_iac.planner.packing.pack import can_pack, pack

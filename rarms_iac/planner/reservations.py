@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Protocol
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, in_processors
-from rarms_iac.model.system import Component, Host, Measured, Threshold
+from rarms_iac.model.system import Component, Measured, Threshold
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve

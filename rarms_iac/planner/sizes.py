@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
 from rarms_iac.model.quantities import (
     Bytes,
@@ -14,7 +15,7 @@ from rarms_iac.model.quantities import (
     show_percent,
     show_processors,
 )
-from rarms_iac.model.system import Host, HypervHost, Measured, ProviderKind
+from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.measurement import Bench, Sample
-from rarms_iac.model.system import Component, Elapsed, Interference, SampleCount
+from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.system import Component, Interference
 from rarms_iac.providers.interface import StepwiseHost
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rarms_iac.model.system import Call, Command, FromEnvironment, Periodic, Run, Stop
+from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run, Stop
 
 
 class RunningError(Exception):

@@ -14,7 +14,8 @@ from math import ceil, floor, inf, isfinite
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.outcomes import Estimate, NoEstimate
-from rarms_iac.model.system import AtLeast, AtMost, Run, Threshold
+from rarms_iac.model.run import Run
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.errors import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 

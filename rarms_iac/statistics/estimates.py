@@ -10,7 +10,7 @@ from math import ceil, inf, sqrt
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
-from rarms_iac.model.system import Run
+from rarms_iac.model.run import Run
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
 from rarms_iac.statistics.errors import FIRST_LOOK, LOOK_ERROR
 from rarms_iac.statistics.samples import deadline_misses, effective_samples, end_ms, response_times, successes

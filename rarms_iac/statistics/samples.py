@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from operator import mul
 
 from rarms_iac.model.measurement import Sample, Series
-from rarms_iac.model.system import Run
+from rarms_iac.model.run import Run
 
 _LONGEST_LAG = 4  # a share of the samples: 1/4
 

@@ -18,7 +18,8 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
-from rarms_iac.model.system import AtLeast, AtMost, Elapsed, Run, SampleCount, Threshold
+from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.samples import failures

@@ -23,7 +23,8 @@ from rarms_iac.model.outcomes import (
     Swept,
 )
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
-from rarms_iac.model.system import AtLeast, AtMost, Elapsed, SampleCount, Threshold
+from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import ERROR, describe_error, describe_extreme
 from rarms_iac.views.as_json import as_json

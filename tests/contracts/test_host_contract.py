@@ -16,6 +16,7 @@ import pytest
 
 from rarms_iac.diff.readings import NOTHING, readings
 from rarms_iac.model.changes import Address
+from rarms_iac.model.host import Fault, FaultEffect, Host, SchedulerType, SimulatedHost
 from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
@@ -50,7 +51,6 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import Fault, FaultEffect, Host, SchedulerType, SimulatedHost
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused, StepwiseHost
 from rarms_iac.providers.simulated.content import empty
 from rarms_iac.providers.simulated.run import SimulatedHostProvider

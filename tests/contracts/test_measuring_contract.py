@@ -10,7 +10,8 @@ import pytest
 
 from rarms_iac.measuring.partitions import running_test_partitions, set_reserves, shapes_of_test_partitions
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup, Sample
-from rarms_iac.model.system import BusyLoop, Component, Elapsed, SampleCount
+from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.system import BusyLoop, Component
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost

@@ -3,13 +3,13 @@
 from dataclasses import dataclass, replace
 from functools import cache
 
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import (
     Component,
     Disruption,
     HypervPartition,
     PartitionRequest,
-    ProviderKind,
     RunsOn,
     System,
     TaskCategory,

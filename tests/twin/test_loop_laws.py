@@ -7,8 +7,9 @@ from dataclasses import replace
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.system import Host, ProviderKind, RunsOn, System
+from rarms_iac.model.system import RunsOn, System
 from rarms_iac.providers.simulated.rules import packs
 from tests.builders import a_host
 from tests.effort import examples

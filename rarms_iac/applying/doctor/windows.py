@@ -6,9 +6,9 @@ from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.applying.preconditions import no_rights, scheduler_findings
 from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for
 from rarms_iac.model.state import RegistryValue, Rights, ValueKind
-from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.model.wording import quoted
 
 RESPONSIVENESS_VALUE = Finding(

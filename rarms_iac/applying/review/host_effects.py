@@ -6,10 +6,11 @@ from fractions import Fraction
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.capacity import foreign_claims, packs_by_size
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, ValueKind
-from rarms_iac.model.system import ProviderKind, TaskCategory
+from rarms_iac.model.system import TaskCategory
 
 UNMANAGED_GETS_LESS = Finding(
     code="RARMS223", severity=Severity.WARNING, summary="A machine that is not managed gets less"

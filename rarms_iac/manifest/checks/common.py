@@ -4,15 +4,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Related
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.names import ROBOTIC_TASKS
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import (
     Component,
     CpuRequest,
-    Host,
     Measured,
     PartitionRequest,
-    ProviderKind,
     RunsOn,
     System,
     TaskRequest,

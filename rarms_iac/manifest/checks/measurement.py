@@ -11,18 +11,8 @@ from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.system import (
-    AtMost,
-    Call,
-    Component,
-    Elapsed,
-    Measured,
-    Periodic,
-    Run,
-    SampleCount,
-    Samples,
-    System,
-)
+from rarms_iac.model.run import Call, Elapsed, Periodic, Run, SampleCount, Samples
+from rarms_iac.model.system import AtMost, Component, Measured, System
 from rarms_iac.model.wording import suggestion
 from rarms_iac.running.reading import compile_pattern
 

@@ -12,8 +12,9 @@ from rarms_iac.manifest.checks.common import (
     partition_of_component,
 )
 from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes
-from rarms_iac.model.system import Host, RunsOn, System
+from rarms_iac.model.system import RunsOn, System
 
 BELOW_MEMBERS = Finding(
     code="RARMS065", severity=Severity.WARNING, summary="A partition has less memory than its components"

@@ -15,6 +15,7 @@ from rarms_iac.manifest.checks.common import (
     on_every,
 )
 from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import (
     CpuAmount,
     ProcessorTime,
@@ -23,7 +24,7 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_processors,
 )
-from rarms_iac.model.system import Component, Host, Measured, RunsOn, System
+from rarms_iac.model.system import Component, Measured, RunsOn, System
 from rarms_iac.model.wording import counted
 
 RESERVE_OVER_LIMIT = Finding(code="RARMS060", severity=Severity.ERROR, summary="The reserve is above the limit")

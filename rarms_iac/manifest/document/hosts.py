@@ -18,7 +18,7 @@ from rarms_iac.manifest.document.fields import (
 )
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.model.system import FaultEffect, ProviderKind, SchedulerType
+from rarms_iac.model.host import FaultEffect, ProviderKind, SchedulerType
 
 
 def _only_its_own_block() -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
 
-from rarms_iac.model.system import ProviderKind
+from rarms_iac.model.host import ProviderKind
 
 Broken = tuple[tuple[str, ...], str, dict[str, Any]]
 """Path, kind of error and its facts; `messages.py` puts them into words."""

@@ -19,7 +19,8 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
-from rarms_iac.model.system import Run, Threshold
+from rarms_iac.model.run import Run
+from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.verdicts import judge_early, judge_look
 

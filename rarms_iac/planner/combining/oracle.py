@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from rarms_iac.model.claims import Claim
-from rarms_iac.model.system import Host
+from rarms_iac.model.host import Host
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource, names_of
 from rarms_iac.statistics.curves import highest_missed

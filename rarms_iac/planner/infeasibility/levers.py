@@ -7,6 +7,7 @@ from functools import partial
 from itertools import combinations
 from math import ceil
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import (
     CpuAmount,
@@ -19,7 +20,7 @@ from rarms_iac.model.quantities import (
     show_percent,
     show_processors,
 )
-from rarms_iac.model.system import Component, CpuRequest, Host, Measured, PartitionRequest, Threshold
+from rarms_iac.model.system import Component, CpuRequest, Measured, PartitionRequest, Threshold
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total

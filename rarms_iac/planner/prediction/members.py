@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.system import AtMost, Component, Host, Periodic
+from rarms_iac.model.run import Periodic
+from rarms_iac.model.system import AtMost, Component
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.prediction.belief import SELDOM, Outlook, at_least, belief_of, slack_on
 from rarms_iac.planner.prediction.periodic import (

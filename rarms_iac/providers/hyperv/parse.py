@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.names import TASK_VALUES
@@ -24,7 +25,6 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (

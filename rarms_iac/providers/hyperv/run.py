@@ -2,9 +2,9 @@
 
 import re
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Host
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.bootstrap import arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of

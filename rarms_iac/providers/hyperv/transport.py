@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from rarms_iac.model.system import Connect
+from rarms_iac.model.host import Connect
 from rarms_iac.providers.hyperv import bootstrap
 from rarms_iac.providers.hyperv.channel import Channel, SilenceTimeout
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost

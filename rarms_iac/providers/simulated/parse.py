@@ -10,8 +10,8 @@ import uuid
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
+from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, RunState, State, TaskClass
-from rarms_iac.model.system import Host, SimulatedHost
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, SimulatedMachine

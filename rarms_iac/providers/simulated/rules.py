@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.operations import (
     CreatePartition,
     Operation,
@@ -18,7 +19,6 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, show_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
-from rarms_iac.model.system import SchedulerType
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 
 CAPACITY = 100  # per cent of a logical processor

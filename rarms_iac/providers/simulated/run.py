@@ -8,11 +8,11 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
+from rarms_iac.model.host import Fault, FaultEffect, Host
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
 from rarms_iac.model.operations import CreatePartition, MachineOperation, Operation, RemoveDisk, TaskOperation
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
-from rarms_iac.model.system import Fault, FaultEffect, Host
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.files import (

@@ -17,7 +17,8 @@ from typing import Any, get_type_hints
 
 from rarms_iac.model.measurement import CONFINEMENT, Bench, EnvironmentSetup
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
-from rarms_iac.model.system import Call, Command, CommandLoad, Component, Interference, Run, TaskRequest
+from rarms_iac.model.run import Call, Command, Run
+from rarms_iac.model.system import CommandLoad, Component, Interference, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
 from rarms_iac.storage.digest import canonical, digest, short
 from rarms_iac.storage.reading import open_regular

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.measurement import Bench
-from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.storage.datalog.identity import FILE
 from rarms_iac.storage.datalog.log import Header, Identity
 

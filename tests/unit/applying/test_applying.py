@@ -7,10 +7,11 @@ import pytest
 
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.applying.undo import abandon, steps_undone
+from rarms_iac.model.host import Fault, FaultEffect, SimulatedHost
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
-from rarms_iac.model.system import Disruption, Fault, FaultEffect, PartitionRequest, SimulatedHost
+from rarms_iac.model.system import Disruption, PartitionRequest
 from tests.builders import a_component, a_host, a_partition, a_system, codes, the_delivery_robot
 from tests.lab import Countdown, Lab, a_lab, without_serials
 

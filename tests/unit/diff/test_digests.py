@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.diff.digests import moved_parts, part_digests
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
@@ -20,7 +21,6 @@ from rarms_iac.model.state import (
     TaskClass,
     ValueKind,
 )
-from rarms_iac.model.system import ProviderKind, SchedulerType
 
 FACTS = HostFacts(
     name="onboard",

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from rarms_iac.diff.readings import NOTHING, readings, resolve
 from rarms_iac.model.changes import Address
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import (
     Checkpoints,
@@ -21,7 +22,6 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import ProviderKind, SchedulerType
 
 SCOPE = Scope(application="robot", plan="0123456789ab")
 FACTS = HostFacts(

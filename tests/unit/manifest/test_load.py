@@ -6,7 +6,9 @@ from pathlib import Path
 
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Severity
-from rarms_iac.model.system import AtMost, Measured, ProviderKind, SampleCount
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.run import SampleCount
+from rarms_iac.model.system import AtMost, Measured
 from tests.unit.manifest.examples import no_checks
 
 SMALL = """\

@@ -8,7 +8,8 @@ import pytest
 
 from rarms_iac.manifest.load import Loaded, load
 from rarms_iac.manifest.overlays import moved_path
-from rarms_iac.model.system import AtMost, Command, Component, Elapsed, Run
+from rarms_iac.model.run import Command, Elapsed, Run
+from rarms_iac.model.system import AtMost, Component
 from tests.unit.manifest.examples import no_checks
 from tests.unit.manifest.test_load import SMALL, loaded, write
 

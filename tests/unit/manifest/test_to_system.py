@@ -7,7 +7,31 @@ from rarms_iac.manifest.document.manifest import ManifestDocument
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.to_system import to_system
 from rarms_iac.model import system as m
+from rarms_iac.model.host import (
+    Connect,
+    Fault,
+    FaultEffect,
+    Host,
+    HypervHost,
+    KeepForHost,
+    LinuxHost,
+    ProviderKind,
+    SchedulerType,
+    SimulatedHost,
+)
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Milliseconds, Percent, ProcessorTime, ShareOfHost
+from rarms_iac.model.run import (
+    Call,
+    Command,
+    Elapsed,
+    Field,
+    FromEnvironment,
+    Periodic,
+    Run,
+    SampleCount,
+    Samples,
+    Stop,
+)
 from tests.unit.manifest.examples import EVERYTHING
 
 MIB = 2**20
@@ -25,38 +49,36 @@ SYSTEM = system_of(EVERYTHING)
 
 
 def test_hosts() -> None:
-    assert SYSTEM.hosts["onboard"] == m.Host(
+    assert SYSTEM.hosts["onboard"] == Host(
         name="onboard",
-        provider=m.ProviderKind.SIMULATED,
+        provider=ProviderKind.SIMULATED,
         logical_processors=4,
         memory=Bytes(8192 * MIB),
-        keep_for_host=m.KeepForHost(
-            processor=ProcessorTime(LogicalProcessors(Fraction(1, 2))), memory=Bytes(1024 * MIB)
-        ),
+        keep_for_host=KeepForHost(processor=ProcessorTime(LogicalProcessors(Fraction(1, 2))), memory=Bytes(1024 * MIB)),
         system_responsiveness=30,
         platform="atom",
         connect=None,
-        settings=m.SimulatedHost(
+        settings=SimulatedHost(
             windows_build=20348,
             guest_windows_build=19045,
-            scheduler=m.SchedulerType.CORE,
+            scheduler=SchedulerType.CORE,
             smt=True,
             faults={
-                "no-start": m.Fault(
+                "no-start": Fault(
                     operation="start_partition",
                     at="partition/vision",
-                    effect=m.FaultEffect.REFUSE,
+                    effect=FaultEffect.REFUSE,
                     delay=ms("2000"),
                     times=1,
                 )
             },
         ),
     )
-    assert SYSTEM.hosts["server"].connect == m.Connect(ssh="operator@server", shell="powershell")
-    assert SYSTEM.hosts["server"].settings == m.HypervHost(
+    assert SYSTEM.hosts["server"].connect == Connect(ssh="operator@server", shell="powershell")
+    assert SYSTEM.hosts["server"].settings == HypervHost(
         switch="robots", image="D:\\images\\base.vhdx", vm_path="D:\\machines"
     )
-    assert SYSTEM.hosts["bench"].settings == m.LinuxHost(control_groups="v2")
+    assert SYSTEM.hosts["bench"].settings == LinuxHost(control_groups="v2")
     assert SYSTEM.hosts["bench"].platform == "bench"
 
 
@@ -72,21 +94,21 @@ def test_a_component() -> None:
             "throughput": m.AtLeast(value=Fraction(24)),
             "deadline_miss_rate": m.AtMost(value=Fraction(1)),
         },
-        run=m.Run(
-            start=m.Command(words=("python3", "components/vision.py", "--fast")),
+        run=Run(
+            start=Command(words=("python3", "components/vision.py", "--fast")),
             files=("components/models/*.bin",),
-            environment={"LEVEL": "3", "TOKEN": m.FromEnvironment(name="VISION_TOKEN")},
+            environment={"LEVEL": "3", "TOKEN": FromEnvironment(name="VISION_TOKEN")},
             folder="work",
-            until=m.SampleCount(samples=200),
+            until=SampleCount(samples=200),
             timeout=ms("30000"),
-            stop=m.Stop(signal="INT", grace=ms("2000")),
-            arrival=m.Periodic(period=ms("33")),
-            samples=m.Samples(
+            stop=Stop(signal="INT", grace=ms("2000")),
+            arrival=Periodic(period=ms("33")),
+            samples=Samples(
                 source="pattern",
                 pattern="^ok=(?P<ok>[01]) ms=(?P<ms>[0-9.]+) n=(?P<n>[0-9]+)",
-                response_time=m.Field(name="ms"),
-                success=m.Field(name="ok"),
-                count=m.Field(name="n"),
+                response_time=Field(name="ms"),
+                success=Field(name="ok"),
+                count=Field(name="n"),
             ),
             deadline=ms("40"),
             failures=2,
@@ -116,9 +138,9 @@ def test_what_is_left_out_has_its_default() -> None:
 
     assert (planning.memory, planning.runs_on, planning.cpu) == (512 * MIB, m.RunsOn.HOST, m.CpuRequest())
     assert speech.run is not None
-    assert speech.run.start == m.Call(module="components.speech", function="listen")
-    assert (speech.run.until, speech.run.deadline) == (m.Elapsed(time=ms("60000")), None)
-    assert (speech.run.timeout, speech.run.stop) == (ms("60000"), m.Stop())
+    assert speech.run.start == Call(module="components.speech", function="listen")
+    assert (speech.run.until, speech.run.deadline) == (Elapsed(time=ms("60000")), None)
+    assert (speech.run.timeout, speech.run.stop) == (ms("60000"), Stop())
     assert speech.cpu.reserve is m.Measured.MEASURED
 
 
@@ -146,7 +168,7 @@ def test_partitions() -> None:
         start=m.StartMode.MANUAL,
         grace=ms("90000"),
         hyperv=m.HypervPartition(generation=1, switch="other", image="x.vhd", vm_path="y"),
-        guest=m.Guest(connect=m.Connect(ssh="robot@senses"), credential="senses-admin"),
+        guest=m.Guest(connect=Connect(ssh="robot@senses"), credential="senses-admin"),
     )
 
 

@@ -6,7 +6,7 @@ from rarms_iac.measuring.duration import DurationBounds, expected_duration
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import show_duration
-from rarms_iac.model.system import Elapsed, Run, SampleCount
+from rarms_iac.model.run import Elapsed, Run, SampleCount
 from tests.builders import a_component, a_run, a_simulation, a_system, milliseconds
 from tests.builders_measured import a_series, a_setting
 

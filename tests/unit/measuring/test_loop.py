@@ -21,7 +21,7 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, goal_of
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
-from rarms_iac.model.system import SampleCount
+from rarms_iac.model.run import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve

@@ -26,7 +26,7 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Sufficient
-from rarms_iac.model.system import SampleCount
+from rarms_iac.model.run import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled

@@ -3,9 +3,10 @@ from fractions import Fraction
 
 import pytest
 
+from rarms_iac.model.host import HypervHost, ProviderKind
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import Partition, RunState
-from rarms_iac.model.system import CpuRequest, Disruption, HypervHost, ProviderKind, RunsOn, System
+from rarms_iac.model.system import CpuRequest, Disruption, RunsOn, System
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import FixedReservations

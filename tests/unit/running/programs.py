@@ -9,7 +9,7 @@ import pytest
 
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.system import (
+from rarms_iac.model.run import (
     Call,
     Closed,
     Command,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.system import Call, Field, Samples
+from rarms_iac.model.run import Call, Field, Samples
 from rarms_iac.running.samples import SamplingEnd
 from tests.needs import ON_WINDOWS
 from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses, same_everywhere

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.system import Call, Field, FromEnvironment, Run, Samples, Stop
+from rarms_iac.model.run import Call, Field, FromEnvironment, Run, Samples, Stop
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, StartContext
 from tests.needs import ON_WINDOWS

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from rarms_iac.model.system import Field, Samples
+from rarms_iac.model.run import Field, Samples
 from rarms_iac.running.reading import Reading, Unreadable, line_reader
 
 JSON = Samples(source="json_lines", response_time=Field(name="ms"))

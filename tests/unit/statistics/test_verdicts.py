@@ -6,7 +6,8 @@ import pytest
 
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
-from rarms_iac.model.system import SampleCount, Threshold
+from rarms_iac.model.run import SampleCount
+from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.errors import FIRST_LOOK, next_look
 from rarms_iac.statistics.verdicts import judge, judge_early
 from tests.builders import a_run, at_least, at_most

@@ -9,10 +9,11 @@ from typing import Literal
 
 import pytest
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.operations import Operation, SetCpu
 from rarms_iac.model.plan import Readings
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost
-from rarms_iac.model.system import Host, Measured
+from rarms_iac.model.system import Measured
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
 from rarms_iac.storage.digest import canonical, digest, parse_json, short
 from tests import builders

@@ -8,7 +8,8 @@ from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.outcomes import Stopped, Sufficient
-from rarms_iac.model.system import SampleCount, System
+from rarms_iac.model.run import SampleCount
+from rarms_iac.model.system import System
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.measure import MeasuringProgress, measure_json, share_done, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most

@@ -9,8 +9,8 @@ from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES, examine
 from rarms_iac.applying.doctor.windows import effective_responsiveness
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, RunState, State, ValueKind
-from rarms_iac.model.system import SchedulerType
 from tests.builders_plan import facts, partition, settings
 
 

@@ -12,11 +12,12 @@ from rarms_iac.applying.review.review_plan import review_plan
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.state import Disk, DiskKind, HostFacts, Partition, State
-from rarms_iac.model.system import Disruption, ProviderKind, System
+from rarms_iac.model.system import Disruption, System
 from tests import builders_plan as build
 from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
 from tests.builders_plan import facts, partition, settings

@@ -2,12 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.system import (
-    Connect,
-    HypervHost,
-    HypervPartition,
-    ProviderKind,
-)
+from rarms_iac.model.host import Connect, HypervHost, ProviderKind
+from rarms_iac.model.system import HypervPartition
 from tests.builders import (
     a_component,
     a_host,

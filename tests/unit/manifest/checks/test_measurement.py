@@ -9,16 +9,8 @@ import pytest
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.checks.measurement import LogsInFolder, pattern_groups, samples_needed
 from rarms_iac.model.diagnostics import Severity
-from rarms_iac.model.system import (
-    Call,
-    Elapsed,
-    Field,
-    Run,
-    SampleCount,
-    Samples,
-    System,
-    Threshold,
-)
+from rarms_iac.model.run import Call, Elapsed, Field, Run, SampleCount, Samples
+from rarms_iac.model.system import System, Threshold
 from tests.builders import (
     PathPlaces,
     a_component,

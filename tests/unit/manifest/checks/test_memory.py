@@ -1,6 +1,6 @@
 import pytest
 
-from rarms_iac.model.system import ProviderKind
+from rarms_iac.model.host import ProviderKind
 from tests.builders import (
     a_component,
     a_host,

@@ -1,10 +1,8 @@
 import pytest
 
 from rarms_iac.manifest.checks.secrets import is_reference
-from rarms_iac.model.system import (
-    FromEnvironment,
-    Guest,
-)
+from rarms_iac.model.run import FromEnvironment
+from rarms_iac.model.system import Guest
 from tests.builders import (
     a_component,
     a_partition,

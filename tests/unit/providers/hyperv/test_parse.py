@@ -2,9 +2,9 @@
 
 import pytest
 
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
-from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe

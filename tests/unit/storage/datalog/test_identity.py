@@ -6,26 +6,10 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.measurement import EnvironmentSetup
-from rarms_iac.model.system import (
-    Browser,
-    Call,
-    Command,
-    CommandLoad,
-    Component,
-    Elapsed,
-    Field,
-    Periodic,
-    ProviderKind,
-    Run,
-    RunsOn,
-    Samples,
-    SchedulerType,
-    Simulation,
-    Stop,
-    TaskCategory,
-    TaskRequest,
-)
+from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, Samples, Stop
+from rarms_iac.model.system import Browser, CommandLoad, Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import Files, LogSubject, file_digest, identity_of
 from rarms_iac.storage.datalog.log import Identity
 from rarms_iac.storage.datalog.staleness import BenchNow, compare, known

@@ -1,0 +1,110 @@
+"""Hosts of the System: their provider, what they have to give, and what a simulated host does (DESIGN section 1)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from fractions import Fraction
+
+from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost
+
+
+class ProviderKind(StrEnum):
+    """What enforces a reservation on a host."""
+
+    SIMULATED = "simulated"
+    HYPERV = "hyperv"
+    LINUX = "linux"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeepForHost:
+    """What is never promised to a partition."""
+
+    processor: CpuAmount = field(default_factory=lambda: ShareOfHost(Percent(Fraction(0))))
+    memory: Bytes = Bytes(0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connect:
+    """How a remote system is reached: the system's own ssh."""
+
+    ssh: str  # user@host, or a name of the ssh configuration
+    shell: str = "pwsh"  # pwsh or powershell
+
+
+class SchedulerType(StrEnum):
+    """How the hypervisor schedules virtual processors (FACTS 2); under `root` reserves have no effect."""
+
+    CLASSIC = "classic"
+    CORE = "core"
+    ROOT = "root"
+    UNKNOWN = "unknown"
+    NONE = "none"  # no hypervisor: Linux
+
+
+class FaultEffect(StrEnum):
+    """What a simulated host does wrong when asked to."""
+
+    REFUSE = "refuse"
+    FAIL_AFTER = "fail_after"
+    LATE = "late"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A fault that is asked of a simulated host."""
+
+    operation: str  # the operation's kind: start_partition, set_cpu, ...
+    at: str  # an address, or `*`
+    effect: FaultEffect
+    delay: Milliseconds = Milliseconds(Fraction(0))
+    times: int | None = None  # how often it strikes; None: always
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedHost:
+    """The machine that a simulated host pretends to be."""
+
+    windows_build: int = 26100  # Windows Server 2025
+    guest_windows_build: int = 26100
+    client: bool = False  # a client Windows, not a server
+    scheduler: SchedulerType = SchedulerType.CLASSIC
+    smt: bool = False
+    administrator: bool = True
+    faults: Mapping[str, Fault] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HypervHost:
+    """What partitions of a Hyper-V host use unless they say otherwise."""
+
+    switch: str | None = None
+    image: str | None = None
+    vm_path: str | None = None
+    generation: int = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinuxHost:
+    """Where control groups are made."""
+
+    slice: str = "rarms"
+    control_groups: str = "automatic"  # automatic, v1 or v2
+
+
+HostSettings = SimulatedHost | HypervHost | LinuxHost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Host:
+    """A machine that partitions are made on."""
+
+    name: str
+    provider: ProviderKind
+    logical_processors: int
+    memory: Bytes
+    keep_for_host: KeepForHost
+    platform: str  # hosts of one platform share measurements
+    connect: Connect | None
+    settings: HostSettings
+    system_responsiveness: int | None = None  # per cent that MMCSS leaves to everybody else; None: left as it is

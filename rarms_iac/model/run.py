@@ -1,0 +1,99 @@
+"""How a component is started, for how long it runs, and how its samples are read (DESIGN section 1)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.quantities import Milliseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A program of the component's own: no shell reads it."""
+
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """A Python function, driven by a small runner."""
+
+    module: str
+    function: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FromEnvironment:
+    """A value read from rarms' own environment when the component starts, so that no secret stands in git."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleCount:
+    """A setting ends after so many samples."""
+
+    samples: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Elapsed:
+    """A setting ends after so long."""
+
+    time: Milliseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closed:
+    """The next job starts when the last one ended."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Periodic:
+    """A job starts every period; its response counts from its scheduled start."""
+
+    period: Milliseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """How a component is asked to end, and how long it may take."""
+
+    signal: str = "TERM"
+    grace: Milliseconds = Milliseconds(Fraction(5000))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """Where in a sample a value stands, and its unit as a factor to ours (1 for counts)."""
+
+    name: str
+    factor: Fraction = Fraction(1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """How the component's output becomes samples: `json_lines`, `pattern` (RE2) or `per_run`."""
+
+    source: str
+    pattern: str = ""
+    response_time: Field | None = None
+    success: Field | None = None
+    count: Field | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """How a component is started, fed, watched and ended."""
+
+    start: Command | Call
+    files: tuple[str, ...]
+    environment: Mapping[str, str | FromEnvironment]
+    folder: str  # as written; relative to the file that says it
+    until: SampleCount | Elapsed
+    timeout: Milliseconds
+    stop: Stop
+    arrival: Closed | Periodic
+    samples: Samples
+    deadline: Milliseconds | None  # None: no deadline
+    failures: int  # failed samples a setting may have
