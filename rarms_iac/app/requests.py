@@ -2,10 +2,16 @@
 
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
+from typing import TYPE_CHECKING
 
 from rarms_iac.model.system import Disruption
 
+if TYPE_CHECKING:
+    from rarms_iac.providers.interface import WaitLimits
+
 DEFAULT_MANIFEST = "rarms.yaml"
+SILENCE_MS = 600_000
+"""How long the next word of a host's script is waited for, unless it is said."""
 
 
 def today_utc() -> date:
@@ -52,3 +58,20 @@ class PlanLimits:
 
     targets: tuple[str, ...] = ()  # addresses: partition/vision
     max_disruption: Disruption | None = None  # None: as the policy says
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a run of steps is begun."""
+
+    auto_approve: bool = False
+    lock_timeout_ms: int = 0
+    event_timeout_ms: int = SILENCE_MS
+    out: str | None = None  # only write the plan into this file; None: do it
+
+    @property
+    def waits(self) -> "WaitLimits":
+        """How long a run waits for a host, and for a word from it."""
+        from rarms_iac.providers.interface import WaitLimits  # a command that only reads does without
+
+        return WaitLimits(lock_ms=self.lock_timeout_ms, silence_ms=self.event_timeout_ms)

@@ -1,18 +1,21 @@
 """Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
 import sys
+from typing import Literal
 
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.files import write_file
-from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.planning import PlanRequest
+from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import PlanRequest, refuse_unknown_partitions
 from rarms_iac.app.planning import plan as make_plan
+from rarms_iac.app.requests import HostSelection, ManifestSource, RunOptions
 from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.applying.stopping import StopScope
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
-from rarms_iac.cli.options import RunOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
@@ -80,6 +83,23 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
 
 def _writing(purpose: Purpose) -> str:
     return "rarms plan" if purpose is Purpose.APPLY else f"rarms {purpose.value}"
+
+
+def stop_or_start(
+    session: Session,
+    source: ManifestSource,
+    host_selection: HostSelection,
+    purpose: Literal[Purpose.STOP, Purpose.START],
+    partitions: tuple[str, ...],
+    how: RunOptions,
+    *,
+    as_json: bool,
+) -> ExitCode:
+    """Plan, show, ask, and stop or start these partitions; none named: all of the application."""
+    hosts = select_hosts(load_manifest(source), host_selection)
+    refuse_unknown_partitions(hosts, partitions)
+    request = PlanRequest(purpose=purpose, stop_scope=StopScope(partitions=partitions))
+    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
 
 
 def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:

@@ -52,9 +52,9 @@ def run_guarded(
         return _tell(session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources)
     except KeyboardInterrupt as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
-        from rarms_iac.views.console import paragraph, stack
+        from rarms_iac.views.messages import interruption_text
 
-        terminal.talk(stack("", paragraph(f"rarms was {code.name.lower()}.{_advice_to_resume(session.command)}")))
+        terminal.talk(interruption_text(code.name.lower(), session.command))
         return code
     except OSError as error:
         _trace(terminal)
@@ -62,15 +62,6 @@ def run_guarded(
     except (Exception, RecursionError) as error:  # noqa: BLE001 - the last line of defence: no traceback reaches a user
         _trace(terminal)
         return _tell(session, ExitCode.FAILED, [bug_finding(error)])
-
-
-def _advice_to_resume(command: str) -> str:
-    """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
-    if command in {"measure", "prove", "tune"}:
-        return " What is recorded stays. The same command goes on where it stopped."
-    if command in {"apply", "destroy", "import", "release", "undo"}:
-        return " If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
-    return ""
 
 
 def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:

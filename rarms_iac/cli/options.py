@@ -1,14 +1,22 @@
 """The options that several commands share, each read once into a frozen value."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import date
 from functools import wraps
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TypeVar, cast
 
 import click
 
-from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, PlanLimits, SnapshotFile, today_utc
+from rarms_iac.app.requests import (
+    DEFAULT_MANIFEST,
+    HostSelection,
+    ManifestSource,
+    PlanLimits,
+    RunOptions,
+    SnapshotFile,
+    today_utc,
+)
 from rarms_iac.cli.session import Session
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
@@ -16,29 +24,7 @@ from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, parse_outputs
 
-SILENCE_MS = 600_000
-
-if TYPE_CHECKING:
-    from rarms_iac.providers.interface import WaitLimits
-
 F = TypeVar("F", bound=Callable[..., object])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
-    """How a run of steps is begun."""
-
-    auto_approve: bool = False
-    lock_timeout_ms: int = 0
-    event_timeout_ms: int = SILENCE_MS
-    out: str | None = None  # only write the plan into this file; None: do it
-
-    @property
-    def waits(self) -> "WaitLimits":
-        """How long a run waits for a host, and for a word from it."""
-        from rarms_iac.providers.interface import WaitLimits
-
-        return WaitLimits(lock_ms=self.lock_timeout_ms, silence_ms=self.event_timeout_ms)
 
 
 def manifest_option(function: F) -> F:

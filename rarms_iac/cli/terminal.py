@@ -1,15 +1,15 @@
 """Standard output and standard error: data goes to one, talk to the other, and neither ever breaks a command."""
 
-import contextlib
 import io
 import os
 import shutil
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
+
+from rarms_iac.views.streams import discard_rest, flush_stream, make_safe, no_stream, write_text
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -51,16 +51,16 @@ class Terminal:
     def data(self, text: str) -> None:
         """Write what was asked for."""
         self.answered = True
-        self.out = _write(self.out, text)
+        self.out = write_text(self.out, text)
 
     def exactly(self, text: str) -> None:
         """Write ASCII text with its own line ends, also where the system would change them."""
-        self.out = _flush(self.out)
+        self.out = flush_stream(self.out)
         if isinstance(self.out, io.TextIOWrapper):
             try:
                 self.out.buffer.write(text.encode("ascii"))
             except OSError as error:
-                self.out = _nowhere(self.out, error)
+                self.out = discard_rest(self.out, error)
         else:
             self.data(text)
 
@@ -72,13 +72,13 @@ class Terminal:
 
     def talk(self, content: "RenderableType") -> None:
         """Write what is said beside it, with a line end; a `str` as it is, anything else laid out by rich."""
-        self.out = _flush(self.out)
+        self.out = flush_stream(self.out)
         if not isinstance(content, str):
             from rarms_iac.views.console import UNLIMITED, render
 
             width = UNLIMITED if self.talk_piped else self.width
             content = render(content, width, colour=self.talk_colour).removesuffix("\n")
-        self.err = _write(self.err, content + "\n")
+        self.err = write_text(self.err, content + "\n")
 
     def tell(self, text: str) -> None:
         """Write sentences beside it, wrapped between words.
@@ -105,12 +105,12 @@ class Terminal:
 
     def status(self, text: str) -> None:
         """Write a piece of progress as it is, and show it now."""
-        self.err = _flush(_write(self.err, text))
+        self.err = flush_stream(write_text(self.err, text))
 
     def flush(self) -> None:
         """Push everything out; the last chance to hear that a disk is full."""
-        self.out = _flush(self.out)
-        self.err = _flush(self.err)
+        self.out = flush_stream(self.out)
+        self.err = flush_stream(self.err)
 
     def without_colour(self) -> None:
         """What `--no-color` asks for."""
@@ -119,7 +119,7 @@ class Terminal:
 
 def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
     """The process' own streams, made safe for any text."""
-    out, err = safe(sys.stdout or _nobody()), safe(sys.stderr or _nobody())
+    out, err = make_safe(sys.stdout or no_stream()), make_safe(sys.stderr or no_stream())
     may_colour = not environment.get("NO_COLOR") and environment.get("TERM") != "dumb"
     return Terminal(
         out=out,
@@ -134,11 +134,6 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
     )
 
 
-def _nobody() -> TextIO:
-    """A stream for a process that was started without one (`>&-`): what is written there reaches nobody."""
-    return Path(os.devnull).open("w", encoding="utf-8")
-
-
 def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
     """Columns of a terminal or as `COLUMNS` says, within reason; 80 where nobody looks."""
     if not _has_width(out, environment):
@@ -148,49 +143,3 @@ def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
 
 def _has_width(stream: TextIO, environment: Mapping[str, str]) -> bool:
     return stream.isatty() or environment.get("COLUMNS", "").isdecimal()
-
-
-def safe(stream: TextIO) -> TextIO:
-    """The stream, never raising over a character: what it cannot show is written as an escape, lines end in LF.
-
-    A pipe or a file gets UTF-8, unless `PYTHONIOENCODING` or the locale asks for ASCII; a terminal what it speaks.
-    """
-    if isinstance(stream, io.TextIOWrapper):
-        encoding = stream.encoding
-        if not stream.isatty() and encoding.lower().startswith(("cp", "utf-16")):
-            encoding = "utf-8"  # a Windows code page would lose text that a program reads
-        with contextlib.suppress(io.UnsupportedOperation, ValueError):
-            stream.reconfigure(encoding=encoding, errors="backslashreplace", newline="\n")
-    return stream
-
-
-def _write(stream: TextIO, text: str) -> TextIO:
-    try:
-        stream.write(text)
-    except OSError as error:
-        return _nowhere(stream, error)
-    return stream
-
-
-def _flush(stream: TextIO) -> TextIO:
-    try:
-        stream.flush()
-    except OSError as error:
-        return _nowhere(stream, error)
-    return stream
-
-
-def _nowhere(stream: TextIO, error: OSError) -> TextIO:
-    """Send the rest nowhere; after a broken pipe in silence, so that the command ends with its own exit code."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(nowhere, stream.fileno())  # what Python flushes when it exits goes nowhere too
-    os.close(nowhere)
-    if not is_broken_pipe(error):
-        raise error
-    return stream
-
-
-def is_broken_pipe(error: OSError) -> bool:
-    """Whether the reader went away; Windows says EINVAL for it."""
-    return isinstance(error, BrokenPipeError) or (os.name == "nt" and error.errno == 22)

@@ -121,3 +121,9 @@ def tuned_json(result: TuningResult) -> str:
             findings=result.findings,
         )
     )
+
+
+def manifest_changes(result: TuningResult) -> tuple[str, ...]:
+    """Say what became of the manifest, a sentence each."""
+    gone = (f"The entry of partition {name} is gone: its components are elsewhere now." for name in result.removed)
+    return (*gone, *(f"Written to {file}." for file in result.files))

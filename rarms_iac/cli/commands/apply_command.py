@@ -9,11 +9,11 @@ from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.cli.applying import finish_first, plan_ask_apply, report_end, run
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import RunOptions, change_options, host_options, json_option, manifest_options, run_options
+from rarms_iac.cli.options import change_options, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost

@@ -5,17 +5,10 @@ import click
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import (
-    RunOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    plan_run_options,
-    target_option,
-)
+from rarms_iac.cli.options import host_options, json_option, manifest_options, plan_run_options, target_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 

@@ -12,10 +12,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.wording import quoted
-
-TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet cannot hold so many rows")
 
 
 @rarms_command("export")
@@ -50,10 +47,7 @@ def command(
         try:
             data = workbook(report, samples=samples)
         except TooManyRows as problem:
-            message = f"{problem.rows} samples are more than the {problem.limit} rows of a sheet."
-            raise UseCaseError(
-                Outcome.NEGATIVE, [TOO_LONG.at(None, message, "Export them to a .csv file, or name fewer components.")]
-            ) from None
+            raise UseCaseError(Outcome.NEGATIVE, [problem.finding()]) from None
     write_file(file, data)
     session.terminal.talk(f"Wrote {file}.")
     return ExitCode.DONE

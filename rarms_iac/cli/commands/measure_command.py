@@ -10,12 +10,11 @@ from rarms_iac.app.files import STANDARD_INPUT
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import MeasureOutcome, measure_components
-from rarms_iac.app.narrowing import Narrowing, NarrowingConsent, narrow
+from rarms_iac.app.narrowing import NarrowingConsent, always_narrows, narrow
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.resting import StopConsent
 from rarms_iac.app.tune import TuneRequest
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.commands.tune_command import tell_what_was_written
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, stop_option
 from rarms_iac.cli.prompts import (
@@ -32,7 +31,7 @@ from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.wording import quoted
 from rarms_iac.views.measure import measure_json, summary_text
 from rarms_iac.views.questions import narrow_question
-from rarms_iac.views.tune import tuned_text
+from rarms_iac.views.tune import manifest_changes, tuned_text
 
 STRATEGIES = ("default", "bisection", "paper")
 
@@ -136,10 +135,9 @@ def command(
     outcome = measure_components(
         hosts, request, reporter=reporter, stop=session.interrupts, prompt=prompt, consents=consents
     )
-    if write_processors:
-        outcome = narrow(hosts, request, outcome, measured_again, reporter=reporter)
-    elif session.terminal.answers and not as_json and source.manifest != STANDARD_INPUT:
-        outcome = narrow(hosts, request, outcome, measured_again, _asking(session), reporter)
+    if write_processors or (session.terminal.answers and not as_json and source.manifest != STANDARD_INPUT):
+        consents_to_fewer = always_narrows if write_processors else _asking(session)
+        outcome = narrow(hosts, request, outcome, measured_again, consents_to_fewer, reporter)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(measure_json(outcome.results, outcome.findings, outcome.not_begun))
@@ -156,10 +154,7 @@ def command(
 
 
 def _asking(session: Session) -> NarrowingConsent:
-    def asked(narrowing: Narrowing) -> bool:
-        return ask_yes_or_no(session, narrow_question(narrowing))
-
-    return asked
+    return lambda narrowing: ask_yes_or_no(session, narrow_question(narrowing))
 
 
 def _combine(session: Session, hosts: Hosts, request: TuneRequest, consents: StopConsent) -> ExitCode:
@@ -174,7 +169,8 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, consents: Sto
         return session.interrupts.exit_code or ExitCode.DONE
     if outcome.result is None:
         return ExitCode.DONE
-    tell_what_was_written(session, outcome.result)
+    for sentence in manifest_changes(outcome.result):
+        session.terminal.tell(sentence)
     tell(session.terminal, outcome.result.findings, hosts.manifest.sources)
     if outcome.result.run.ending == "stopped":
         return stopped(session)

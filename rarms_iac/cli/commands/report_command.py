@@ -12,11 +12,8 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.model.diagnostics import Finding, Severity
 
-LARGE = Finding(code="RARMS291", severity=Severity.WARNING, summary="The report is larger than a megabyte")
 DEFAULT_FILE = "report.html"
-MEGABYTE = 1_000_000
 
 
 @rarms_command("report")
@@ -59,7 +56,7 @@ def command(
         session.terminal.data(report_json(report))
         if out is None:
             return ExitCode.DONE
-    from rarms_iac.views.reports.html import as_html
+    from rarms_iac.views.reports.html import MEGABYTE, as_html, size_warning
 
     page, file = as_html(replace(report, candidates=candidates_for_report(manifest))), out or DEFAULT_FILE
     if file == "-":
@@ -67,9 +64,6 @@ def command(
         return ExitCode.DONE
     write_file(file, page)
     if len(page) > MEGABYTE:
-        message = f"{file} has {len(page):,} bytes: a plot of each of {len(report.measurements)} data logs."
-        tell(
-            session.terminal, [LARGE.at(None, message, "Name the components that matter: `rarms report COMPONENT...`.")]
-        )
+        tell(session.terminal, [size_warning(file, len(page), len(report.measurements))])
     session.terminal.talk(f"Wrote {file}. Open it in a browser.")
     return ExitCode.DONE

@@ -12,6 +12,7 @@ from rarms_iac.app.scripts import OBSERVE_NAME, observe_script
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_options, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.views.messages import snapshot_script_text
 
 
 @rarms_command("snapshot")
@@ -58,9 +59,5 @@ def _script(session: Session, out: str | None) -> ExitCode:
         return ExitCode.DONE
     path = (Path(out) / OBSERVE_NAME).as_posix() if Path(out).is_dir() else out
     write_file(path, text.encode("ascii"))
-    session.terminal.talk(
-        f"Wrote {path}. Run it on the host as administrator, and take what it prints along:\n"
-        f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {Path(path).name} > host.json\n"
-        "Plan from it with: rarms plan --snapshot HOST=host.json"
-    )
+    session.terminal.talk(snapshot_script_text(path, Path(path).name))
     return ExitCode.DONE

@@ -2,14 +2,10 @@
 
 import click
 
-from rarms_iac.app.hosts import select_hosts
-from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.planning import PlanRequest, refuse_unknown_partitions
-from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.applying.stopping import StopScope
-from rarms_iac.cli.applying import plan_ask_apply
+from rarms_iac.app.requests import HostSelection, ManifestSource, RunOptions
+from rarms_iac.cli.applying import stop_or_start
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, plan_run_options
+from rarms_iac.cli.options import host_options, json_option, manifest_options, plan_run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 
@@ -34,7 +30,4 @@ def command(
     Plan, show, ask, and do it. Each one's mark says that it was stopped: it is no drift, and no plan starts it. What is
     set of it stays, and so does what the host promises it.
     """
-    hosts = select_hosts(load_manifest(source), host_selection)
-    refuse_unknown_partitions(hosts, partitions)
-    request = PlanRequest(purpose=Purpose.STOP, stop_scope=StopScope(partitions=partitions))
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
+    return stop_or_start(session, source, host_selection, Purpose.STOP, partitions, how, as_json=as_json)

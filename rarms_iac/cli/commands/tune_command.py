@@ -8,7 +8,7 @@ from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
+from rarms_iac.app.tune import TuneRequest, tune_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, stop_option
@@ -21,7 +21,7 @@ from rarms_iac.cli.prompts import (
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.storage.datalog.tuning import TuningStrategy
-from rarms_iac.views.tune import tuned_json, tuned_text
+from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
 
 
 @rarms_command("tune")
@@ -96,7 +96,8 @@ def command(
         progress.ended()
         return stopped(session)
     progress.ended()
-    tell_what_was_written(session, result)
+    for sentence in manifest_changes(result):
+        session.terminal.tell(sentence)
     tell(session.terminal, result.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(tuned_json(result))
@@ -105,11 +106,3 @@ def command(
     if result.run.ending == "stopped":
         return stopped(session)
     return ExitCode.NO if has_errors(result.findings) else ExitCode.DONE
-
-
-def tell_what_was_written(session: Session, result: TuningResult) -> None:
-    """Say what became of the manifest."""
-    for name in result.removed:
-        session.terminal.tell(f"The entry of partition {name} is gone: its components are elsewhere now.")
-    for file in result.files:
-        session.terminal.talk(f"Written to {file}.")

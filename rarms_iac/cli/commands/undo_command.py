@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.requests import HostSelection, ManifestSource, RunOptions
 from rarms_iac.app.undo import LastApply, last_applies, preview, undo_applies
 from rarms_iac.cli.applying import ask, report_end
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
-from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
+from rarms_iac.cli.options import host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.views.run import undo_text
 

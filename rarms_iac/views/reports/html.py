@@ -12,6 +12,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.statistics.errors import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.console import visible
@@ -34,6 +35,16 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 FOLDER = "templates/report"
+
+
+LARGE = Finding(code="RARMS291", severity=Severity.WARNING, summary="The report is larger than a megabyte")
+MEGABYTE = 1_000_000
+
+
+def size_warning(file: str, size: int, measurements: int) -> Diagnostic:
+    """Say that a page of so many bytes is large, and what makes it smaller."""
+    message = f"{file} has {size:,} bytes: a plot of each of {measurements} data logs."
+    return LARGE.at(None, message, "Name the components that matter: `rarms report COMPONENT...`.")
 
 
 def as_html(report: Report) -> bytes:

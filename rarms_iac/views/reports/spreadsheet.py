@@ -14,6 +14,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.views.reports.summary import deciding_curves, platform_fits, reserved_for, verdict_of
 
@@ -207,6 +208,9 @@ SUMMARY = (
 CURVE = ("reserve (%)", "value", "safe side", "from", "to")
 
 
+TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet cannot hold so many rows")
+
+
 class TooManyRows(Exception):
     """A sheet ends before the samples do."""
 
@@ -214,6 +218,11 @@ class TooManyRows(Exception):
         super().__init__(f"{rows} rows, and a sheet holds {limit}")
         self.rows = rows
         self.limit = limit
+
+    def finding(self) -> Diagnostic:
+        """Say it to who asked for the file."""
+        message = f"{self.rows} samples are more than the {self.limit} rows of a sheet."
+        return TOO_LONG.at(None, message, "Export them to a .csv file, or name fewer components.")
 
 
 def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROWS) -> bytes:

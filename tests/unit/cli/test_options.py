@@ -4,7 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, SnapshotFile
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions, SnapshotFile
 from rarms_iac.cli import options
 from rarms_iac.model.system import Disruption
 
@@ -55,7 +55,7 @@ def test_how_far_and_how_long() -> None:
     _, how, _ = read_by(options.run_options, ["--auto-approve", "--lock-timeout", "1.5s"])
 
     assert limits["limits"] == PlanLimits(targets=("partition/a",), max_disruption=Disruption.LIVE)
-    assert how["how"] == options.RunOptions(auto_approve=True, lock_timeout_ms=1500)
+    assert how["how"] == RunOptions(auto_approve=True, lock_timeout_ms=1500)
 
 
 @pytest.mark.parametrize(

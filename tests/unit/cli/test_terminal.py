@@ -1,6 +1,7 @@
 import io
 
-from rarms_iac.cli.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, safe, width_of
+from rarms_iac.cli.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, width_of
+from rarms_iac.views.streams import make_safe
 
 
 class FakeTerminal(io.StringIO):
@@ -24,14 +25,14 @@ def written(stream: io.TextIOWrapper, text: str) -> bytes:
 
 def test_what_a_stream_cannot_show_is_written_as_an_escape() -> None:
     stream = wrapper("ascii")
-    safe(stream)
+    make_safe(stream)
 
     assert written(stream, "Prüfung \ud800\n") == b"Pr\\xfcfung \\ud800\n"
 
 
 def test_a_windows_pipe_gets_utf_8_and_line_feeds() -> None:
     stream = wrapper("cp1252")
-    safe(stream)
+    make_safe(stream)
 
     assert written(stream, "≥\n") == "≥\n".encode()
 
