@@ -473,10 +473,10 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:
         settings = f"{bounds.least_settings} to {settings}"
-    least = f"at least {show_duration(bounds.least_ms)}, " if bounds.least_ms else ""
-    clock = " of its simulated time" if experiment.host.provider is ProviderKind.SIMULATED else ""
-    most_time = f"at most {show_duration(bounds.most_ms)}{clock}, if every job takes its whole `run.timeout`"
-    return f"{experiment.name} on {experiment.host.name}: {settings}, {least}{most_time}."
+    least = f"{show_duration(bounds.least_ms)} to " if bounds.least_ms else "at most "
+    clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
+    most = f"{show_duration(bounds.most_ms)}{clock}"
+    return f"{experiment.name} on {experiment.host.name}: {settings}, {least}{most}."
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

@@ -219,9 +219,8 @@ def _unusable_processors(
         now, then = (show_processors(Fraction(reserve * count, 100)) for count in (processors, usable))
         yield UNUSABLE_PROCESSORS.at(
             places.key("components", member.name),
-            f"{member.name} used {usable} of its {processors} virtual processors at most. A CR of {reserve} % is {now} "
-            f"with {processors} of them, and {then} with {usable}.",
-            f"Write `processors: {usable}` for {member.name}, and measure it again; this does both: "
-            f"`rarms measure {member.name} --write-processors`.",
+            f"It uses {usable} of its {processors} virtual processors at most: a CR of {reserve} % is {now} with "
+            f"{processors}, and {then} with {usable}.",
+            f"`rarms measure {member.name} --write-processors` writes `processors: {usable}` and measures again.",
             address=f"component/{member.name}",
         )

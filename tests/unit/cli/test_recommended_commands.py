@@ -235,7 +235,7 @@ SITUATIONS = {
     "a component cannot use its processors": Situation(
         steps=(write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
         words=("measure", "vision"),
-        says="this does both",
+        says="and measures again",
         recommends=("rarms measure vision --write-processors",),
     ),
     "settings below have no steady state": Situation(

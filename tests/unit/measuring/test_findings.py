@@ -110,6 +110,6 @@ def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() ->
     found = list(findings_of(experiment, end, (a_setting(54, series),), FirstLine("")))
 
     assert [diagnostic.code for diagnostic in found] == ["RARMS268"]
-    assert f"vision used 1 of its {processors} virtual processors at most" in found[0].detail
+    assert f"It uses 1 of its {processors} virtual processors at most" in found[0].detail
     assert "0.54 LP with 1" in found[0].detail
     assert "processors: 1" in found[0].advice
