@@ -6,7 +6,6 @@ stands there between backticks and begins with `rarms` is run as it is printed, 
 
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
@@ -21,6 +20,7 @@ from rarms_iac.storage.datalog.files import append_setting
 from rarms_iac.storage.datalog.log import Recorded
 from tests.builders_measured import a_series, a_setting
 from tests.crashing import KILLED
+from tests.files import copy_files
 from tests.measuring import TAKEN, leave_logs
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
@@ -321,5 +321,5 @@ def test_what_is_recommended_works_where_it_is_recommended(situation: Situation,
         assert any(command.startswith(wanted) for command in commands), (wanted, commands, says)
     for number, command in enumerate(commands):
         folder = tmp_path / f"copy-{number}"
-        shutil.copytree(origin, folder)
+        copy_files(origin, folder)
         run_as_printed(command, folder)

@@ -216,7 +216,7 @@ def test_a_step_speaks_of_the_host_in_the_words_of_the_plan() -> None:
     with a_lab(a_system(components=[a_component("eyes")])) as lab:
         shown = "\n".join(lines_of(lab.plan(), verbose=True, width=120))
 
-    assert "partition/eyes: when the host starts: start, when it stops: shut down; no checkpoints" in shown
+    assert "partition/eyes: when the host starts: start; when the host stops: shut down; no checkpoints" in shown
 
 
 def a_class(task: str, priority: int, *components: str, inside: str = "") -> ThreadClass:
