@@ -38,7 +38,7 @@ def stop_changes(
         locate: the manifest line of a partition.
 
     Returns:
-        The changes by address, and a finding for each partition that is neither off nor running.
+        The changes by address, and a finding for each partition that is paused, busy or critical.
     """
     changes: list[Update] = []
     findings: list[Diagnostic] = []

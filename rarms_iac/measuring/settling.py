@@ -16,7 +16,7 @@ MEMORIES = 30
 """So many times the scheduler's longest memory passes before samples count, and again while they are taken."""
 
 PATIENCE = 20
-"""After so many times that, with as many jobs of each component, nobody waits for its consumption any longer."""
+"""After so many times `Settling.least_ms`, and two jobs of each component, consumption is not waited for any longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +40,7 @@ class Settling:
     memory_ms: float  # `MeasuringHost.scheduler_memory_ms`
     contenders: Sequence[Contender] = ()
     _marks: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # by component: time, CPU time until it
+    _jobs: dict[str, int] = field(default_factory=dict)  # by component: those that ended
 
     @property
     def least_ms(self) -> float:
@@ -49,8 +50,14 @@ class Settling:
     def saw(self, running: RunningWork, component: str) -> None:
         """Take note of what a component consumed by now; to be called as each of its jobs ends."""
         consumed = running.cpu_ms(component)
-        if consumed is not None:
-            self._marks.setdefault(component, [(0.0, 0.0)]).append((running.elapsed_ms(), consumed))
+        if consumed is None:
+            return
+        now = running.elapsed_ms()
+        self._jobs[component] = self._jobs.get(component, 0) + 1
+        marks = self._marks.setdefault(component, [(0.0, 0.0)])
+        marks.append((now, consumed))
+        while len(marks) > 2 and marks[1][0] <= now - self.least_ms:
+            marks.pop(0)  # older than what is looked at
 
     def is_over(self, elapsed_ms: float) -> bool:
         """Whether samples count from now on: for a verdict, or (`excess`) for none."""
@@ -83,12 +90,10 @@ class Settling:
         if len(marks) < 2:
             return 0.0
         now, consumed = marks[-1]
-        while len(marks) > 2 and marks[1][0] <= now - self.least_ms:
-            marks.pop(0)
         since, before = marks[0]
         return (consumed - before) / (now - since) if now > since else 0.0
 
     def _is_in_vain(self, elapsed_ms: float) -> bool:
         names = [name for contender in self.contenders for name in contender.components]
-        jobs = min((len(self._marks.get(name, [])) for name in names), default=0)
-        return elapsed_ms > PATIENCE * self.least_ms and jobs > 2
+        jobs = min((self._jobs.get(name, 0) for name in names), default=0)
+        return elapsed_ms > PATIENCE * self.least_ms and jobs >= 2

@@ -81,6 +81,16 @@ def test_a_job_that_takes_longer_is_looked_at_whole() -> None:
         assert settling.is_over(running.now) is (now > LEAST)
 
 
+def test_jobs_that_take_longer_than_the_memory_are_not_waited_for_without_an_end() -> None:
+    settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running()
+    for number in range(1, PATIENCE + 2):
+        running.now, running.consumed["quick"] = number * 1.5 * LEAST, number * 1.5 * LEAST
+        settling.saw(running, "quick")
+        assert settling.is_over(running.now) is (running.now > PATIENCE * LEAST)
+
+    assert "still consumed 1 LP" in settling.excess()
+
+
 def test_where_consumption_cannot_be_told_time_decides() -> None:
     settling, running = Settling(memory_ms=100.0, contenders=(P1,)), Running(now=LEAST)
     settling.saw(running, "quick")
