@@ -128,7 +128,7 @@ def ask(session: Session, question: str) -> None:
 
 
 def report_end(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
-    """Say how a run report_end, and give its exit code."""
+    """Say how a run ended, and give its exit code."""
     tell(session.terminal, report.diagnostics)
     if as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(run_json(report))

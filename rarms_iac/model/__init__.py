@@ -1,7 +1,8 @@
 """The words of the problem: frozen values, standard library only.
 
 Nothing comes in and nothing is done here: every other room takes these values and returns them. Begin with `system`
-(what a manifest says), then follow the route: `layout` (where each component runs), `state` (a host, desired or
-observed), `changes` and `operations` (what differs, and what one step does), `plan`, and `journal` (what a host
-remembers). `measurement`, `indexes` and `outcomes` are the words of measuring; `diagnostics` has findings.
+(what a manifest says; `host` and `run` are its parts), then follow the route: `layout` (where each component runs),
+`state` (a host, desired or observed), `changes` and `operations` (what differs, and what one step does), `plan`, and
+`journal` (what a host remembers). `measurement`, `indexes` and `outcomes` are the words of measuring; `diagnostics`
+has findings.
 """

@@ -35,7 +35,7 @@ class NoSuchPlace(LookupError):
 
 
 def set_value(text: str, path: Path, value: Value) -> str:
-    """The text with this value at the path; keys that are missing on the way are added at tcomments_to canonical place.
+    """The text with this value at the path; keys that are missing on the way are added at their canonical place.
 
     Comments inside a value that is replaced move above it.
 

@@ -16,7 +16,7 @@ MOST = 8
 """Settings that any curve takes at most: one more than bisection, which tells 1..100 % and "none" apart by 7."""
 
 WIDTH = 3
-"""A passing setting is certified by a failing one at most so many points below it."""
+"""A passing setting is shown to be least by a failing one at most so many points below it."""
 
 FIRST = 45
 """The first setting: high enough to see what time no CPU shortens, and near the middle, should nothing be learnt."""
