@@ -145,7 +145,7 @@ def unreachable_finding(host: str, provider: str) -> Diagnostic:
     """
     return OUT_OF_REACH.at(
         None,
-        f"{host} has the provider {provider}: this version reaches simulated hosts only.",
+        f"{host} has the provider {provider}: this version reaches simulated and Hyper-V hosts only.",
         f"Its manifest can be checked (`rarms validate`) and planned from a snapshot "
         f"(`rarms plan --snapshot {host}=FILE`); `provider: simulated` tries the same layout without the machine.",
         address=f"host/{host}",

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.model.capacity import foreign_claims
-from rarms_iac.model.changes import Adopt, Change, Release
+from rarms_iac.model.changes import Adopt, Change, Delete, Release
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.plan import Step, ThreadClass, Totals
-from rarms_iac.model.state import Partition, State
+from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.task_classes import ClassValues
@@ -18,8 +18,8 @@ def totals_of(
 ) -> Totals:
     """The promises to this application's partitions after these steps, and those to all others then.
 
-    A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted and does not run
-    is promised what the layout gives it, as the planner counts it.
+    A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted, or that
+    `rarms stop` stopped, and does not run is promised what the layout or its settings give it, as the planner counts.
     """
     claims = {
         partition.mark.name: claim_of(partition) for partition in observed.of(application).partitions if partition.mark
@@ -42,7 +42,13 @@ def totals_of(
                 others += [before.settings.claim] if before.claims_resources else []
             case _:
                 pass
-    layout = {partition.settings.name: partition.settings.claim for partition in desired.partitions}
+    removed = {change.address.partition for change in changes if isinstance(change, Delete)}
+    resting = {
+        partition.mark.name: partition.settings.claim
+        for partition in observed.of(application).partitions
+        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and partition.mark.name not in removed
+    }
+    layout = resting | {partition.settings.name: partition.settings.claim for partition in desired.partitions}
     idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
     own, foreign = load_of(claims.values()), load_of(others)
     return Totals(

@@ -220,7 +220,7 @@ def _unusable_processors(
         yield UNUSABLE_PROCESSORS.at(
             places.key("components", member.name),
             f"It uses {usable} of its {processors} virtual processors at most: a CR of {reserve} % is {now} with "
-            f"{processors}, and {then} with {usable}.",
+            f"{processors}, and about {then} with {usable}.",
             f"`rarms measure {member.name} --write-processors` writes `processors: {usable}` and measures again.",
             address=f"component/{member.name}",
         )

@@ -123,3 +123,12 @@ def test_prove_says_how_stopped_partitions_come_back() -> None:
 
     assert refused.code == 3
     assert "`rarms start vision`" in refused.err
+
+
+def test_what_was_stopped_stays_promised_while_another_is_removed() -> None:
+    assert rarms("stop", "vision", "--auto-approve").code == 0
+
+    destroyed = rarms("destroy", "--target", "partition/speech", "--auto-approve")
+
+    assert destroyed.code == 0
+    assert "Afterwards: 0.8 of 2 LP" in destroyed.out, "vision's 40 % of 2 LP; logger was never started"
