@@ -82,10 +82,10 @@ def system_finding(error: OSError) -> Diagnostic:
     Args:
         error: its file name is shown, if it has one.
     """
-    where = f"{error.filename}: " if error.filename else ""
+    path = f"{error.filename}: " if error.filename else ""
     return SYSTEM_REFUSED.at(
         None,
-        f"{where}{error.strerror or error}.",
+        f"{path}{error.strerror or error}.",
         "Look at the path, its rights and the space on its disk; --debug shows where it happened.",
     )
 

@@ -84,9 +84,9 @@ def ask_levels(
     source, names = hosts.manifest.source, result.experiment.setup.members
     prompt.show(result, report_of_manifest(hosts.manifest))
     for name in names:
-        kept = ""
-        while level := kept or prompt.ask(name):
-            kept = ""
+        repeated = ""
+        while level := repeated or prompt.ask(name):
+            repeated = ""
             try:
                 written = _selected(hosts, _request_of(name, level), prompt)
                 if written is None:
@@ -100,7 +100,7 @@ def ask_levels(
                 extended = _extended(problem, prompt, measure)
                 if extended is None:
                     continue
-                kept, result = level, extended
+                repeated, result = level, extended
             if isinstance(result.conclusion, Stopped):
                 return result
             prompt.show(result, report_of_manifest(load_manifest(source)))

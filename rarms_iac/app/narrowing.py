@@ -103,9 +103,9 @@ def _beside(outcome: MeasureOutcome, after: MeasureOutcome, names: list[str]) ->
         return result.experiment.setup.members[0] not in names or len(result.experiment.setup.members) > 1
 
     addresses = {f"component/{name}" for name in names}
-    kept = [finding for finding in outcome.findings if finding.address not in addresses]
+    unchanged = [finding for finding in outcome.findings if finding.address not in addresses]
     return replace(
         after,
         results=(*filter(stands, outcome.results), *after.results),
-        findings=(*kept, *after.findings),
+        findings=(*unchanged, *after.findings),
     )

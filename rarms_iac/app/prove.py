@@ -120,7 +120,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
             for partition in states[proof.host].of(application).partitions
             if partition.mark
         }
-        where = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
+        partition_of = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
         everyone = tuple(component.name for component in proof.layout.components)
         for component in proof.layout.judged:
             entry = Proven(
@@ -128,8 +128,8 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 when=now(),
                 rarms_version=__version__,
                 host=proof.host,
-                partition=where.get(component.name, ""),
-                reserve=reserves.get(where.get(component.name, ""), 0),
+                partition=partition_of.get(component.name, ""),
+                reserve=reserves.get(partition_of.get(component.name, ""), 0),
                 beside=tuple(name for name in everyone if name != component.name),
                 indexes=tuple(
                     _proven(verdict) for verdict in proof.verdicts if verdict.measured.component == component.name

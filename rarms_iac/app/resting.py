@@ -98,8 +98,8 @@ def _start_again(hosts: Hosts, bench: MeasuringHost, reporter: Reporter) -> None
     except UseCaseError as error:
         message = f"On {bench.name} these were stopped to measure, and could not be started: {', '.join(names)}."
         advice = f"Mend what keeps them from it, then start them: `rarms start {' '.join(names)}`."
-        left = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{bench.name}")
-        reporter.findings([left, *error.diagnostics], error.sources)
+        finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{bench.name}")
+        reporter.findings([finding, *error.diagnostics], error.sources)
     else:
         reporter.message(f"{bench.name}: started {in_a_row(names)} again, which a measurement had stopped.")
 

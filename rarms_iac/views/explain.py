@@ -75,7 +75,7 @@ def explanation_text(explanation: Explanation | HostExplanation, *, without_erro
 def explanation_json(explanation: Explanation | HostExplanation) -> str:
     """The same for programs."""
     component = explanation.component.name
-    steps = tuple(ExplanationStepOutput(topic=step.topic, says=step.sentences) for step in steps_of(explanation))
+    steps = tuple(ExplanationStepOutput(topic=step.topic, sentences=step.sentences) for step in steps_of(explanation))
     if isinstance(explanation, HostExplanation):
         return as_json(ComponentExplanationOutput(component=component, steps=steps))
     placed, has_host, least = explanation.placed, not explanation.no_host_because, explanation.least

@@ -193,6 +193,6 @@ def _drift_output(host: HostDrift, drifted: ResourceDrift) -> DriftedResourceOut
         components=() if drifted.address.task else host.components.get(drifted.address.partition, ()),
         wanted_processors=None if reserved is None else float(reserved),
         drift=drifted.kind.value,
-        says=drifted.message,
+        message=drifted.message,
         attributes=() if change is None else change_output(change).attributes,
     )

@@ -155,5 +155,5 @@ def _step(step: Step) -> StepOutput:
         step,
         address=str(step.address),
         operation=step.operation.kind,
-        undo=UndoOutput(level=step.undo.level.value, says=step.undo.says),
+        undo=UndoOutput(level=step.undo.level.value, message=step.undo.says),
     )

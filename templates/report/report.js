@@ -168,21 +168,21 @@
   const showTotals = () => {
     data.capacities.forEach((capacity, place) => {
       const total = totalOf(capacity);
-      const left = capacity.capacity - total;
+      const headroom = capacity.capacity - total;
       const share = (amount) => `${figure(amount / capacity.processors)} %`;
-      const fits = left >= 0;
-      const says = fits
-        ? `Headroom of ${capacity.name}: ${share(left)} (${inProcessors(left)})`
-        : `Over ${capacity.name} by ${share(-left)} (${inProcessors(-left)})`;
+      const fits = headroom >= 0;
+      const message = fits
+        ? `Headroom of ${capacity.name}: ${share(headroom)} (${inProcessors(headroom)})`
+        : `Over ${capacity.name} by ${share(-headroom)} (${inProcessors(-headroom)})`;
       const fit = element(`fit-${place + 1}`);
       fit.querySelector(".says").textContent =
-        `${share(total)} reserved of ${share(capacity.capacity)} (${inProcessors(total)} of ${inProcessors(capacity.capacity)}). ${says}.`;
+        `${share(total)} reserved of ${share(capacity.capacity)} (${inProcessors(total)} of ${inProcessors(capacity.capacity)}). ${message}.`;
       fit.querySelector(".says").classList.toggle("over-full", !fits);
       fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));
       fit.querySelector(".used").classList.toggle("over", !fits);
-      for (const card of data.cards.filter((one) => one.platform === capacity.platform && one.plots.length > 0)) {
+      for (const card of data.cards.filter((plotted) => plotted.platform === capacity.platform && plotted.plots.length > 0)) {
         const room = element(`${card.id}-room`);
-        room.textContent = counts(card) ? `${says}.` : "";
+        room.textContent = counts(card) ? `${message}.` : "";
         room.classList.toggle("over-full", !fits);
       }
     });

@@ -18,7 +18,7 @@ class DriftedResourceOutput:
     components: tuple[str, ...]  # of the partition, the most critical first; empty where the layout has no such one
     wanted_processors: float | None  # LPs that the manifest wants for it; null: nothing of that would change
     drift: Literal["host_changed", "not_applied", "both", "missing", "removed", "unused"]
-    says: str
+    message: str
     attributes: tuple[AttributeOutput, ...]
 
 

@@ -122,7 +122,7 @@ class ExplanationStepOutput:
     """A step from the APT to the per cent: what it is about, and its sentences."""
 
     topic: str
-    says: tuple[str, ...]
+    sentences: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,7 +262,7 @@ class ReportDifferenceOutput:
     """Something that is not on the host as the manifest wants it."""
 
     address: str
-    says: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,7 +46,7 @@ class UndoOutput:
     """How much of a step `rarms undo` brings back, and what it does not."""
 
     level: Literal["full", "partial", "none"]
-    says: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

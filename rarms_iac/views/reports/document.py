@@ -52,7 +52,7 @@ def report_json(report: Report) -> str:
                     host=status.host,
                     is_planned=status.is_planned,
                     differs=tuple(
-                        ReportDifferenceOutput(address=address, says=message) for address, message in status.differs
+                        ReportDifferenceOutput(address=address, message=message) for address, message in status.differs
                     ),
                 )
                 for status in report.statuses

@@ -88,7 +88,7 @@ def _bar(fit: PlatformFit) -> dict[str, str]:
     return {
         "platform": fit.capacity.platform,
         "hosts": ", ".join(fit.capacity.hosts),
-        "says": fit_text(fit),
+        "fit": fit_text(fit),
         "room": f"{float(100 * fit.capacity.capacity / processors):.3f}",
         "used": f"{float(min(100 * fit.total / processors, Fraction(100))):.3f}",
         "kind": "used" if fit.fits else "used over",

@@ -123,8 +123,8 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield ""
-            where = f"{measurement.name} against {measurement.interference} on {measurement.platform}"
-            yield paragraph(where + _remark(measurement))
+            title = f"{measurement.name} against {measurement.interference} on {measurement.platform}"
+            yield paragraph(title + _remark(measurement))
             yield TerminalPlot(curve=index, ascii_only=ascii_only)
     yield ""
     yield legend(ascii_only=ascii_only)

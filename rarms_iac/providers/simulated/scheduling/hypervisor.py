@@ -193,7 +193,7 @@ class HypervisorScheduler:
         return vp.limit_left
 
     def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
-        """Who runs next of those that may, with its standing: if it outranks nobody that runs, no other does."""
+        """Who runs next of those that may, with its urgency: if it outranks nobody that runs, no other does."""
         if not self._waiting:
             return None
         clock = self._clock()
@@ -202,27 +202,27 @@ class HypervisorScheduler:
             if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
                 continue
             vp.accrue(clock, inf)
-            standing = self._standing(vp)
-            rank = (standing, vp.saved() if standing != NOTHING else -vp.used)
+            urgency = self._urgency(vp)
+            rank = (urgency, vp.saved() if urgency != NOTHING else -vp.used)
             if rank > highest:
                 first, highest = vp, rank
         return None if first is None else (first, highest[0])
 
-    def _standing(self, vp: VirtualProcessor) -> int:
+    def _urgency(self, vp: VirtualProcessor) -> int:
         """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over."""
         if not vp.reserve:
             return NOTHING
         if vp.waiting:
             late, least = self._window - INSTANT, SHORTEST_SAVED_MS * vp.reserve - INSTANT
-        else:  # what runs keeps its standing for a turn
+        else:  # what runs keeps its urgency for a turn
             late, least = self._window - SHORTEST_TURN_MS, INSTANT
         if vp.claim >= late * vp.reserve:
             return LATE
         return CLAIM if vp.claim >= least else NOTHING
 
-    def _place(self, vp: VirtualProcessor, standing: int) -> bool:
+    def _place(self, vp: VirtualProcessor, urgency: int) -> bool:
         """Puts a waiting VP on an LP, a free one or the one of whom it outranks; tells whether there is one."""
-        lp = self._lp_for(vp, standing)
+        lp = self._lp_for(vp, urgency)
         if lp is None:
             return False
         other = lp.vp
@@ -231,38 +231,38 @@ class HypervisorScheduler:
             self._queue(other)
         self._waiting.remove(vp)
         # Who runs on its claim has no slice of what is left over: that is for the least served when the claim ends.
-        lp.slice_until = self._agenda.now + (SLICE_MS if standing == NOTHING else 0.0)
+        lp.slice_until = self._agenda.now + (SLICE_MS if urgency == NOTHING else 0.0)
         vp.waiting = False
         vp.turn += 1
         vp.lp = vp.home = lp
         lp.vp = vp
         return True
 
-    def _lp_for(self, vp: VirtualProcessor, standing: int) -> LogicalProcessor | None:
+    def _lp_for(self, vp: VirtualProcessor, urgency: int) -> LogicalProcessor | None:
         free = [lp for lp in self.lps if lp.vp is None]
         if free:
             return min(free, key=lambda lp: (bool(lp.taken), lp is not vp.home))
         weakest, lowest = None, (LATE + 1, 0.0)
         for lp in self.lps:
             defence = self._defence(lp)
-            in_slice = standing == NOTHING and self._agenda.now < lp.slice_until - INSTANT
+            in_slice = urgency == NOTHING and self._agenda.now < lp.slice_until - INSTANT
             if defence < lowest and not in_slice:
                 weakest, lowest = lp, defence
         its, strength = lowest
-        if standing != its:
-            return weakest if standing > its else None
-        if standing == LATE:
+        if urgency != its:
+            return weakest if urgency > its else None
+        if urgency == LATE:
             return weakest if vp.saved() > strength + SHORTEST_TURN_MS else None
-        return weakest if standing == NOTHING and -vp.used > strength else None
+        return weakest if urgency == NOTHING and -vp.used > strength else None
 
     def _defence(self, lp: LogicalProcessor) -> tuple[int, float]:
-        """How well an LP is defended: by the standing of its VP, then by what that saved, or how little it had."""
+        """How well an LP is defended: by the urgency of its VP, then by what that saved, or how little it had."""
         vp = lp.vp
         assert vp is not None
-        standing = self._standing(vp)
-        if standing == NOTHING:
-            return standing, -vp.used
-        return standing, vp.saved() if standing == LATE else 0.0
+        urgency = self._urgency(vp)
+        if urgency == NOTHING:
+            return urgency, -vp.used
+        return urgency, vp.saved() if urgency == LATE else 0.0
 
     def _arm(self, lp: LogicalProcessor) -> None:
         """Asks for the next moment at which something may change on this LP by itself."""
@@ -319,11 +319,11 @@ class HypervisorScheduler:
     def _look_again(self, vp: VirtualProcessor) -> None:
         """NOTE: while all others run on their claims nothing changes; the end of a claim is looked at by itself."""
         self._look_later(vp)
-        if vp.limit < 1.0 or self._standing(vp) == LATE or any(lp.vp is None or not lp.vp.claim for lp in self.lps):
+        if vp.limit < 1.0 or self._urgency(vp) == LATE or any(lp.vp is None or not lp.vp.claim for lp in self.lps):
             self.changed = True
 
     def _look_later(self, vp: VirtualProcessor) -> None:
-        """A waiting VP gains standing as its claim grows, and by the next window if it is at its limit."""
+        """A waiting VP gains urgency as its claim grows, and by the next window if it is at its limit."""
         vp.turn += 1
         vp.accrue(self._clock(), inf)
         delay = inf

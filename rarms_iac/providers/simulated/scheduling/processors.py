@@ -55,7 +55,7 @@ class Agenda:
 
 
 NOTHING, CLAIM, LATE = 0, 1, 2
-"""The standings of a VP; the higher one runs."""
+"""How urgent it is that a VP runs; the higher one runs."""
 
 
 class Account:
