@@ -1,16 +1,19 @@
 """Whether what `rarms measure` finds enough is enough: random components on the simulated host, against long runs.
 
-`python -m benchmarks.measuring [COMPONENTS]` measures so many components (2,000 unless said), of 0.5 to 500 ms, closed
-and periodic, by every strategy. The same settings are measured once. What is found is run again from another seed, for
-as long as it takes to know its index closely. An answer is wrong where that run shows a threshold to be missed.
+`python -m benchmarks.measuring [COMPONENTS [ANSWERS]]` measures so many components (2,000 unless said), of 0.5 to 500
+ms, closed and periodic, by every strategy. The same settings are measured once. What is found is run again from another
+seed, until it is decided or for as long as it takes to know its index closely. An answer is wrong where that run shows
+a threshold to be missed. ANSWERS is a file of JSON Lines: components that it has are not measured again.
 """
 
+import json
 import math
+import os
 import random
 import sys
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import Pool
 from pathlib import Path
 from statistics import fmean
@@ -23,21 +26,33 @@ from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
-from rarms_iac.model.measurement import Setting, run_of
-from rarms_iac.model.outcomes import ExperimentStep, Measure, Missed, NotAchievable, Sufficient, Swept
+from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.outcomes import (
+    ExperimentStep,
+    Measure,
+    Met,
+    Missed,
+    NotAchievable,
+    Sufficient,
+    Swept,
+    Verdict,
+)
 from rarms_iac.model.run import Elapsed
 from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.distributions import share_interval
-from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.errors import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most, milliseconds
 
 COMPONENTS = 2000
+PROCESSES = int(os.environ.get("PROCESSES", "2"))
 MOST_UNRESOLVED = 5.0  # per cent
-LONG_RUN = 40.0  # times as long as what is found took, and 20 s at least
-SUREST = 1e-4  # a long run says that a threshold is missed with this error
+LONG_RUN = 40.0  # times as long as what is found took, and 20 s at least; it may end as soon as it is decided
+SUREST = 1e-4  # a long run says that a threshold is missed with this error, whenever it ends
+MOST_LOOKS = 32  # at a long run, which share the error: the last comes after two million jobs
+IN_MEMORY = "/dev/shm"  # where there is one: what a host promises to have on the disk is not what is measured here
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,14 +120,36 @@ class Recorded:
         self.all = (*self.all, setting)
 
 
+class LongRun(SilentMeasuringReporter):
+    """Watches a setting until it is decided whether its thresholds are met."""
+
+    def __init__(self, component: Component) -> None:
+        self.component = component
+        self.verdict: Verdict | None = None
+
+    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:  # noqa: ARG002 - a protocol's
+        """Judge what was seen so far."""
+        self.judge(seen[self.component.name])
+
+    def judge(self, series: Series) -> None:
+        """Keep the verdict on these samples."""
+        error = shared_error(MOST_LOOKS, SUREST)
+        self.verdict = judge(series, self.component.apt, run_of(self.component), error=error)
+
+    def is_decided(self) -> bool:
+        """Whether more samples are in vain."""
+        return isinstance(self.verdict, Met | Missed)
+
+
 class Bench:
     """Measures settings of a component as `rarms measure` does; each of them once for all strategies."""
 
     def __init__(self, component: Component, folder: str) -> None:
-        self.system = a_system(components=[component])
+        self.component = component
         self.host = SimulatedMeasuringHost(a_host(), Path(folder) / "host.json", simulate)
         self.experiment = self.of(component)
         self.done: dict[Measure, Setting] = {}
+        self.misses: dict[int, bool] = {}  # by CR: whether a long run shows that a threshold is missed
 
     def of(self, component: Component) -> Experiment:
         """The experiment with this component."""
@@ -122,33 +159,54 @@ class Bench:
     def measure(self, step: Measure) -> Setting:
         """The setting that a strategy asks for."""
         if step not in self.done:
-            self.done[step] = self.run(self.experiment, step, seed=1)
+            [self.done[step]] = self.run(self.experiment, step, 1, SilentMeasuringReporter(), lambda: False)
         return self.done[step]
 
-    def run(self, experiment: Experiment, step: Measure, seed: int) -> Setting:
-        """Run it now."""
+    def run(
+        self,
+        experiment: Experiment,
+        step: Measure,
+        seed: int,
+        reporter: SilentMeasuringReporter,
+        should_stop: Callable[[], bool],
+    ) -> tuple[Setting, ...]:
+        """Run it now; nothing where it was stopped."""
         log = Recorded()
         with self.host.lock("benchmark"):
             context = MeasuringContext(
                 host=self.host,
                 budget=lambda: host_budget(a_host(), self.host.observe(), "robot"),
                 seed=seed,
-                reporter=SilentMeasuringReporter(),
-                should_stop=lambda: False,
+                reporter=reporter,
+                should_stop=should_stop,
             )
             measure(experiment, Once(step), cast("SettingsLog", log), context)
-        return log.all[0]
+        return log.all
+
+    def is_missed(self, reserve: int) -> bool:
+        """Whether a long run at this CR shows that a threshold is missed."""
+        if reserve not in self.misses:
+            [threshold] = self.component.apt.values()
+            assert isinstance(threshold, AtMost)
+            time = max(20_000.0, LONG_RUN * float(threshold.value))
+            longer = replace(run_of(self.component), until=Elapsed(time=milliseconds(f"{time:.0f} ms")))
+            watched = LongRun(replace(self.component, run=longer))
+            step = Measure(reserve=reserve)
+            for setting in self.run(self.of(watched.component), step, 2, watched, watched.is_decided):
+                watched.judge(setting.series[0])
+            self.misses[reserve] = isinstance(watched.verdict, Missed)
+        return self.misses[reserve]
 
 
 def answers(seed: int) -> list[Answer]:
     """What every strategy finds of a component."""
     component = random_component(seed)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=IN_MEMORY if Path(IN_MEMORY).is_dir() else None) as folder:
         bench = Bench(component, folder)
-        return [_answer(component, bench, strategy) for strategy in STRATEGIES]
+        return [_answer(bench, strategy) for strategy in STRATEGIES]
 
 
-def _answer(component: Component, bench: Bench, strategy: str) -> Answer:
+def _answer(bench: Bench, strategy: str) -> Answer:
     goal = goal_of(bench.experiment)
     search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100, own_settings_only=strategy == "paper")
     done = walk(
@@ -157,30 +215,19 @@ def _answer(component: Component, bench: Bench, strategy: str) -> Answer:
     wrong, ending = False, "nothing"
     match done.end:
         case Sufficient(reserve=reserve):
-            ending, wrong = "enough", _misses(component, bench, reserve)
+            ending, wrong = "enough", bench.is_missed(reserve)
         case NotAchievable():
             ending = "not achievable"
         case _:
             pass
     return Answer(
         strategy=strategy,
-        component=component.name,
+        component=bench.component.name,
         ending=ending,
         wrong=wrong,
         settings=len(done.settings),
         seconds=sum(setting.series[0].elapsed_ms for setting in done.settings) / 1000,
     )
-
-
-def _misses(component: Component, bench: Bench, reserve: int) -> bool:
-    """Whether a long run at this CR shows that a threshold is missed."""
-    [threshold] = component.apt.values()
-    assert isinstance(threshold, AtMost)
-    time = max(20_000.0, LONG_RUN * float(threshold.value))
-    longer = replace(run_of(component), until=Elapsed(time=milliseconds(f"{time:.0f} ms")))
-    setting = bench.run(bench.of(replace(component, run=longer)), Measure(reserve=reserve), seed=2)
-    [series] = setting.series
-    return isinstance(judge(series, component.apt, longer, error=SUREST), Missed)
 
 
 def figures(found: Sequence[Answer]) -> list[Figure]:
@@ -209,13 +256,20 @@ def figures(found: Sequence[Answer]) -> list[Figure]:
 def main() -> int:
     """Print the table; 1 where answers are wrong more often than declared, or too many components have none."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else COMPONENTS
-    with Pool(2) as pool:
-        found = [answer for many in pool.imap_unordered(answers, range(count)) for answer in many]
-    print("wrong:", *sorted(f"{answer.component} ({answer.strategy})" for answer in found if answer.wrong))
-    print(
-        "no answer:",
-        *sorted(f"{answer.component} ({answer.strategy})" for answer in found if answer.ending == "nothing"),
-    )
+    file = Path(sys.argv[2] if len(sys.argv) > 2 else os.devnull)
+    found = [Answer(**json.loads(line)) for line in file.read_text().splitlines()] if file.exists() else []
+    known = {answer.component for answer in found}
+    missing = [seed for seed in range(count) if f"c{seed}" not in known]
+    with Pool(PROCESSES) as pool, file.open("a") as lines:
+        for several in pool.imap_unordered(answers, missing):
+            found += several
+            lines.writelines(f"{json.dumps(asdict(answer))}\n" for answer in several)
+            lines.flush()
+    for name, amiss in (
+        ("wrong", [answer for answer in found if answer.wrong]),
+        ("no answer", [answer for answer in found if answer.ending == "nothing"]),
+    ):
+        print(f"{name}:", *sorted(f"{answer.component} ({answer.strategy})" for answer in amiss))
     return report(figures(found))
 
 

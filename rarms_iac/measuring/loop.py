@@ -213,7 +213,7 @@ def watch(
             if settling.is_over(running.elapsed_ms()):
                 start = _start(running, samples, settling.excess())
             continue
-        samples[name].append(sample)
+        samples[name].append(replace(sample, began_ms=sample.began_ms - start.elapsed_ms))
         if (least := min(map(len, samples.values()))) >= looks_at:
             looks_at = next_look(least)
             seen = _series(running, samples, start)
@@ -244,7 +244,7 @@ def _series(running: RunningWork, samples: Mapping[str, list[Sample]], start: _S
     return {
         name: Series(
             component=name,
-            samples=tuple(replace(sample, began_ms=sample.began_ms - start.elapsed_ms) for sample in seen),
+            samples=tuple(seen),
             elapsed_ms=elapsed,
             cpu_ms=_consumed_since(running.cpu_ms(name), start.cpu_ms[name]),
             unsettled=start.unsettled,

@@ -6,7 +6,6 @@ from math import inf
 
 from rarms_iac.providers.simulated.scheduling.machine import TracePiece
 from rarms_iac.providers.simulated.scheduling.processors import (
-    CLAIM,
     INSTANT,
     LATE,
     NOTHING,
@@ -73,13 +72,18 @@ class HypervisorScheduler:
         vp.home = self.lps[vp.number % len(self.lps)]
         vp.due = partial(self._look_again, vp)
         vp.refill(0, self._window)
+        if vp.reserve:
+            vp.late_from = (self._window - INSTANT) * vp.reserve
+            vp.late_until = (self._window - SHORTEST_TURN_MS) * vp.reserve
+            vp.claim_from = SHORTEST_SAVED_MS * vp.reserve - INSTANT
+            vp.claim_until = INSTANT
         vp.bit = 1 << len(self.vps)
         self.vps.append(vp)
         self._limited |= vp.limit < 1.0
 
     def wake(self, vp: VirtualProcessor) -> None:
         """The VP has a thread again."""
-        vp.accrue(self._clock(), self._window)
+        vp.idle(self._clock(), self._window)
         self._busy |= vp.bit
         self._woken.append(vp)
         self._queue(vp)
@@ -87,7 +91,7 @@ class HypervisorScheduler:
     def rest(self, vp: VirtualProcessor) -> None:
         """The VP has no thread any more; what it had not used of its claim is kept for the window."""
         if vp.lp is None:
-            vp.accrue(self._clock(), self._window)
+            vp.idle(self._clock(), self._window)
             self._waiting.remove(vp)
         else:
             self.settle(vp.lp)
@@ -138,8 +142,10 @@ class HypervisorScheduler:
 
     def settle_all(self) -> None:
         """Accounts for everything up to now."""
+        now = self._agenda.now
         for lp in self.lps:
-            self.settle(lp)
+            if lp.since < now:
+                self.settle(lp)
 
     def decide(self) -> None:
         """Gives every LP to the VP that should have it now, and asks to be called again when that may change."""
@@ -149,7 +155,7 @@ class HypervisorScheduler:
             self._share()
         if self._limited:
             self._throttle()
-        while (first := self._first_waiting()) is not None and self._place(*first):
+        while self._waiting and (first := self._first_waiting()) is not None and self._place(*first):
             pass
         for lp in self.lps:
             self._arm(lp)
@@ -194,31 +200,19 @@ class HypervisorScheduler:
 
     def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
         """Who runs next of those that may, with its urgency: if it outranks nobody that runs, no other does."""
-        if not self._waiting:
-            return None
         clock = self._clock()
-        first, highest = None, (NOTHING, -inf)
+        first, highest, furthest = None, NOTHING, -inf
         for vp in self._waiting:
             if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
                 continue
-            vp.accrue(clock, inf)
-            urgency = self._urgency(vp)
-            rank = (urgency, vp.saved() if urgency != NOTHING else -vp.used)
-            if rank > highest:
-                first, highest = vp, rank
-        return None if first is None else (first, highest[0])
-
-    def _urgency(self, vp: VirtualProcessor) -> int:
-        """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over."""
-        if not vp.reserve:
-            return NOTHING
-        if vp.waiting:
-            late, least = self._window - INSTANT, SHORTEST_SAVED_MS * vp.reserve - INSTANT
-        else:  # what runs keeps its urgency for a turn
-            late, least = self._window - SHORTEST_TURN_MS, INSTANT
-        if vp.claim >= late * vp.reserve:
-            return LATE
-        return CLAIM if vp.claim >= least else NOTHING
+            vp.save(clock)
+            urgency = vp.urgency()
+            if urgency < highest:
+                continue
+            ahead = vp.saved() if urgency != NOTHING else -vp.used
+            if urgency > highest or ahead > furthest:
+                first, highest, furthest = vp, urgency, ahead
+        return None if first is None else (first, highest)
 
     def _place(self, vp: VirtualProcessor, urgency: int) -> bool:
         """Puts a waiting VP on an LP, a free one or the one of whom it outranks; tells whether there is one."""
@@ -239,30 +233,31 @@ class HypervisorScheduler:
         return True
 
     def _lp_for(self, vp: VirtualProcessor, urgency: int) -> LogicalProcessor | None:
+        """A free LP, or the one of the weakest that it outranks: by urgency, then by what was saved or how little had.
+
+        NOTE: equals on their claims do not interrupt one another, nor does anybody a slice of what is left over.
+        """
         free = [lp for lp in self.lps if lp.vp is None]
         if free:
             return min(free, key=lambda lp: (bool(lp.taken), lp is not vp.home))
-        weakest, lowest = None, (LATE + 1, 0.0)
+        now = self._agenda.now if urgency == NOTHING else inf
+        weakest, lowest, strength = None, LATE + 1, 0.0
         for lp in self.lps:
-            defence = self._defence(lp)
-            in_slice = urgency == NOTHING and self._agenda.now < lp.slice_until - INSTANT
-            if defence < lowest and not in_slice:
-                weakest, lowest = lp, defence
-        its, strength = lowest
-        if urgency != its:
-            return weakest if urgency > its else None
+            other = lp.vp
+            assert other is not None
+            if now < lp.slice_until - INSTANT:
+                continue
+            its = other.urgency()
+            if its > lowest:
+                continue
+            defence = -other.used if its == NOTHING else other.saved() if its == LATE else 0.0
+            if its < lowest or defence < strength:
+                weakest, lowest, strength = lp, its, defence
+        if urgency != lowest:
+            return weakest if urgency > lowest else None
         if urgency == LATE:
             return weakest if vp.saved() > strength + SHORTEST_TURN_MS else None
         return weakest if urgency == NOTHING and -vp.used > strength else None
-
-    def _defence(self, lp: LogicalProcessor) -> tuple[int, float]:
-        """How well an LP is defended: by the urgency of its VP, then by what that saved, or how little it had."""
-        vp = lp.vp
-        assert vp is not None
-        urgency = self._urgency(vp)
-        if urgency == NOTHING:
-            return urgency, -vp.used
-        return urgency, vp.saved() if urgency == LATE else 0.0
 
     def _arm(self, lp: LogicalProcessor) -> None:
         """Asks for the next moment at which something may change on this LP by itself."""
@@ -278,12 +273,15 @@ class HypervisorScheduler:
         vp = lp.vp
         if vp is None or vp.thread is None:
             return inf
-        delay = min(vp.thread.remaining, vp.quantum_left())
+        delay = vp.thread.remaining
+        if vp.guest.contended:
+            delay = min(delay, vp.thread.quantum)
         if self._waiting:
             if vp.claim <= INSTANT:
-                if lp.slice_until <= self._agenda.now + INSTANT:
-                    lp.slice_until = self._agenda.now + SLICE_MS
-                delay = min(delay, lp.slice_until - self._agenda.now)
+                now = self._agenda.now
+                if lp.slice_until <= now + INSTANT:
+                    lp.slice_until = now + SLICE_MS
+                delay = min(delay, lp.slice_until - now)
             elif vp.reserve < 1.0:
                 delay = min(delay, vp.claim / (1.0 - vp.reserve))
         if vp.limit < 1.0:
@@ -305,7 +303,7 @@ class HypervisorScheduler:
         if vp is not None and vp.thread is not None:
             if vp.thread.remaining <= INSTANT:
                 vp.guest.finished(vp)
-            elif vp.quantum_left() <= INSTANT:
+            elif vp.guest.contended and vp.thread.quantum <= INSTANT:
                 vp.guest.quantum_over(vp)
 
     def _give_back(self, lp: LogicalProcessor) -> None:
@@ -319,18 +317,22 @@ class HypervisorScheduler:
     def _look_again(self, vp: VirtualProcessor) -> None:
         """NOTE: while all others run on their claims nothing changes; the end of a claim is looked at by itself."""
         self._look_later(vp)
-        if vp.limit < 1.0 or self._urgency(vp) == LATE or any(lp.vp is None or not lp.vp.claim for lp in self.lps):
+        if vp.limit < 1.0 or vp.urgency() == LATE or any(lp.vp is None or not lp.vp.claim for lp in self.lps):
             self.changed = True
 
     def _look_later(self, vp: VirtualProcessor) -> None:
         """A waiting VP gains urgency as its claim grows, and by the next window if it is at its limit."""
         vp.turn += 1
-        vp.accrue(self._clock(), inf)
+        vp.save(self._clock())
         delay = inf
         if vp.reserve > 0.0:
-            saved = vp.saved()
-            steps = (SHORTEST_SAVED_MS - saved, self._window - saved, SHORTEST_TURN_MS)
-            delay = max(SHORTEST_WAIT_MS, next(step for step in steps if step > INSTANT))
+            saved = vp.claim / vp.reserve
+            delay = SHORTEST_SAVED_MS - saved
+            if delay <= INSTANT:
+                delay = self._window - saved
+            if delay <= INSTANT:
+                delay = SHORTEST_TURN_MS
+            delay = max(SHORTEST_WAIT_MS, delay)
         if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
             delay = min(delay, self._to_next_window())
         if delay != inf:

@@ -48,7 +48,8 @@ class Agenda:
         while coming and coming[0][0] <= until:
             time, _, turn, owner, action = heappop(coming)
             if owner.turn == turn:
-                self.now = max(self.now, time)
+                if time > self.now:
+                    self.now = time
                 return action
         self.now = max(self.now, until) if until != float("inf") else self.now
         return None
@@ -101,9 +102,13 @@ class VirtualProcessor(Owner):
     __slots__ = (
         "bit",
         "claim",
+        "claim_from",
+        "claim_until",
         "due",
         "guest",
         "home",
+        "late_from",
+        "late_until",
         "limit",
         "limit_left",
         "limit_window",
@@ -134,6 +139,8 @@ class VirtualProcessor(Owner):
         self.lp: LogicalProcessor | None = None
         self.waiting = False
         self.claim = 0.0
+        # The claims with which it is LATE, and has a CLAIM: first while it waits, then while it runs.
+        self.late_from = self.late_until = self.claim_from = self.claim_until = inf
         self.since = 0.0  # up to when claim is counted, on the reserve clock
         self.used = 0.0  # ms of what is left over, by usable weight
         self.bit = 0  # set by the hypervisor
@@ -144,12 +151,27 @@ class VirtualProcessor(Owner):
         """For how long its reserve has not been used, in ms."""
         return self.claim / self.reserve if self.reserve else 0.0
 
-    def accrue(self, clock: float, window: float) -> None:
-        """Adds the claim of a VP that does not run; beyond the window it lapses (inf: somebody waits for it)."""
-        if self.lp is None:
-            gained = self.gain(clock)
-            if self.reserve:
-                self.claim = min(self.claim + gained, max(self.claim, self.reserve * window))
+    def urgency(self) -> int:
+        """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over.
+
+        What runs keeps its urgency for a turn.
+        """
+        claim = self.claim
+        if claim >= (self.late_from if self.waiting else self.late_until):
+            return LATE
+        return CLAIM if claim >= (self.claim_from if self.waiting else self.claim_until) else NOTHING
+
+    def save(self, clock: float) -> None:
+        """Adds the claim of a VP that waits."""
+        if clock != self.since:
+            self.claim += self.reserve * (clock - self.since)
+            self.since = clock
+
+    def idle(self, clock: float, window: float) -> None:
+        """Adds the claim of a VP that nobody waits for; beyond the window it lapses."""
+        gained = self.gain(clock)
+        if self.reserve:
+            self.claim = min(self.claim + gained, max(self.claim, self.reserve * window))
 
     def gain(self, clock: float) -> float:
         """The claim gained up to the reserve clock, not yet added."""
@@ -180,12 +202,6 @@ class VirtualProcessor(Owner):
         if window != self.limit_window:
             self.limit_window = window
             self.limit_left = self.limit * length
-
-    def quantum_left(self) -> float:
-        """How long its thread may go on before an equal one of its guest has its turn."""
-        if self.thread is None or not self.guest.contended:
-            return inf
-        return self.thread.quantum
 
 
 class LogicalProcessor(Owner):
