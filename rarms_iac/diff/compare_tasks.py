@@ -6,7 +6,7 @@ from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDif
 from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
-from rarms_iac.model.names import is_shipped_task
+from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
 from rarms_iac.model.wording import quoted
 
@@ -113,7 +113,7 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
     }
     if not problems:
         return None
-    names = ", ".join(f"{quoted(name)} ({why})" for name, why in sorted(problems.items()))
+    names = ", ".join(f"{quoted(name or '(Default)')} ({why})" for name, why in sorted(problems.items()))
     return NOT_RESTORABLE.at(
         place,
         f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows nothing such.",
@@ -125,6 +125,10 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
 def _why_not_restorable(name: str, value: RegistryValue) -> str:
     if not value.is_restorable:
         return value.kind.value
+    if name.lower() in {"", "(default)"}:
+        return "the key's own value, which no cmdlet takes away"  # they want a name, and match it with none
+    if name.lower() in POWERSHELL_MEMBERS:
+        return "PowerShell keeps its name for itself"  # a record that holds it cannot be read
     # A cmdlet that takes a value away reads its name as a pattern: others could go along.
     return "its name is a pattern" if _PATTERN.search(name) else ""
 

@@ -84,7 +84,7 @@ def back(task: GuestTask) -> ScriptPiece:
         address=str(task.step.address),
         action=f"bring back what {task.name} was before rarms",
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
-        before=_recorded(task),
+        before={"taken": False, **_recorded(task)},
         after={"record": "", "set": "", **NO_EMPTY_KEYS},
         calls=(call("Restore-TaskClass", **whose), call("Clear-TaskRecord", **whose)),
     )

@@ -130,8 +130,22 @@ def new_item(scope: Scope, given: Given) -> Value:
     return RegistryKey(host.registry.get(path.lower(), Key(path=path)))
 
 
+def _value_name(given: Given) -> str:
+    """No cmdlet takes the empty name of a key's own value; of its other name they do not agree what it means."""
+    name = text(given["name"])
+    if not name:
+        raise ScriptError(
+            "Cannot bind argument to parameter 'Name' because it is an empty string.",
+            error_id="ParameterArgumentValidationErrorEmptyStringNotAllowed",
+            category="InvalidData",
+        )
+    if name.lower() == "(default)":
+        raise Unsupported("a cmdlet and the value (default)")
+    return name
+
+
 def new_item_property(scope: Scope, given: Given) -> Value:
-    host, path, name = scope.session.host, text(given["literalpath"]), text(given["name"])
+    host, path, name = scope.session.host, text(given["literalpath"]), _value_name(given)
     _elevated(scope, path)
     key = host.key(path)
     if key is None:
@@ -170,7 +184,7 @@ def _as_written(given: Given) -> int | str:
 
 
 def remove_item_property(scope: Scope, given: Given) -> Value:
-    host, path, name = scope.session.host, text(given["literalpath"]), text(given["name"])
+    host, path, name = scope.session.host, text(given["literalpath"]), _value_name(given)
     _elevated(scope, path)
     key = host.key(path)
     if key is None or name.lower() not in key.values:

@@ -172,7 +172,7 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
         assert (ran.code, classes(guest)) == (0, before), f"kill_after {number}\n{ran.says}"
 
 
-@pytest.mark.parametrize("name", ["a*", "PSObject", "psbase"])
+@pytest.mark.parametrize("name", ["a*", "PSObject", "psbase", "", "(Default)"])
 def test_a_class_that_holds_a_name_which_could_not_come_back_is_not_ours_to_take(name: str) -> None:
     guest = a_guest()
     values = guest.add_key(f"{PROFILE}\\Tasks\\Games").values
@@ -180,6 +180,22 @@ def test_a_class_that_holds_a_name_which_could_not_come_back_is_not_ours_to_take
     before = classes(guest)
 
     ran = run(guest, SCRIPT)
+
+    assert ran.code == 3, ran.says
+    assert "taken" in ran.says
+    assert classes(guest) == before
+
+
+@pytest.mark.parametrize("script", [SCRIPT, UNDO])
+def test_a_class_of_ours_that_got_a_value_of_its_key_is_refused_before_anything_is_written(script: str) -> None:
+    guest = a_guest()
+    assert run(guest, SCRIPT).code == 0
+    for task in ("Games", "MotionControl"):
+        guest.add_key(f"{PROFILE}\\Tasks\\{task}").values[""] = Entry(name="", kind="String", data="somebody's")
+    guest.files = {path: file for path, file in guest.files.items() if script == UNDO or "journal" not in path}
+    before = classes(guest)
+
+    ran = run(guest, script)
 
     assert ran.code == 3, ran.says
     assert "taken" in ran.says

@@ -309,3 +309,19 @@ def test_a_value_of_another_type_is_written_again() -> None:
 
     assert ran.code == 0, ran.says
     assert task.values["priority"].kind == "DWord"
+
+
+@pytest.mark.parametrize("task", ["Games", "Localization"])
+def test_a_class_that_got_a_value_of_its_key_is_refused_before_anything_is_written(task: str) -> None:
+    prepared = everything()
+    for done in (False, True):
+        host = prepared.copy()
+        if done:
+            apply(host, prepared.plan)
+        host.add_key(f"{PROFILE}\\Tasks\\{task}").values[""] = Entry(name="", kind="String", data="somebody's")
+        before = seen(host)
+
+        ran = undo(host, prepared.plan) if done else apply(host, prepared.plan)
+
+        assert ran.code == 3, ran.says
+        assert seen(host) == before

@@ -3,17 +3,17 @@
 
 function Read-GuestTaskClass {
     # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
-    # values that could not be brought back: text with variables, lists, bytes, and names that cmdlets read as patterns
-    # or that PowerShell keeps for itself.
+    # values that could not be brought back: text with variables, lists, bytes, the key's own value, and names that
+    # cmdlets read as patterns or that PowerShell keeps for itself.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Read-TaskClass -Task $Task
-    $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
+    $other = if ($live['record']) { $live['record'] -cne $Application } else { $live['exists'] -and -not $Replace }
+    $live['taken'] = [bool] $other
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
         $known = $live['value:' + $name.ToLowerInvariant()] -cmatch '^(dword|qword|sz):'
-        $reserved = $name.ToLowerInvariant() -cmatch '^ps(object|base|adapted|extended|typenames)$'
-        if (-not $known -or $reserved -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
+        $odd = $name.ToLowerInvariant() -cmatch '^(|\(default\)|ps(object|base|adapted|extended|typenames))$|[*?[\]`]'
+        if ($odd -or -not $known) { $live['taken'] = $true }
     }
-    if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
     $live
 }
 

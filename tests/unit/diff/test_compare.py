@@ -307,8 +307,15 @@ def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: 
         assert ([change for change in gone.changes if change.address.task], codes(gone.findings)) == ([], ["RARMS165"])
 
 
-@pytest.mark.parametrize("name", ["a*", "Prior?ty", "x[1]", "a`b"])
-def test_a_value_whose_name_is_a_pattern_is_left_alone_with_its_class(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        *((name, "its name is a pattern") for name in ("a*", "Prior?ty", "x[1]", "a`b")),
+        *((name, "the key's own value") for name in ("", "(default)", "(Default)")),
+        ("PSObject", "PowerShell keeps its name"),
+    ],
+)
+def test_a_value_whose_name_no_cmdlet_takes_is_left_alone_with_its_class(name: str, why: str) -> None:
     player = a_component("player", criticality=3, runs_on=RunsOn.HOST, task="Games")
     wanting = robot(components=[player], tasks=[a_task("Games", priority=4, replace_shipped=True)])
     games = build.task("Games", priority=2)
@@ -318,7 +325,7 @@ def test_a_value_whose_name_is_a_pattern_is_left_alone_with_its_class(name: str)
 
     assert [change for change in found.changes if change.address.task] == []
     assert codes(found.findings) == ["RARMS165"]
-    assert "its name is a pattern" in found.findings[0].detail
+    assert f'"{name or "(Default)"}" ({why}' in found.findings[0].detail
 
 
 def test_numbers_and_plain_text_can_be_brought_back() -> None:

@@ -73,7 +73,7 @@ def test_the_undo_goes_back_to_what_was_there_before_rarms_and_says_so() -> None
 
     assert [(step.address.rpartition("/")[2], step.undoes) for step in steps] == [("MotionControl", 1), ("Games", 0)]
     assert [call.name for call in steps[0].calls] == ["Restore-TaskClass", "Clear-TaskRecord"]
-    assert steps[0].before == {"record": "robot", "set": "0123456789ab"}
+    assert steps[0].before == {"taken": False, "record": "robot", "set": "0123456789ab"}
     assert steps[0].after == {"record": "", "set": "", "empty": False}
     assert LOST[:40] in undo.decode()
     assert outline(apply).run["Guest"] is True
