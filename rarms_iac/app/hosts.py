@@ -11,7 +11,7 @@ from datetime import date
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, today_utc
-from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
+from rarms_iac.app.snapshots import Snapshot, Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_steps import hold
@@ -116,7 +116,7 @@ def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Map
     for name in sorted(hosts.system.hosts):
         try:
             snapshot = snapshots.hosts.get(name)
-            state = snapshot.state if snapshot else observe_host(hosts.open(name))
+            state = _state_of(snapshot) if snapshot else observe_host(hosts.open(name))
         except UseCaseError:
             if name in required:
                 raise
@@ -124,6 +124,14 @@ def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Map
         if name in required or state.facts.rights is Rights.PROVEN:
             states[name] = add_guest_tasks(state, snapshots.guests, application)
     return states
+
+
+def _state_of(snapshot: Snapshot) -> State:
+    """What a snapshot shows; what was not read when it was taken is refused, as a live host's is."""
+    with host_errors():
+        if snapshot.unread is not None:
+            raise snapshot.unread
+    return snapshot.state
 
 
 def observe_host(host: LiveHost) -> State:

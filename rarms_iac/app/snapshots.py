@@ -12,6 +12,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
+from rarms_iac.providers.interface import HostFailed
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.snapshot_file import MAX_BYTES, SnapshotUnreadable, read_snapshot
 
@@ -25,6 +26,7 @@ class Snapshot:
     state: State
     findings: tuple[Diagnostic, ...] = ()  # what the provider finds odd in it
     unfinished: ScriptRun | None = None
+    unread: HostFailed | None = None  # what a plan rests on and was not read
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +110,8 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
 def _guest(option: SnapshotFile, observation: ScriptObservation | None) -> GuestSnapshot:
     if observation is None:
         raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
+    if observation.unread_in_guest is not None:
+        raise SnapshotUnreadable(observation.unread_in_guest.message)
     if not observation.tasks:
         raise SnapshotUnreadable("it shows no task classes, and every Windows has some: they were not read")
     return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, observation=observation)
@@ -122,6 +126,7 @@ def _snapshot(option: SnapshotFile, data: bytes, observation: ScriptObservation 
         state=observation.state,
         findings=observation.findings,
         unfinished=observation.unfinished,
+        unread=observation.unread,
     )
 
 
@@ -129,7 +134,9 @@ def _with_host_name(snapshot: Snapshot, data: bytes, name: str) -> Snapshot:
     """The snapshot of the host that it stands for; what is told of it names that host."""
     observation = read_script_output(data, name)
     state = replace(snapshot.state, facts=replace(snapshot.state.facts, name=name))
-    return replace(snapshot, state=state, findings=observation.findings if observation else ())
+    if observation is None:
+        return replace(snapshot, state=state)
+    return replace(snapshot, state=state, findings=observation.findings, unread=observation.unread)
 
 
 def _host_of(

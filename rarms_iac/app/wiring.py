@@ -13,7 +13,7 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
-from rarms_iac.providers.interface import LiveHost
+from rarms_iac.providers.interface import HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
@@ -74,6 +74,8 @@ class ScriptObservation:
     condition: HostCondition
     findings: tuple[Diagnostic, ...]  # what the provider finds odd
     unfinished: ScriptRun | None
+    unread: HostFailed | None  # what a plan rests on and was not read, of a host
+    unread_in_guest: HostFailed | None  # the same of the Windows inside a guest
 
 
 def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
@@ -82,7 +84,7 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
     Raises:
         NotDecodable: it is such output, and not as the script writes it.
     """
-    from rarms_iac.providers.hyperv.condition import condition_of, findings_of
+    from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
     from rarms_iac.providers.hyperv.observation import document_of, is_observation, observation_of
     from rarms_iac.providers.hyperv.parse import last_run_of, tasks_of, to_state
 
@@ -101,6 +103,8 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
         condition=condition_of(observation),
         findings=findings_of(observation, host),
         unfinished=run if isinstance(run, ScriptRun) and run.unfinished else None,
+        unread=unread_error(observation, host),
+        unread_in_guest=unread_error(observation, host, guest=True),
     )
 
 

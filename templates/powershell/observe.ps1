@@ -101,8 +101,10 @@ function Read-Key {
 function Read-Journal {
     # What rarms keeps on this host, as it lies there, and whose it is.
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
-    $path = Join-Path -Path (Join-Path -Path $common -ChildPath 'rarms') -ChildPath 'journal.jsonl'
-    $item = Get-Item -LiteralPath $path
+    $folder = Join-Path -Path $common -ChildPath 'rarms'
+    # To who may not list the folder, PowerShell 7 says of a file in it that there is none.
+    [void] @(Get-ChildItem -LiteralPath $folder)
+    $item = Get-Item -LiteralPath (Join-Path -Path $folder -ChildPath 'journal.jsonl')
     $owner = ''
     if ($env:OS -ceq 'Windows_NT') {
         $owner = (Get-Acl -LiteralPath $item.FullName).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
@@ -115,6 +117,7 @@ function Read-Journal {
 $root = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
 $profile_ = $root + '\Multimedia\SystemProfile'
 $namespace = 'root/virtualization/v2'
+$script:Unread = @()
 $document = [ordered] @{
     format = 'rarms-observation/1'
     computer = [Environment]::MachineName
@@ -165,7 +168,20 @@ $document = [ordered] @{
         }
     }
     switches = Read-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
-    machines = Read-Probe -Many -Read { foreach ($vm in @(Hyper-V\Get-VM)) { Read-Machine -Vm $vm } }
+    machines = Read-Probe -Many -Read {
+        foreach ($vm in @(Hyper-V\Get-VM)) {
+            $found = Read-Probe -Read { Read-Machine -Vm $vm }
+            if ($found['status'] -ceq 'value') { $found['value'] }
+            else {
+                $script:Unread += [ordered] @{
+                    id = ([string] $vm.Id).ToLowerInvariant(); name = [string] $vm.Name; error = $found['error']
+                    says = $found['says']
+                }
+            }
+        }
+    }
+    # A machine whose settings cannot be read hides none of the others.
+    unread_machines = Read-Probe -Many -Read { $script:Unread }
     virtual_disks = Read-Probe -Many -Read {
         foreach ($vm in @(Hyper-V\Get-VM)) {
             foreach ($one in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) { Read-VirtualDisk -Path ([string] $one.Path) }

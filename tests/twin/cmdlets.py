@@ -93,7 +93,7 @@ def get_item(scope: Scope, given: Given) -> Thing:
             raise not_found(path, "GetItemCommand")
         return RegistryKey(key)
     file = host.file(path)
-    if file is None:
+    if file is None or _hides(scope, path.rpartition("\\")[0]):
         raise not_found(path, "GetItemCommand")
     return Record(FullName=file.path)
 
@@ -102,10 +102,30 @@ def get_child_item(scope: Scope, given: Given) -> list[Value]:
     host, path = scope.session.host, text(given["literalpath"])
     refused(scope, f"Get-ChildItem {path}")
     if not _is_registry(path):
-        raise Unsupported("Get-ChildItem of a folder")
+        return _in_folder(scope, path)
     if host.key(path) is None:
         raise not_found(path, "GetChildItemCommand")
     return [RegistryKey(one) for one in host.below(path)]
+
+
+def _in_folder(scope: Scope, path: str) -> list[Value]:
+    folder = scope.session.host.file(path)
+    if folder is None:
+        raise not_found(path, "GetChildItemCommand")
+    if _hides(scope, path):
+        raise ScriptError(
+            f"Access to the path '{path}' is denied.",
+            error_id="DirUnauthorizedAccessError,Microsoft.PowerShell.Commands.GetChildItemCommand",
+            category="PermissionDenied",
+        )
+    inside = path.lower() + "\\"
+    return [Record(FullName=file.path) for at, file in scope.session.host.files.items() if at.startswith(inside)]
+
+
+def _hides(scope: Scope, folder: str) -> bool:
+    """Whether the caller may not see what is in a folder."""
+    file = scope.session.host.file(folder)
+    return file is not None and file.protected and not scope.session.host.elevated
 
 
 def _elevated(scope: Scope, path: str) -> None:

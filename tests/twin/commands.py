@@ -11,7 +11,7 @@ from rarms_iac.powershell.cmdlets import cmdlet, problems_of_call
 from rarms_iac.powershell.tree import text_of
 from tests.twin.expressions import Expression, expression, invoke, run_block
 from tests.twin.scopes import Body, Function, Scope
-from tests.twin.values import EMPTY, ScriptError, Unsupported, Value, number, text, truth
+from tests.twin.values import EMPTY, ScriptError, Thing, Unsupported, Value, number, text, truth
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -125,6 +125,8 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
     bound = {**{name: value for name, value in defaults.items() if called.parameter(name)}, **bound}
     try:
         refused(scope, plain)
+        if isinstance(machine := bound.get("vm"), Thing):
+            refused(scope, f"{plain} {machine.get('Name')}")
         return do(scope, bound)
     except ScriptError as error:
         if defaults.get("erroraction") == "SilentlyContinue":

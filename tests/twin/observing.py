@@ -35,7 +35,7 @@ _ASKS = {
     "scheduler": "Get-WinEvent",
     "module": "Get-Module",
     "execution_policy": "Get-ExecutionPolicy",
-    "journal": f"Get-Item {JOURNAL}",
+    "journal": f"Get-ChildItem {JOURNAL.rpartition(chr(92))[0]}",
     "tasks": f"Get-ChildItem {PROFILE}\\Tasks",
     "records": f"Get-ChildItem {RECORDS}",
     "profile": f"Get-Item {PROFILE}",

@@ -1,6 +1,7 @@
 """A live Hyper-V host as the command line is given it: looked at, examined and written down, all of one look."""
 
 import json
+import re
 
 import pytest
 
@@ -14,7 +15,7 @@ from tests.recorded_hosts import read_observation
 from tests.twin.cell import apply
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost
-from tests.twin.observing import JOURNAL, PENDING, document_of
+from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, document_of
 from tests.twin.transport import TwinTransport
 
 
@@ -78,6 +79,53 @@ def test_a_caller_without_rights_is_examined_too() -> None:
 
     assert looked.state.facts.rights is Rights.MISSING
     assert looked.state.partitions == ()
+
+
+DENIED = ("PermissionDenied", "PermissionDenied", "Requested registry access is not allowed.")
+BROKEN = ("System.IO.IOException", "NotSpecified", "The disk has a bad sector.")
+TASKS, OURS = f"Get-ChildItem {PROFILE}\\Tasks", f"Get-ChildItem {RECORDS}"
+READING_JOURNAL = "Get-Content"
+
+
+@pytest.mark.parametrize("error", [DENIED, BROKEN], ids=["denied", "broken"])
+@pytest.mark.parametrize(
+    ("command", "subject"),
+    [
+        (TASKS, "its task classes"),
+        (OURS, "its records in HKLM"),
+        (READING_JOURNAL, "journal.jsonl"),
+        ("Get-VMMemory backup", 'machine "backup"'),
+        ("Get-VMSnapshot backup", 'machine "backup"'),
+    ],
+)
+def test_what_could_not_be_read_is_not_empty_live_or_in_a_snapshot(
+    command: str, subject: str, error: tuple[str, str, str]
+) -> None:
+    host = everything().copy()
+    host.refusals[command] = error
+
+    with pytest.raises(HostFailed, match=re.escape(subject)) as refused:
+        live(host).observe()
+    seen = read_script_output(live(host).recorded(), "onboard")
+
+    assert error[2] in refused.value.message
+    assert seen is not None
+    assert str(seen.unread) == str(refused.value)
+    others = [vm.name for vm in host.vms.values() if not command.endswith(" backup") or vm.name != "backup"]
+    assert sorted(partition.settings.name for partition in seen.state.partitions) == sorted(others)
+    assert read_script_output(live(everything().copy()).recorded(), "onboard").unread is None  # type: ignore[union-attr]
+
+
+def test_a_journal_in_a_folder_that_may_not_be_listed_is_not_an_absent_one() -> None:
+    host = everything().copy(elevated=False)
+    there = live(host)
+
+    with pytest.raises(HostFailed, match="journal"):
+        there.unfinished()
+    seen = read_script_output(there.recorded(), "onboard")
+
+    assert seen is not None
+    assert seen.unread is not None
 
 
 def test_looking_changes_nothing() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
-from rarms_iac.model.state import RegistryValue
+from rarms_iac.model.state import RegistryValue, Rights
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
@@ -13,9 +13,11 @@ from rarms_iac.providers.hyperv.observation import (
     ObservedMachine,
     ProcessorSetting,
     UnreadProbe,
+    is_unread,
     or_else,
 )
-from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of
+from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of, rights_of
+from rarms_iac.providers.interface import HostFailed
 
 NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
@@ -97,6 +99,37 @@ def _unread(observation: HostObservation) -> Iterator[tuple[str, str]]:
         if isinstance(probe, UnreadProbe):
             why = "denied" if probe.denied else "absent"
             yield what, f"{why} ({probe.error})" if probe.error else why
+    yield from _unread_machines(observation)
+
+
+def _unread_machines(observation: HostObservation) -> Iterator[tuple[str, str]]:
+    for machine in or_else(observation.unread_machines, ()):
+        yield f"machine {quoted(machine.name)} ({machine.id})", f"{quoted(machine.says)} ({machine.error})"
+
+
+_REGISTRY = {"its task classes": "tasks", r"its records in HKLM\SOFTWARE\rarms": "records"}
+_OF_HOST = {"its machines": "machines", r"%ProgramData%\rarms\journal.jsonl": "journal", **_REGISTRY}
+
+
+def unread_error(observation: HostObservation, host: str, *, guest: bool = False) -> HostFailed | None:
+    """Make the error of an observation in which something was not read that a plan rests on: that is not empty.
+
+    Args:
+        observation: of a host, or of the Windows inside a guest.
+        host: its name in the manifest.
+        guest: only the registry counts.
+
+    Returns:
+        None where all was read; also where the caller has no right to see machines, which is a finding of its own.
+    """
+    probes = {what: getattr(observation, name) for what, name in (_REGISTRY if guest else _OF_HOST).items()}
+    unread = {what: f"{quoted(probe.message)} ({probe.error})" for what, probe in probes.items() if is_unread(probe)}
+    if not guest:
+        unread |= dict(_unread_machines(observation))
+    if not unread or (not guest and rights_of(observation) is Rights.MISSING):
+        return None
+    message = "not everything could be read: " + "; ".join(f"{what}: {why}" for what, why in unread.items())
+    return HostFailed(host, message, "see to it as an administrator of that Windows, then look again")
 
 
 NOT_WHOLE = Finding(code="RARMS161", severity=Severity.WARNING, summary="A reserve is no whole per cent")

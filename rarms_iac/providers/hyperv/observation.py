@@ -125,6 +125,16 @@ class ObservedMachine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class UnreadMachine:
+    """A machine of which only this is known, because reading its settings failed."""
+
+    id: str
+    name: str
+    error: str  # PowerShell's id of the error
+    says: str  # its message, in the host's language
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualDisk:
     """A disk that a machine has."""
 
@@ -201,6 +211,7 @@ class HostObservation:
     numa: Probe[tuple[NumaNode, ...]]
     switches: Probe[tuple[str, ...]]
     machines: Probe[tuple[ObservedMachine, ...]]
+    unread_machines: Probe[tuple[UnreadMachine, ...]]
     virtual_disks: Probe[tuple[VirtualDisk, ...]]
     cpu_groups: Probe[tuple[ProcessorSetting, ...]]
     profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile
@@ -215,6 +226,11 @@ class HostObservation:
 def or_else(probe: Probe[T], default: T) -> T:
     """The value that was read, or this default where none was."""
     return probe.value if isinstance(probe, ReadProbe) else default
+
+
+def is_unread(probe: Probe[Any]) -> bool:
+    """Whether there may be something that was not read: it is not there only where Windows finds no such path."""
+    return isinstance(probe, UnreadProbe) and (probe.denied or not probe.error.startswith("PathNotFound"))
 
 
 def is_denied(probe: Probe[Any]) -> bool:

@@ -7,10 +7,10 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.bootstrap import arguments_of
-from rarms_iac.providers.hyperv.condition import condition_of, findings_of
+from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.events import read_event
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
-from rarms_iac.providers.hyperv.observation import HostObservation, is_denied, observation_of
+from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
 from rarms_iac.providers.hyperv.transport import LocalTransport, SshTransport, Transport
 from rarms_iac.providers.interface import (
@@ -46,11 +46,16 @@ class LiveHypervHost:
 
     def observe(self) -> State:
         """See the interface."""
-        return self.examined().state
+        observation = self.observation()
+        if error := unread_error(observation, self.name):
+            raise error
+        return self._examined(observation).state
 
     def examined(self) -> ObservedHost:
         """See the interface."""
-        observation = self.observation()
+        return self._examined(self.observation())
+
+    def _examined(self, observation: HostObservation) -> ObservedHost:
         try:
             state = to_state(observation, self.name)
         except NotDecodable as error:
@@ -62,7 +67,7 @@ class LiveHypervHost:
     def journal(self) -> ScriptRun | None:
         """See the interface."""
         observation = self.observation()
-        if is_denied(observation.journal):
+        if is_unread(observation.journal):
             raise HostFailed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
         match last_run_of(observation):
             case NoJournal():

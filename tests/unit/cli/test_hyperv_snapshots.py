@@ -103,6 +103,43 @@ def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Pa
     assert "0123456789ab" in begun.err
 
 
+@pytest.mark.parametrize("probe", ["journal", "tasks", "records"])
+def test_what_was_denied_is_refused_as_a_live_host_refuses_it(cell: Path, probe: str) -> None:
+    answer = json.loads((cell / "host.json").read_bytes())
+    answer[probe] = {"status": "denied", "error": "PermissionDenied", "says": "Access is denied."}
+    (cell / "host.json").write_bytes(json.dumps(answer).encode())
+
+    ran = plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / "plan"))
+
+    assert (ran.code, "error[RARMS189]" in ran.err) == (1, True)
+    assert "Access is denied." in ran.err
+    assert not (cell / "plan").exists()
+
+
+def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path) -> None:
+    lost = {"id": "0" * 36, "name": "database", "error": "InvalidState,GetVMMemory", "says": "Its storage is gone."}
+    snapshot = f"cell={bent(cell, unread_machines=[lost])}"
+
+    ran, examined = plan(cell, "--snapshot", snapshot), rarms("doctor", "-f", str(cell), "--snapshot", snapshot)
+
+    assert (ran.code, "error[RARMS189]" in ran.err) == (1, True)
+    for text in (ran.err, examined.out + examined.err):
+        assert 'machine "database"' in " ".join(text.split())
+        assert "Its storage is gone." in " ".join(text.split())
+
+
+def test_a_guest_whose_records_were_denied_is_refused(cell: Path) -> None:
+    answer = document("inside-a-guest")
+    answer["records"] = {"status": "denied", "error": "PermissionDenied", "says": "Access is denied."}
+    (cell / "inside.json").write_bytes(json.dumps(answer).encode())
+    inside = f"cell.guest.torch-motion={cell / 'inside.json'}"
+
+    ran = plan(cell, "--snapshot", f"cell={with_torch(cell)}", "--snapshot", inside)
+
+    assert (ran.code, "error[RARMS175]" in ran.err) == (1, True)
+    assert "its records" in ran.err
+
+
 def test_a_damaged_observation_is_told_with_its_place(cell: Path) -> None:
     ran = plan(cell, "--snapshot", f"cell={bent(cell, elevated='yes')}")
 
