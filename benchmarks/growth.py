@@ -139,7 +139,7 @@ class Case:
         for request in self.requests.values():
             found = compare(request.desired, request.observed, "fleet", request.context, request.rules)
             held = hold_back(found.changes, request.budget)
-            if not isinstance(order(plan_changes(held.kept, request.context), request.budget), OrderedSteps):
+            if not isinstance(order(plan_changes(held.allowed, request.context), request.budget), OrderedSteps):
                 raise TypeError("a fleet with room to spare has an order")
         if "to change" not in render(plan_text(self.plan)):
             raise ValueError("the plan's text does not count its changes")

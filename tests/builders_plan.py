@@ -95,7 +95,7 @@ def task(name: str = "MotionControl", *, inside: str = "", priority: int = 5) ->
 
 def because(message: str = "the manifest wants it", *, line: int | None = 31, file: str = "rarms.yaml") -> Reason:
     """A reason with its manifest line."""
-    return Reason(says=message, place=None if line is None else Place(file=file, line=line, column=5))
+    return Reason(message=message, place=None if line is None else Place(file=file, line=line, column=5))
 
 
 def address_of(resource: Resource) -> Address:
@@ -159,7 +159,7 @@ def step(
         operation=call,
         before=before or {"exists": True, "reserve": 70},
         after=after or {"exists": True, "reserve": 40},
-        undo=Undo(level=undo, operation=back, says=lost),
+        undo=Undo(level=undo, operation=back, message=lost),
         disruption=Disruption.LIVE,
         claim_before=Claim(processors=2, reserve=70, memory=2**29),
         claim_after=Claim(processors=2, reserve=40, memory=2**29),

@@ -40,4 +40,4 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     request = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_build=guest_build))
     difference = compare(request.desired, observed, system.application.name, request.context, request.rules)
     held = hold_back(difference.changes, request.budget)
-    return Route(request, difference, held, order(plan_changes(held.kept, request.context), request.budget))
+    return Route(request, difference, held, order(plan_changes(held.allowed, request.context), request.budget))

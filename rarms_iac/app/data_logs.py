@@ -206,7 +206,7 @@ def _measured_together(
             f"against {subject.setup.interference} ({path_shown})."
         )
         advice = f"Measure it: `{again}`. Or fix it for now: `cpu: {{ reserve: 20 % }}`."
-        return NotMeasured(components=to_be_measured(group.members), says=message, advice=advice)
+        return NotMeasured(components=to_be_measured(group.members), message=message, advice=advice)
     if isinstance(log, LogUnreadable):
         advice = f"Bring it back from git, or remove it and measure again: `{again}`."
         return _not_measured(group, findings.UNREADABLE.code, f"{path_shown}, line {log.line}: {log.message}.", advice)
@@ -262,30 +262,30 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
 
 
 def _not_measured(group: Group, code: str, message: str, advice: str) -> NotMeasured:
-    return NotMeasured(components=to_be_measured(group.members), code=code, says=message, advice=advice)
+    return NotMeasured(components=to_be_measured(group.members), code=code, message=message, advice=advice)
 
 
 def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, again: str) -> Iterator[Cause]:
     address = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
-            what=address,
-            says=f"{path} was measured with {_list_some(comparison.unverified)}, not to be found here.",
+            address=address,
+            message=f"{path} was measured with {_list_some(comparison.unverified)}, not to be found here.",
             code=findings.NOT_VERIFIED.code,
             advice="Plan where these files are, if it matters; nothing says that they changed.",
         )
     if comparison.warns:
         yield Cause(
-            what=address,
-            says=f"{path} was measured with another {_list_some(comparison.warns)}.",
+            address=address,
+            message=f"{path} was measured with another {_list_some(comparison.warns)}.",
             code=findings.DIFFERENT.code,
             advice="Measure again if that can matter to the component.",
         )
     beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if beside:
         yield Cause(
-            what=address,
-            says=f"{path} was measured while {_list_some(beside)} ran on the host.",
+            address=address,
+            message=f"{path} was measured while {_list_some(beside)} ran on the host.",
             code=findings.BUSY.code,
             advice=f"Measure it once more with the host to itself, and this no longer counts: `{again} --again`.",
         )

@@ -119,7 +119,7 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
         least=None if log is None else partition.reservations.least(group.members, host),
         beside_fixed=None if beside_fixed is None else beside_fixed[0],
         least_beside_fixed=None if beside_fixed is None else beside_fixed[1],
-        remarks=() if log is None else tuple(remark.says for remark in log.remarks),
+        remarks=() if log is None else tuple(remark.message for remark in log.remarks),
         why_together=tuple(why_together(group, partition.system, previous)),
         apart=describe_apart(partition, place),
         shared=tuple(rejected_compounds(group, previous, host)) if rests else (NOT_LOOKED_FOR,),

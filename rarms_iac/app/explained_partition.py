@@ -111,7 +111,7 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
     for host, answer in answers:
         shape = size(_without_reserve(group), host, FixedReservations())
         if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
-            return ExplainedPlace(host=host, placed=shape, no_host_because=answer.says.rstrip("."))
+            return ExplainedPlace(host=host, placed=shape, no_host_because=answer.message.rstrip("."))
     raise UseCaseError(Outcome.NEGATIVE, partition.planning.findings, partition.hosts.manifest.sources)
 
 

@@ -48,7 +48,7 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
         address=Address(partition=name, machine=before.id),
         before=before,
         after=replace(before, mark=mark),
-        reason=Reason(says="rarms import", place=place),
+        reason=Reason(message="rarms import", place=place),
     )
 
 
@@ -74,5 +74,5 @@ def releasing(state: State, application: str, name: str, place: Place | None) ->
         address=Address(partition=name, machine=before.id),
         before=before,
         after=replace(before, mark=None),
-        reason=Reason(says="rarms release", place=place),
+        reason=Reason(message="rarms release", place=place),
     )

@@ -142,7 +142,7 @@ def _without_place(diagnostic: Diagnostic) -> Diagnostic:
     """The same without a line of its own, so that it comes first: findings are in the order of their lines."""
     if diagnostic.place is None:
         return diagnostic
-    related = (*diagnostic.related, Related(place=diagnostic.place, says="wanted here"))
+    related = (*diagnostic.related, Related(place=diagnostic.place, message="wanted here"))
     return replace(diagnostic, place=None, related=related)
 
 
@@ -185,7 +185,7 @@ def disk_verdicts(system: System, observed: State, machine: Partition) -> Iterat
 def _removable_disks(system: System, observed: State) -> Mapping[str, tuple[Disk, ...]]:
     return {
         partition.id: tuple(
-            verdict.disk for verdict in disk_verdicts(system, observed, partition) if not verdict.why_kept
+            verdict.disk for verdict in disk_verdicts(system, observed, partition) if not verdict.reason_to_keep
         )
         for partition in observed.of(system.application.name).partitions
     }

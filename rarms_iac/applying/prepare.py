@@ -150,7 +150,7 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
     application = request.system.application.name
     difference = _difference(request, goal)
     held = hold_back(targeted(difference.changes, request.targets), goal.budget)
-    ordered = order(plan_changes(held.kept, goal.context), goal.budget)
+    ordered = order(plan_changes(held.allowed, goal.context), goal.budget)
     steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
     plan = HostPlan(
         host=request.system.hosts[goal.name],
@@ -158,13 +158,13 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
         state_path=request.state_paths.get(goal.name, ""),
         serial=goal.observed.serials.get(application, 0),
         digests=part_digests(of_the_host_itself(goal.observed), application),
-        changes=held.kept,
+        changes=held.allowed,
         steps=steps,
         held_back=held.held,
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_of(goal.observed, _wanted_of(request, goal), application, held.kept, steps),
+        totals=totals_of(goal.observed, _wanted_of(request, goal), application, held.allowed, steps),
         threads=goal.threads,
         components={
             partition.name: partition.components

@@ -136,7 +136,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
     """A step of the run cannot be taken back, or not wholly."""
     return UNDO_PARTIAL.at(
         step.place,
-        f"{step.address} on {host}, `{step.title}`: {step.undo.says}.",
+        f"{step.address} on {host}, `{step.title}`: {step.undo.message}.",
         "Look at it with `rarms drift` afterwards.",
         address=str(step.address),
     )

@@ -100,7 +100,7 @@ def _update(address: Address, before: Partition, after: Partition, why: str, loc
         address=address,
         before=before,
         after=after,
-        reason=Reason(says=why, place=locate(address)),
+        reason=Reason(message=why, place=locate(address)),
         disruption=Disruption.PARTITION_STOP if stops else Disruption.LIVE,
     )
 

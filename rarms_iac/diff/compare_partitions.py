@@ -69,7 +69,7 @@ def _compare_partition(
     address = Address(partition=name, machine=before.id if before else "")
     if before is None:
         assert after is not None
-        reason = Reason(says="it is not there", place=rules.locate(address))
+        reason = Reason(message="it is not there", place=rules.locate(address))
         difference.changes.append(Create(address=address, after=after, reason=reason))
     elif after is None:
         _delete(difference, address, before, rules)
@@ -88,7 +88,7 @@ def _delete(difference: PartialDifference, address: Address, before: Partition, 
     elif before.state in {RunState.BUSY, RunState.CRITICAL}:
         difference.findings.append(not_at_rest(address, before.state, place))
     else:
-        reason = Reason(says="it is not wanted on this host", place=place)
+        reason = Reason(message="it is not wanted on this host", place=place)
         difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=Disruption.REMOVAL))
 
 
@@ -115,7 +115,7 @@ def _update(
             address=address,
             before=before,
             after=replace(after, id=before.id, other_notes=before.other_notes),
-            reason=Reason(says=why, place=place),
+            reason=Reason(message=why, place=place),
             disruption=disruption,
         )
     )

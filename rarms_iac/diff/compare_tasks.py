@@ -69,7 +69,7 @@ def _remove(difference: PartialDifference, before: TaskClass, inside: str) -> No
     if problem := not_restorable(address, before, None):
         difference.findings.append(problem)
         return
-    reason = Reason(says="no component here names it any more")
+    reason = Reason(message="no component here names it any more")
     difference.changes.append(
         Delete(address=address, before=before, reason=reason, disruption=disruption_of_task(inside))
     )
@@ -81,7 +81,7 @@ def _compare_wanted(
     address = _task_address(after.inside, after, before)
     place, disruption = rules.locate(address), disruption_of_task(after.inside)
     if before is None or (not before.values and before.record is None):
-        reason = Reason(says="a component names it", place=place)
+        reason = Reason(message="a component names it", place=place)
         difference.changes.append(Create(address=address, after=after, reason=reason, disruption=disruption))
         return
     is_managed = _is_managed(before, application)
@@ -93,7 +93,7 @@ def _compare_wanted(
     elif problem := not_restorable(address, before, place):
         difference.findings.append(problem)
     else:
-        reason = Reason(says="its values differ" if is_managed else "the manifest replaces it", place=place)
+        reason = Reason(message="its values differ" if is_managed else "the manifest replaces it", place=place)
         difference.changes.append(
             Update(address=address, before=before, after=after, reason=reason, disruption=disruption)
         )
@@ -184,13 +184,13 @@ def responsiveness_changes(
         if problem := not_restorable(RESPONSIVENESS, before, None):
             difference.findings.append(problem)
         else:
-            reason = Reason(says=f"the manifest no longer sets it; {_describe_restored(before)}")
+            reason = Reason(message=f"the manifest no longer sets it; {_describe_restored(before)}")
             difference.changes.append(
                 Delete(address=RESPONSIVENESS, before=before, reason=reason, disruption=disruption)
             )
         return difference
     place = rules.locate(RESPONSIVENESS)
-    reason = Reason(says="the manifest sets it", place=place)
+    reason = Reason(message="the manifest sets it", place=place)
     if before is None or (record is not None and not is_managed):
         difference.findings.append(_undecided(record.application if record else "", place))
     elif before == after:

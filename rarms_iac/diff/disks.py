@@ -14,10 +14,10 @@ from rarms_iac.model.state import Disk, DiskKind, Partition, State
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskVerdict:
-    """A disk of a machine that is to be removed; `why_kept` is empty where it may be deleted."""
+    """A disk of a machine that is to be removed; `reason_to_keep` is empty where it may be deleted."""
 
     disk: Disk
-    why_kept: str
+    reason_to_keep: str
 
 
 def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[DiskVerdict]:
@@ -31,10 +31,10 @@ def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Ite
     known = tuple(folders)
     for disk in state.disks:
         if disk.machine == machine.id:
-            yield DiskVerdict(disk=disk, why_kept=_why_kept(disk, machine, state, known))
+            yield DiskVerdict(disk=disk, reason_to_keep=_reason_to_keep(disk, machine, state, known))
 
 
-def _why_kept(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:
+def _reason_to_keep(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:
     if machine.mark is None:
         return "its machine carries no mark of rarms"
     if machine.checkpoints:

@@ -17,7 +17,7 @@ _Held = dict[int, HeldBack]
 class HeldChanges:
     """The changes that may be done, and those that may not, both by address."""
 
-    kept: tuple[Change, ...]
+    allowed: tuple[Change, ...]
     held: tuple[HeldBack, ...]
 
 
@@ -42,7 +42,7 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
             break
         held = {**more, **held}
     return HeldChanges(
-        kept=tuple(change for at, change in enumerate(changes) if at not in held),
+        allowed=tuple(change for at, change in enumerate(changes) if at not in held),
         held=tuple(held[at] for at in sorted(held)),
     )
 

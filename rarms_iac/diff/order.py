@@ -249,7 +249,7 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int) -> StopAnd
         operation=stop_it,
         before={"exists": True, "running": True, "state": RunState.RUNNING.value},
         after={"exists": True, "running": False, "state": RunState.OFF.value},
-        undo=Undo(level=UndoLevel.PARTIAL, operation=start_it, says=STARTS_ANEW),
+        undo=Undo(level=UndoLevel.PARTIAL, operation=start_it, message=STARTS_ANEW),
         disruption=Disruption.PARTITION_STOP,
         claim_before=first.claim_before,
         claim_after=NO_CLAIM,

@@ -90,12 +90,12 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         undo=Undo(
             level=UndoLevel.PARTIAL if lost else UndoLevel.FULL,
             operation=RemovePartition(partition=address.partition),
-            says=lost,
+            message=lost,
         ),
         disruption=Disruption.LIVE,
         claim_before=claim_of(None),
         claim_after=claim_of(None),
-        comment=f"{reason.says}; off and under a pending name until all is set",
+        comment=f"{reason.message}; off and under a pending name until all is set",
         place=reason.place,
     )
 
@@ -206,12 +206,12 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         undo=Undo(
             level=UndoLevel.NONE,
             operation=None,
-            says="the machine is not made again" + ("" if going else "; its disks are still there"),
+            message="the machine is not made again" + ("" if going else "; its disks are still there"),
         ),
         disruption=Disruption.REMOVAL,
         claim_before=claim_of(builder.now),
         claim_after=claim_of(None),
-        comment=f"{reason.says}; removed before anything is made, so that there is room",
+        comment=f"{reason.message}; removed before anything is made, so that there is room",
         place=reason.place,
     )
     yield removal
@@ -227,7 +227,7 @@ def _disk_step(removal: Step, disk: Disk) -> Step:
         title=str(operation),
         operation=operation,
         before={"exists": True, "parent": disk.parent, "used": False},
-        undo=Undo(level=UndoLevel.NONE, operation=None, says="what is on the disk is lost"),
+        undo=Undo(level=UndoLevel.NONE, operation=None, message="what is on the disk is lost"),
         claim_before=NO_CLAIM,
         claim_after=NO_CLAIM,
         comment="its removal was asked for; rarms made it, and it grows out of " + disk.parent,

@@ -169,14 +169,14 @@ def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
     return {"exists": True, "parent": here[0].parent, "used": used}
 
 
-def same_path(left: str, right: str) -> bool:
+def same_path(path: str, other: str) -> bool:
     """Tell whether Windows takes two paths for the same: slashes and case do not matter.
 
     Args:
-        left: a path.
-        right: another path; neither is made absolute.
+        path: as the host tells it, or as rarms makes it; not made absolute.
+        other: likewise.
     """
-    return left.replace("/", "\\").lower() == right.replace("/", "\\").lower()
+    return path.replace("/", "\\").lower() == other.replace("/", "\\").lower()
 
 
 def task_readings(task: TaskClass | Responsiveness | None) -> Readings:

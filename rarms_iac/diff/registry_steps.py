@@ -127,6 +127,6 @@ def _registry_step(
         disruption=disruption_of_task(address.partition),
         claim_before=NO_CLAIM,
         claim_after=NO_CLAIM,
-        comment=f"{reason.says}; {why}" if reason.says else why,
+        comment=f"{reason.message}; {why}" if reason.message else why,
         place=reason.place,
     )

@@ -26,8 +26,8 @@ from rarms_iac.model.state import Facet, Mark, Partition, PartitionSettings, Run
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
-_NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, says="it was paused: it is not so again")
-_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, says="it goes with the machine, which is removed")
+_NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused: it is not so again")
+_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it goes with the machine, which is removed")
 
 _FIELDS = {
     Facet.PROCESSORS: ("processors",),
@@ -80,11 +80,11 @@ class StepBuilder:
             operation=operation,
             before=some_readings(before, () if self.new else names),
             after=some_readings(after, names),
-            undo=_WITH_ITS_MACHINE if self.new else Undo(level=level, operation=undo, says=lost),
+            undo=_WITH_ITS_MACHINE if self.new else Undo(level=level, operation=undo, message=lost),
             disruption=disruption,
             claim_before=claim_of(before),
             claim_after=claim_of(after),
-            comment=f"{self.reason.says}; {why}" if self.reason.says else why,
+            comment=f"{self.reason.message}; {why}" if self.reason.message else why,
             place=self.reason.place,
         )
 

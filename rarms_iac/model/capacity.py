@@ -40,10 +40,10 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
     processors, memory = host.logical_processors, int(host.memory)
     if facts is not None:
         processors, memory = min(processors, facts.logical_processors), min(memory, facts.memory)
-    kept = in_processors(host.keep_for_host.processor, host.logical_processors)
+    withheld = in_processors(host.keep_for_host.processor, host.logical_processors)
     return Capacity(
         logical_processors=processors,
-        processors=LogicalProcessors(max(Fraction(0), processors - kept)),
+        processors=LogicalProcessors(max(Fraction(0), processors - withheld)),
         memory=Bytes(max(0, memory - host.keep_for_host.memory)),
     )
 
@@ -108,11 +108,11 @@ def packs_by_size(claims: Iterable[Claim], logical_processors: int) -> bool:
 
 
 def _spread(claims: list[Claim], bins: int) -> bool:
-    level = sum(claim.reserve for claim in claims if claim.processors == bins)
-    if level > WHOLE:
+    full_width = sum(claim.reserve for claim in claims if claim.processors == bins)
+    if full_width > WHOLE:
         return False
     narrow = _sizes([claim for claim in claims if claim.processors != bins])
-    return not narrow or _first_fit(narrow, [WHOLE - level] * bins)
+    return not narrow or _first_fit(narrow, [WHOLE - full_width] * bins)
 
 
 def _sizes(claims: list[Claim]) -> list[int]:
@@ -121,8 +121,8 @@ def _sizes(claims: list[Claim]) -> list[int]:
 
 def _first_fit(sizes: list[int], free: list[int]) -> bool:
     for size in sizes:
-        for at, left in enumerate(free):
-            if size <= left:
+        for at, remaining in enumerate(free):
+            if size <= remaining:
                 free[at] -= size
                 break
         else:
@@ -147,13 +147,17 @@ def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
             return True
         nodes -= 1
         # What is left in pieces that are too small for the smallest is lost.
-        if nodes < 0 or free in failed or sum(left for left in free if left >= sizes[-1]) < waiting[number]:
+        if (
+            nodes < 0
+            or free in failed
+            or sum(remaining for remaining in free if remaining >= sizes[-1]) < waiting[number]
+        ):
             return False
         size = sizes[number]
-        for at, left in enumerate(free):
-            if left < size or left in free[:at]:
+        for at, remaining in enumerate(free):
+            if remaining < size or remaining in free[:at]:
                 continue
-            if place(number + 1, tuple(sorted((*free[:at], left - size, *free[at + 1 :])))):
+            if place(number + 1, tuple(sorted((*free[:at], remaining - size, *free[at + 1 :])))):
                 return True
         failed.add(free)
         return False

@@ -49,7 +49,7 @@ RESPONSIVENESS = Address(responsiveness=True)
 class Reason:
     """Why a change is wanted, told to people; no code decides by it."""
 
-    says: str
+    message: str = field(metadata={"formerly": "says"})
     place: Place | None = None  # the manifest line that asks for it
 
 

@@ -34,7 +34,7 @@ class Related:
     """A second place that belongs to the same problem, with a word on what it shows."""
 
     place: Place
-    says: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

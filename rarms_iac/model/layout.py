@@ -82,8 +82,8 @@ class Layout:
 class Cause:
     """One reason why there is no layout: what does not fit, where, and how much of what is missing."""
 
-    what: str  # addresses: partition/vision, host/onboard
-    says: str
+    address: str  # addresses: partition/vision, host/onboard
+    message: str
     code: str = ""  # of the finding that tells it
     advice: str = ""  # what to do; empty: as the finding always says
 
@@ -96,7 +96,7 @@ TOGETHER = "all of these:"
 class Relaxation:
     """A change of the manifest with which it would fit; each was tried."""
 
-    says: str  # one change, or `TOGETHER` and a list
+    message: str  # one change, or `TOGETHER` and a list
     may: bool = False  # it was tried with the least that could be needed; a measurement has to tell
 
 

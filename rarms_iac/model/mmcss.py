@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.system import TaskCategory, TaskRequest
 
-LEVELS = range(1, 9)
+PRIORITIES = range(1, 9)
 """Priorities of a category."""
 
 TOP_OF_MEDIUM = 7
@@ -28,7 +28,7 @@ def thread_priority(category: TaskCategory, priority: int, background_priority: 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LevelValues:
+class PriorityValues:
     """A category, and where in it."""
 
     category: TaskCategory
@@ -41,7 +41,7 @@ class LevelValues:
         return thread_priority(self.category, self.priority, self.background_priority)
 
 
-def values_within(request: TaskRequest) -> tuple[LevelValues, ...]:
+def values_within(request: TaskRequest) -> tuple[PriorityValues, ...]:
     """All values that what is fixed leaves possible, the highest threads first; of alike ones only one."""
     categories = tuple(TaskCategory) if request.category is None else (request.category,)
     found = {
@@ -52,7 +52,7 @@ def values_within(request: TaskRequest) -> tuple[LevelValues, ...]:
     return tuple(found[at] for at in sorted(found, reverse=True))
 
 
-def _in_category(category: TaskCategory, request: TaskRequest) -> Iterator[LevelValues]:
+def _in_category(category: TaskCategory, request: TaskRequest) -> Iterator[PriorityValues]:
     """From the highest down; of 8 and 7 in Medium, which are alike, the last.
 
     The number that the category does not go by is the other one, so that who read that would find the same order.
@@ -62,15 +62,17 @@ def _in_category(category: TaskCategory, request: TaskRequest) -> Iterator[Level
             priority = request.priority or TOP_OF_MEDIUM
             yield _values(category, priority, request.background_priority or priority)
         case TaskCategory.MEDIUM:
-            for priority in reversed(LEVELS if request.priority is None else (request.priority,)):
+            for priority in reversed(PRIORITIES if request.priority is None else (request.priority,)):
                 yield _values(category, priority, request.background_priority or priority)
         case TaskCategory.LOW:
-            for level in reversed(LEVELS if request.background_priority is None else (request.background_priority,)):
-                yield _values(category, request.priority or level, level)
+            for background in reversed(
+                PRIORITIES if request.background_priority is None else (request.background_priority,)
+            ):
+                yield _values(category, request.priority or background, background)
 
 
-def _values(category: TaskCategory, priority: int, background_priority: int) -> LevelValues:
-    return LevelValues(category=category, priority=priority, background_priority=background_priority)
+def _values(category: TaskCategory, priority: int, background_priority: int) -> PriorityValues:
+    return PriorityValues(category=category, priority=priority, background_priority=background_priority)
 
 
 SYSTEM_RESPONSIVENESS = "SystemResponsiveness"

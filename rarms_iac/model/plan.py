@@ -48,7 +48,7 @@ class Undo:
 
     level: UndoLevel
     operation: Operation | None  # None where nothing can be done
-    says: str = ""  # what it cannot bring back
+    message: str = field(default="", metadata={"formerly": "says"})  # what it cannot bring back
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,7 +163,7 @@ class Plan:
     findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
     accepted: tuple[Diagnostic, ...]
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
-    format_version: Literal["rarms-plan/1"] = "rarms-plan/1"
+    format_version: Literal["rarms-plan/2"] = "rarms-plan/2"
 
     @property
     def has_changes(self) -> bool:

@@ -29,8 +29,8 @@ def quoted(text: object, most: int | None = None) -> str:
         most: signs that are kept of it, with `...` for the rest; None: all.
     """
     whole = str(text)
-    kept = whole[:most] + ("..." if most is not None and len(whole) > most else "")
-    signs = (sign if sign.isprintable() else f"<U+{ord(sign):04X}>" for sign in kept)
+    shown = whole[:most] + ("..." if most is not None and len(whole) > most else "")
+    signs = (sign if sign.isprintable() else f"<U+{ord(sign):04X}>" for sign in shown)
     return f'"{"".join(signs)}"'
 
 

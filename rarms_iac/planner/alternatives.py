@@ -21,7 +21,7 @@ class Elsewhere:
 
     host: str
     reserved: Fraction | None  # LPs that it would be guaranteed there; None: it cannot be there at all
-    says: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,14 +61,14 @@ def _elsewhere(group: Group, chosen: ChosenPlace, host: Host, reservations: Rese
         (member.name for member in group.members if member.hosts is not None and host.name not in member.hosts), ""
     )
     if refused:
-        return Elsewhere(host=host.name, reserved=None, says=f"{refused} may not run there (`hosts`)")
+        return Elsewhere(host=host.name, reserved=None, message=f"{refused} may not run there (`hosts`)")
     answer = size(group, host, reservations)
     if isinstance(answer, Cause):
-        return Elsewhere(host=host.name, reserved=None, says=answer.says.rstrip("."))
+        return Elsewhere(host=host.name, reserved=None, message=answer.message.rstrip("."))
     there = replace(answer, host=host.name)
     layout = chosen.layout
-    says = _without_layout(chosen, there) if layout is None else "; ".join(_compared(chosen, layout, there, host))
-    return Elsewhere(host=host.name, reserved=there.reserved, says=says)
+    message = _without_layout(chosen, there) if layout is None else "; ".join(_compared(chosen, layout, there, host))
+    return Elsewhere(host=host.name, reserved=there.reserved, message=message)
 
 
 def _without_layout(chosen: ChosenPlace, there: PlacedPartition) -> str:
@@ -94,5 +94,5 @@ def _compared(chosen: ChosenPlace, layout: Layout, there: PlacedPartition, host:
         elif there.reserved < placed.reserved:
             yield f"there is room, so what is on {placed.host} already stays there, or another needs the room more"
     else:
-        names = [partition.name for partition in beside] + (["machines that are not ours"] if view.claims else [])
+        names = [partition.name for partition in beside] + (["unmanaged machines"] if view.claims else [])
         yield f"it does not fit beside {', '.join(names)}" if names else "it does not fit"

@@ -74,7 +74,9 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     return Desired(
         state=State(
             facts=observed.facts,
-            partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda partition: partition.settings.name)),
+            partitions=tuple(
+                sorted([*wanted, *map(_stopped_unwanted, unused)], key=lambda partition: partition.settings.name)
+            ),
             tasks=tuple(task for task in tasks if task.inside not in unseen),
             serials=observed.serials,
             responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
@@ -144,7 +146,7 @@ def _stopped(wanted: Partition) -> Partition:
     )
 
 
-def _kept(there: Partition) -> Partition:
+def _stopped_unwanted(there: Partition) -> Partition:
     """A partition that the manifest no longer wants: as it is, but stopped, and not started with its host."""
     assert there.mark is not None
     name = there.mark.name
@@ -191,8 +193,8 @@ def _responsiveness(host: Host, observed: State, application: str) -> Responsive
         return None
     wanted = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=host.system_responsiveness))
     there = observed.responsiveness or Responsiveness()
-    is_ours = there.record is not None and there.record.application == application
-    before = there.record.before if there.record and is_ours else there.values or None
+    is_managed = there.record is not None and there.record.application == application
+    before = there.record.before if there.record and is_managed else there.values or None
     return replace(wanted, record=TaskRecord(application=application, set=set_of_values(wanted.values), before=before))
 
 

@@ -134,11 +134,11 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
     Yields:
         A cause for each contradiction, by component's name; the same pair may come twice, from either side.
     """
-    where = {member.name: group.name for group in groups for member in group.members}
-    for name in sorted(where):
-        component, home = system.components[name], where[name]
+    partitions = {member.name: group.name for group in groups for member in group.members}
+    for name in sorted(partitions):
+        component, home = system.components[name], partitions[name]
         others = (
-            sorted(other for other, place in where.items() if place == home and other != name)
+            sorted(other for other, place in partitions.items() if place == home and other != name)
             if (component.apart or component.dedicated)
             else []
         )
@@ -148,10 +148,12 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
         if component.dedicated and others:
             yield _company(name, f"{name} is dedicated, and shares partition {home} with {', '.join(others)}.")
         for other in component.together:
-            if where.get(other, home) != home:
-                yield _company(name, f"{name} must be together with {other}, which is in partition {where[other]}.")
+            if partitions.get(other, home) != home:
+                yield _company(
+                    name, f"{name} must be together with {other}, which is in partition {partitions[other]}."
+                )
 
 
-def _company(name: str, says: str) -> Cause:
+def _company(name: str, message: str) -> Cause:
     advice = "Change `partitions`, or take the rule out."
-    return Cause(what=f"component/{name}", says=says, code=findings.COMPANY.code, advice=advice)
+    return Cause(address=f"component/{name}", message=message, code=findings.COMPANY.code, advice=advice)

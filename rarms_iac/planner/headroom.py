@@ -92,9 +92,9 @@ def weight_of(group: Group) -> tuple[int, str]:
     if group.request.cpu.weight is not None:
         return group.request.cpu.weight, "the manifest fixes it for the partition"
     given, why = _weight_of_policy(group)
-    said = [(member.cpu.weight, member.name) for member in group.members if member.cpu.weight is not None]
-    if len(said) == len(group.members) or any(weight > given for weight, _ in said):
-        weight, name = max(said, key=lambda pair: (pair[0], pair[1]))
+    fixed = [(member.cpu.weight, member.name) for member in group.members if member.cpu.weight is not None]
+    if len(fixed) == len(group.members) or any(weight > given for weight, _ in fixed):
+        weight, name = max(fixed, key=lambda pair: (pair[0], pair[1]))
         return weight, f"the manifest fixes it for {name}"
     return given, why
 

@@ -61,7 +61,7 @@ def plan_layout(
         notes += _placement(answer, places)
     else:
         if not answer.causes:
-            from rarms_iac.planner.infeasibility.changes import Variant
+            from rarms_iac.planner.infeasibility.edits import Variant
             from rarms_iac.planner.infeasibility.explain import explain
 
             may_move = limit is Disruption.REMOVAL
@@ -86,16 +86,16 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
         unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
         yield findings.KINDS[cause.code].at(
             _place(cause, system, places),
-            f"{cause.says}{unproven}",
+            f"{cause.message}{unproven}",
             cause.advice or _advice(answer.relaxations),
-            address=cause.what,
+            address=cause.address,
         )
 
 
 def _advice(ways: Sequence[Relaxation]) -> str:
     if not ways:
         return "No change that was tried makes it fit: remove a component, or add a host."
-    sure = [way.says for way in ways if not way.may]
+    sure = [way.message for way in ways if not way.may]
     lines = [f"- {way}" for way in sure]
     if len(sure) == 1:
         together = sure[0].removeprefix(f"{TOGETHER}\n")
@@ -105,12 +105,12 @@ def _advice(ways: Sequence[Relaxation]) -> str:
         lines.insert(0, "Each of these alone would fit:")
     first = list(takewhile(lambda way: way.may, ways))
     last = [way for way in ways if way.may and way not in first]
-    before, after = ([f"{way.says[0].upper()}{way.says[1:]}." for way in perhaps] for perhaps in (first, last))
+    before, after = ([f"{way.message[0].upper()}{way.message[1:]}." for way in perhaps] for perhaps in (first, last))
     return "\n".join([*before, *lines, *after])
 
 
 def _place(cause: Cause, system: System, places: Places) -> Place:
-    kind, _, name = cause.what.partition("/")
+    kind, _, name = cause.address.partition("/")
     match kind:
         case "host":
             return places.value("hosts", name, "memory" if cause.code == findings.MEMORY.code else "logical_processors")
@@ -154,9 +154,9 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
         if group.request.cpu.reserve not in (None, Measured.MEASURED):
             continue
         for remark in problem.reservations.remarks(group.members, host):
-            place = places.value("components", remark.what.removeprefix("component/"), "cpu", "reserve")
+            place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
             finding = findings.REMARKS[remark.code]
-            yield finding.at(place, remark.says, remark.advice, address=remark.what)
+            yield finding.at(place, remark.message, remark.advice, address=remark.address)
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:

@@ -22,7 +22,7 @@ class HostView:
     """Facts and claims of a host beside the manifest; empty where the host was not observed."""
 
     facts: HostFacts | None = None
-    claims: tuple[Claim, ...] = ()  # of machines that are not ours
+    claims: tuple[Claim, ...] = ()  # of unmanaged machines
     present: frozenset[str] = frozenset()  # our partitions that are there now
 
 
@@ -201,8 +201,8 @@ def _causes(problem: Problem) -> Iterator[Cause]:
     for group in problem.groups:
         if not problem.claims[group.name]:
             nowhere = Cause(
-                what=f"partition/{group.name}",
-                says=f"The components of {group.name} name no host in common.",
+                address=f"partition/{group.name}",
+                message=f"The components of {group.name} name no host in common.",
                 code=findings.PLACEMENT.code,
             )
             yield from problem.blocked[group.name] or (nowhere,)
@@ -229,6 +229,6 @@ def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]
         if hosts:
             found += [(component.name, host) for host in hosts]
         else:
-            says = f"{component.name} runs on a host, and there is none for it."
-            homeless.append(Cause(what=f"component/{component.name}", says=says, code=findings.PLACEMENT.code))
+            message = f"{component.name} runs on a host, and there is none for it."
+            homeless.append(Cause(address=f"component/{component.name}", message=message, code=findings.PLACEMENT.code))
     return tuple(sorted(found)), homeless

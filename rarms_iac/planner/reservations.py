@@ -23,7 +23,7 @@ class NotMeasured:
 
     components: Names
     code: str = findings.UNMEASURED.code
-    says: str = ""  # empty: that no data log has it
+    message: str = ""  # empty: that no data log has it
     advice: str = "Fix it with `cpu: { reserve: ... }`, or measure it first."
 
 
@@ -130,7 +130,7 @@ def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
     return LogicalProcessors(total)
 
 
-def _not_told(_component: str) -> None:
+def _no_cpu_ms(_component: str) -> None:
     return None
 
 
@@ -144,8 +144,8 @@ class MeasuredTogether:
     curves: Callable[[str, str], Curve]  # by component and index
     remarks: tuple[Cause, ...] = ()
     again: str = ""  # the command that measures it
-    cpu_ms: Callable[[str], float | None] = _not_told  # processor time of a component's job, on average
-    usable: Callable[[str], int | None] = _not_told  # fewer processors than these that a component can use at most
+    cpu_ms: Callable[[str], float | None] = _no_cpu_ms  # processor time of a component's job, on average
+    usable: Callable[[str], int | None] = _no_cpu_ms  # fewer processors than these that a component can use at most
 
 
 Logs = Mapping[tuple[Hashable, Names], MeasuredTogether | NotMeasured]
@@ -270,17 +270,17 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
         The reason with the log's path, and advice with the command that measures on.
     """
     names = to_be_measured(members)
-    told = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
+    indexes = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
     if not log.measured:
-        says = f"{log.path} holds no setting yet."
+        message = f"{log.path} holds no setting yet."
     elif log.measured[-1] < 100:
-        says = f"No setting of {log.path} meets {told}: the highest is {log.measured[-1]} %."
+        message = f"No setting of {log.path} meets {indexes}: the highest is {log.measured[-1]} %."
     else:
-        says = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {told}."
+        message = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {indexes}."
     return NotMeasured(
         components=names,
         code=findings.NOT_MET.code,
-        says=says,
+        message=message,
         advice=f"Relax the APT (`rarms select {names[0]} --at ...`), or measure on: `{log.again}`.",
     )
 
@@ -289,8 +289,8 @@ def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: Meas
     below = max((reserve for reserve in log.measured if reserve < least.reserve), default=least.reserve)
     above = min((reserve for reserve in log.measured if reserve > least.reserve), default=least.reserve)
     return Cause(
-        what=f"component/{to_be_measured(members)[0]}",
-        says=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "
+        address=f"component/{to_be_measured(members)[0]}",
+        message=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "
         f"and not measured itself ({log.path}).",
         code=findings.INTERPOLATED.code,
         advice=f"Measure it: `{log.again} --verify`.",

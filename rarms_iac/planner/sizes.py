@@ -39,22 +39,22 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     wanted = _reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
         names = ", ".join(wanted.components)
-        says = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
-        what = f"component/{wanted.components[0]}"
-        return Cause(what=what, says=wanted.says or says, code=wanted.code, advice=wanted.advice)
+        message = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
+        address = f"component/{wanted.components[0]}"
+        return Cause(address=address, message=wanted.message or message, code=wanted.code, advice=wanted.advice)
     processors = _processors(group, host)
     reserve, width = per_virtual_processor(wanted, processors), counted(processors, "virtual processor")
     if reserve > 100:
-        says = (
+        message = (
             f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
             f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
         )
         advice = "Give the partition or the component more `processors`, or lower the reserve."
-        return Cause(what=f"partition/{group.name}", says=says, code=findings.PARALLELISM.code, advice=advice)
+        return Cause(address=f"partition/{group.name}", message=message, code=findings.PARALLELISM.code, advice=advice)
     if reserve and processors > host.logical_processors:
-        says = f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}."
+        message = f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}."
         advice = "Lower `processors`, or name a larger host."
-        return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code, advice=advice)
+        return Cause(address=f"partition/{group.name}", message=message, code=findings.TOO_WIDE.code, advice=advice)
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory

@@ -10,7 +10,7 @@ from itertools import groupby
 from operator import add
 from typing import NamedTuple
 
-from rarms_iac.model.mmcss import LevelValues, values_within
+from rarms_iac.model.mmcss import PriorityValues, values_within
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 
 REAL_TIME = 16
@@ -37,7 +37,7 @@ class Cost(NamedTuple):
 class _Option:
     """Values that a class may have, and what is needed to weigh them."""
 
-    values: LevelValues
+    values: PriorityValues
     thread: int
     is_against: bool  # the manifest does not say so, see `Cost`
     is_low: bool
@@ -50,14 +50,14 @@ class _Way:
 
     cost: Cost = Cost()
     order: tuple[int, ...] = ()
-    chosen: tuple[tuple[LevelValues, ...], ...] = ()
+    chosen: tuple[tuple[PriorityValues, ...], ...] = ()
 
     @property
     def rank(self) -> tuple[Cost, tuple[int, ...]]:
         return self.cost, self.order
 
 
-def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[LevelValues, ...], ...]:
+def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[PriorityValues, ...], ...]:
     """Choose the values of all classes of one operating system.
 
     Threads are out of order only where no values could put them in order. All that matters of the levels above is the
@@ -89,11 +89,11 @@ def _worth_following(ways: Mapping[int, _Way]) -> dict[int, _Way]:
 
     Whatever levels follow a dropped way can follow a kept one too, at no more cost.
     """
-    kept: dict[int, _Way] = {}
+    best: dict[int, _Way] = {}
     for ceiling in sorted(ways, reverse=True):
-        if all(ways[ceiling].rank < better.rank for better in kept.values()):
-            kept[ceiling] = ways[ceiling]
-    return kept
+        if all(ways[ceiling].rank < better.rank for better in best.values()):
+            best[ceiling] = ways[ceiling]
+    return best
 
 
 def _longer(way: _Way, options: Sequence[Sequence[_Option]], ceiling: int, floor: int) -> tuple[int, _Way]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
-from rarms_iac.model.mmcss import LevelValues, thread_priority, values_within
+from rarms_iac.model.mmcss import PriorityValues, thread_priority, values_within
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner import findings
@@ -80,10 +80,10 @@ def classes_of(
     fixed = {name.lower(): request for name, request in requests.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
-    told = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
+    diagnostics = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
     masks = masks_of([*by_weight, *nameless], processors)
     decided = [replace(class_values, affinity=masks.get(class_values.name.lower(), ALL)) for class_values in decided]
-    return Classes(classes=tuple(sorted(decided, key=lambda class_values: class_values.name)), findings=told)
+    return Classes(classes=tuple(sorted(decided, key=lambda class_values: class_values.name)), findings=diagnostics)
 
 
 def _criticality(users: Sequence[Component]) -> int:
@@ -112,7 +112,7 @@ def _request(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> Ta
     return fixed.get(name.lower(), TaskRequest(name=name))
 
 
-def _class_values(request: TaskRequest, users: Sequence[Component], values: LevelValues) -> ClassValues:
+def _class_values(request: TaskRequest, users: Sequence[Component], values: PriorityValues) -> ClassValues:
     return ClassValues(
         name=request.name,
         category=values.category,
@@ -142,8 +142,9 @@ def _out_of_order(
             )
             yield findings.CLASS_ORDER.at(
                 places.key("components", upper.user),
-                f"In {_where(inside)}, {upper.name} (criticality {upper.criticality}) runs at {upper.thread_priority}, "
-                f"not above {worst.name} (criticality {worst.criticality}) at {worst.thread_priority}.",
+                f"In {_system_name(inside)}, {upper.name} (criticality {upper.criticality}) runs at "
+                f"{upper.thread_priority}, not above {worst.name} (criticality {worst.criticality}) "
+                f"at {worst.thread_priority}.",
                 "No values keep all these classes in order: leave categories and priorities open, "
                 "or let components of similar criticality share a class.",
                 address=_address(inside, upper.name),
@@ -168,36 +169,36 @@ def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Ite
     ]
     near = [(upper, lower) for upper, lower in pairs if upper.thread_priority == lower.thread_priority + 1]
     if near:
-        yield _told_near(near, inside, places)
+        yield _near_diagnostic(near, inside, places)
     below = [
         (upper, lower)
         for upper, lower in pairs
         if lower.category is TaskCategory.LOW and upper.category is not TaskCategory.LOW
     ]
     if below:
-        yield _told_low(below, inside, places)
+        yield _low_diagnostic(below, inside, places)
 
 
-def _told_near(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
+def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
     upper, lower = pairs[0]
     more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
     raised = "was seen to raise some threads" if lower.thread_priority >= REAL_TIME else "may raise threads that wake"
     return findings.NEIGHBOURS.at(
         places.key("components", upper.user),
-        f"In {_where(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
+        f"In {_system_name(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
         f"{lower.thread_priority}: Windows {raised} by one, and then the two meet{more}.",
         "Nothing, if that can be borne. Eight criticalities in one operating system leave room between them.",
         address=_address(inside, upper.name),
     )
 
 
-def _told_low(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
+def _low_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
     upper, lower = pairs[0]
     others = {class_values.name for _, class_values in pairs} - {lower.name}
     more = "" if not others else f", and so {'does' if len(others) == 1 else 'do'} {', '.join(sorted(others))}"
     return findings.IN_LOW.at(
         places.key("components", lower.user),
-        f"In {_where(inside)}, {lower.name} (criticality {lower.criticality}) runs at {lower.thread_priority} in "
+        f"In {_system_name(inside)}, {lower.name} (criticality {lower.criticality}) runs at {lower.thread_priority} in "
         f"category Low, which MMCSS never lowers. While it lowers {upper.name} (criticality {upper.criticality}), "
         f"which used its share, {lower.name} goes first{more}.",
         "Nothing, if that can be borne: it is the time that SystemResponsiveness keeps for everybody else. "
@@ -206,7 +207,7 @@ def _told_low(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, pla
     )
 
 
-def _where(inside: str) -> str:
+def _system_name(inside: str) -> str:
     return f"partition {inside}" if inside else "the host's own Windows"
 
 

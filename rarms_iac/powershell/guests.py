@@ -41,7 +41,7 @@ class GuestTask:
             operation=WriteTaskClass(task=self.name, inside=self.partition, values=self.values),
             before={},
             after={},
-            undo=Undo(level=UndoLevel.PARTIAL, operation=None, says=LOST),
+            undo=Undo(level=UndoLevel.PARTIAL, operation=None, message=LOST),
             disruption=Disruption.PARTITION_STOP,
             claim_before=Claim(),
             claim_after=Claim(),

@@ -206,7 +206,7 @@ def _header(
         "Steps": str(len(steps)),
         "Parts": f"{', '.join(parts)}: what the runtime and these steps call",
     }
-    lost = sorted({step.step.undo.says for step in steps if step.step.undo.level is not UndoLevel.FULL})
+    lost = sorted({step.step.undo.message for step in steps if step.step.undo.level is not UndoLevel.FULL})
     return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
         f"{NOT_UNDONE:<12} {remark(text)}" for text in lost
     ]
@@ -267,5 +267,5 @@ def _remarks(numbered: _NumberedPiece, total: int) -> Iterable[str]:
         yield f"why: {remark(step.comment)}"
     if step.place:
         yield f"at:  {remark(str(step.place))}"
-    if step.undo.says:
-        yield f"undo: {remark(step.undo.says)}"
+    if step.undo.message:
+        yield f"undo: {remark(step.undo.message)}"

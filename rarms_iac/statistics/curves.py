@@ -49,11 +49,11 @@ class Curve:
         Args:
             reserve: CR, 1..100 per cent of the partition's own VPs.
         """
-        for left, right in zip(self.points, self.points[1:], strict=False):
-            if left.reserve <= reserve <= right.reserve:
-                point = _between(left, right, reserve)
-                at_an_end = reserve in (left.reserve, right.reserve)
-                crosses = any(left.reserve < measured < right.reserve for measured in self.inconclusive)
+        for below, above in zip(self.points, self.points[1:], strict=False):
+            if below.reserve <= reserve <= above.reserve:
+                point = _between(below, above, reserve)
+                at_an_end = reserve in (below.reserve, above.reserve)
+                crosses = any(below.reserve < measured < above.reserve for measured in self.inconclusive)
                 return _unbounded(point, self.index) if crosses and not at_an_end else point
         lone = [point for point in self.points if point.reserve == reserve]
         return lone[0] if lone else None
@@ -264,21 +264,21 @@ def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]],
             return lambda side: fit(side, weights)
 
 
-def _between(left: Point, right: Point, reserve: float) -> Point:
-    part = (reserve - left.reserve) / (right.reserve - left.reserve)
+def _between(below: Point, above: Point, reserve: float) -> Point:
+    part = (reserve - below.reserve) / (above.reserve - below.reserve)
     return Point(
         reserve=reserve,
-        value=_mix(left.value, right.value, part),
-        lower=_mix(left.lower, right.lower, part),
-        upper=_mix(left.upper, right.upper, part),
+        value=_mix(below.value, above.value, part),
+        lower=_mix(below.lower, above.lower, part),
+        upper=_mix(below.upper, above.upper, part),
     )
 
 
-def _mix(left: float, right: float, part: float) -> float:
+def _mix(start: float, end: float, part: float) -> float:
     """Straight between; exact at the ends, also where the other end is infinite."""
-    if part <= 0.0 or left == right:
-        return left
-    return right if part >= 1.0 else (1.0 - part) * left + part * right
+    if part <= 0.0 or start == end:
+        return start
+    return end if part >= 1.0 else (1.0 - part) * start + part * end
 
 
 def _smaller_is_better(index: str) -> bool:

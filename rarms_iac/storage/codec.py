@@ -4,7 +4,8 @@ A dataclass becomes an object of its fields, an enumeration its value, a `Fracti
 text, a tuple or frozenset an array, a mapping with text as keys an object in its own order. In a union of dataclasses
 the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it.
 Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`, with the path to it. Nothing is
-guessed and nothing is executed.
+guessed and nothing is executed. A field that was renamed tells its former name (`metadata={"formerly": ...}`), which is
+read as well: a journal of an older rarms can be finished.
 """
 
 from collections.abc import Callable, Mapping
@@ -164,6 +165,7 @@ def _encode_dataclass(cls: type) -> Encode:
 
 def _decode_dataclass(cls: type) -> Decode:
     parts: dict[str, Decode] = {}
+    renamed = {field.metadata["formerly"]: field.name for field in fields(cls) if "formerly" in field.metadata}
     required = frozenset(
         field.name for field in fields(cls) if field.default is MISSING and field.default_factory is MISSING
     )
@@ -171,7 +173,7 @@ def _decode_dataclass(cls: type) -> Decode:
     def read(data: Any, path: str) -> Any:
         if not parts:
             parts.update((field.name, _decoder(hint)) for field, hint in _hints(cls))
-        given = _object(data, path)
+        given = {renamed.get(name, name): value for name, value in _object(data, path).items()}
         if unknown := given.keys() - parts.keys():
             raise NotDecodable(_below(path, min(unknown)), "there is no such field")
         if missing := required - given.keys():
@@ -226,7 +228,7 @@ def _decode_union(members: tuple[Any, ...]) -> Decode:
     def read(data: Any, path: str) -> Any:
         if records and type(data) is dict:
             return read_record(data, path)
-        problem = NotDecodable(path, f"{_told(data)} does not fit here")
+        problem = NotDecodable(path, f"{_shortened(data)} does not fit here")
         for hint in plain:
             try:
                 return _decoder(hint)(data, path)
@@ -269,7 +271,7 @@ def _decode_mapping(decode: Decode) -> Decode:
 def _exactly(cls: Any) -> Decode:
     def read(data: Any, path: str) -> Any:
         if type(data) is not cls:  # so that true is no number
-            raise NotDecodable(path, f"{_told(data)} is no {_NAMES[cls]}")
+            raise NotDecodable(path, f"{_shortened(data)} is no {_NAMES[cls]}")
         return in_64_bits(data, path) if cls is int else data
 
     return read
@@ -281,7 +283,7 @@ _NAMES = {str: "text", int: "whole number", bool: "true or false", NoneType: "nu
 def _one_of(members: dict[Any, Any]) -> Decode:
     def read(data: Any, path: str) -> Any:
         if type(data) not in (str, int, bool) or data not in members:
-            raise NotDecodable(path, f"{_told(data)} is none of {', '.join(map(str, members))}")
+            raise NotDecodable(path, f"{_shortened(data)} is none of {', '.join(map(str, members))}")
         return members[data]
 
     return read
@@ -289,13 +291,13 @@ def _one_of(members: dict[Any, Any]) -> Decode:
 
 def _decode_float(data: Any, path: str) -> float:
     if type(data) not in (int, float):
-        raise NotDecodable(path, f"{_told(data)} is no number")
+        raise NotDecodable(path, f"{_shortened(data)} is no number")
     return float(in_64_bits(data, path) if type(data) is int else data)
 
 
 def _decode_fraction(data: Any, path: str) -> Fraction:
     if type(data) is not str or not _FRACTION.fullmatch(data):
-        raise NotDecodable(path, f"{_told(data)} is no exact number such as 7 or 1/3")
+        raise NotDecodable(path, f"{_shortened(data)} is no exact number such as 7 or 1/3")
     return Fraction(data)
 
 
@@ -303,18 +305,18 @@ def _decode_date(data: Any, path: str) -> date:
     try:
         return date.fromisoformat(data)
     except (TypeError, ValueError):
-        raise NotDecodable(path, f"{_told(data)} is no date such as 2027-01-31") from None
+        raise NotDecodable(path, f"{_shortened(data)} is no date such as 2027-01-31") from None
 
 
 def _object(data: Any, path: str) -> dict[str, Any]:
     if type(data) is not dict:
-        raise NotDecodable(path, f"{_told(data)} is no object")
+        raise NotDecodable(path, f"{_shortened(data)} is no object")
     return data
 
 
 def _array(data: Any, path: str) -> list[Any]:
     if type(data) is not list:
-        raise NotDecodable(path, f"{_told(data)} is no array")
+        raise NotDecodable(path, f"{_shortened(data)} is no array")
     return data
 
 
@@ -322,7 +324,7 @@ def _below(path: str, name: str) -> str:
     return f"{path}.{name}" if path else name
 
 
-def _told(data: Any) -> str:
+def _shortened(data: Any) -> str:
     """The JSON value for a message, short."""
     if isinstance(data, dict | list):
         return "an object" if isinstance(data, dict) else "an array"

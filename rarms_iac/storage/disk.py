@@ -188,7 +188,7 @@ def make_room(path: Path) -> None:
     """Make the folder that the file is to lie in; if that is below a `.rarms`, have git ignore all of it."""
     make_folders(path.parent)
     private = next((folder for folder in path.parents if folder.name == PRIVATE), None)
-    if private is not None and not _says_something(ignore := private / ".gitignore"):
+    if private is not None and not _has_content(ignore := private / ".gitignore"):
         effects = current()
         # NOTE: not replaced but written: half of it says the same, and a kill leaves no other file behind.
         effects.write(ignore, b"*\n")
@@ -196,5 +196,5 @@ def make_room(path: Path) -> None:
         effects.flush_folder(private)
 
 
-def _says_something(file: Path) -> bool:
+def _has_content(file: Path) -> bool:
     return file.exists() and file.stat().st_size > 0

@@ -15,7 +15,7 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, parse_json, short
 
-FORMAT = "rarms-plan/1"
+FORMAT = "rarms-plan/2"
 MAX_BYTES = 64 * 2**20
 
 
@@ -24,7 +24,7 @@ UNREADABLE = Finding(code="RARMS188", severity=Severity.ERROR, summary="This is 
 
 
 class PlanFileError(Exception):
-    """The file is not a plan that may be applied; `says` tells what it is instead, `advice` what to do."""
+    """The file is not a plan that may be applied; `message` tells what it is instead, `advice` what to do."""
 
     finding: ClassVar[Finding]
 

@@ -15,7 +15,7 @@ UNREADABLE = Finding(code="RARMS175", severity=Severity.ERROR, summary="This is 
 
 
 class SnapshotUnreadable(Exception):
-    """The file does not say what a host looks like; `says` tells why."""
+    """The file does not say what a host looks like; `message` tells why."""
 
     finding: ClassVar[Finding] = UNREADABLE
 

@@ -329,7 +329,7 @@ def _rejected(explanation: Explanation) -> Iterator[str]:
     yield from explanation.shared
     yield from explanation.partners
     for host in explanation.elsewhere:
-        yield f"on {host.host}: {host.says}"
+        yield f"on {host.host}: {host.message}"
     if not explanation.elsewhere:
         yield "another host: the manifest has no other"
 

@@ -184,7 +184,7 @@ def _result(diagnostic: Diagnostic, rule: int, *, suppressed: bool) -> dict[str,
         result["locations"] = [_location(diagnostic.place)]
     if diagnostic.related:
         result["relatedLocations"] = [
-            {"id": number, **_location(other.place), "message": {"text": visible(other.says)}}
+            {"id": number, **_location(other.place), "message": {"text": visible(other.message)}}
             for number, other in enumerate(diagnostic.related, 1)
         ]
     if diagnostic.address:

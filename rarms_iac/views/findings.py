@@ -95,7 +95,7 @@ def _one_finding(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -
         yield from _excerpt(diagnostic.place, sources)
     yield from (paragraph(text, indent=INDENT) for text in (diagnostic.detail, diagnostic.advice) if text)
     for related in diagnostic.related:
-        yield paragraph(visible(f"{related.place}, {related.says}", keep=""), indent=INDENT)
+        yield paragraph(visible(f"{related.place}, {related.message}", keep=""), indent=INDENT)
         yield from _excerpt(related.place, sources)
 
 
@@ -104,7 +104,7 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
     yield _head(diagnostics[0], len(diagnostics))
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
-        parts = [*_location(diagnostic), *(f"{other.place}, {other.says}" for other in diagnostic.related)]
+        parts = [*_location(diagnostic), *(f"{other.place}, {other.message}" for other in diagnostic.related)]
         text = " ".join(part for part in (diagnostic.detail, diagnostic.advice if len(advices) > 1 else "") if part)
         item = ": ".join(part for part in (visible(", ".join(parts), keep=""), text.replace("\n", "\n  ")) if part)
         yield paragraph(f"- {item}", indent=INDENT)

@@ -238,7 +238,7 @@ def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
     yield paragraph(
         styled(_name(change, part), f", {note}" if note else "", _at(change.reason.place)), indent=2, more=4
     )
-    yield paragraph(change.reason.says, indent=6)
+    yield paragraph(change.reason.message, indent=6)
     yield table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
 
 
@@ -272,7 +272,7 @@ def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
         yield "  What `rarms undo` cannot bring back:"
     for step in lasting:
         level = "partly" if step.undo.level is UndoLevel.PARTIAL else "not at all"
-        yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.says}", indent=4)
+        yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.message}", indent=4)
 
 
 def _threads(part: HostPlan) -> "Iterator[RenderableType]":
@@ -297,7 +297,7 @@ def _threads(part: HostPlan) -> "Iterator[RenderableType]":
 def _steps(part: HostPlan) -> "Iterator[RenderableType]":
     if part.steps:
         yield "  Steps, in this order:"
-    reasons = {change.address: change.reason.says for change in part.changes}
+    reasons = {change.address: change.reason.message for change in part.changes}
     for number, step in enumerate(part.steps, 1):
         # The change's own reason stands above, beside the change.
         comment = step.comment.removeprefix(f"{reasons.get(step.address, '')}; ")

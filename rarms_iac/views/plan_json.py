@@ -101,7 +101,7 @@ def change_output(change: Change, part: HostPlan | None = None) -> ChangeOutput:
         address=str(change.address),
         action=ACTIONS[symbol(change)],
         disruption=change.disruption.value,
-        reason=change.reason.says,
+        reason=change.reason.message,
         place=change.reason.place,
         components=part.components.get(change.address.partition, ()) if part is not None else (),
         reserved_processors=None if reserved is None else float(reserved),
@@ -155,5 +155,5 @@ def _step(step: Step) -> StepOutput:
         step,
         address=str(step.address),
         operation=step.operation.kind,
-        undo=UndoOutput(level=step.undo.level.value, message=step.undo.says),
+        undo=UndoOutput(level=step.undo.level.value, message=step.undo.message),
     )

@@ -52,6 +52,6 @@ def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folde
         assert [str(step.address) for step in left.hosts[0].steps] == []
     taken_back = undo(host, plan)
     assert taken_back.code == 0, taken_back.says
-    if not any(step.undo.says for step in plan.hosts[0].steps):
+    if not any(step.undo.message for step in plan.hosts[0].steps):
         assert document_of(host)["machines"] == document_of(before)["machines"]
         assert document_of(host)["tasks"] == document_of(before)["tasks"]

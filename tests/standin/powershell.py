@@ -74,7 +74,7 @@ def _asked(folder: Path) -> How:
     return decode(How, json.loads(path.read_text(encoding="utf-8")))
 
 
-class Said(list[str]):
+class Predictions(list[str]):
     """Lines that are on their way as soon as they are said."""
 
     def __init__(self, delay_ms: int) -> None:
@@ -123,7 +123,7 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
 
         host.watch = watch
         session = Session(host, windows_powershell=False, path=f"{FOLDER}\\{script.name}")
-        session.output = Said(how.step_ms)
+        session.output = Predictions(how.step_ms)
         file = host.file(session.path)
         assert file is not None
         assert file.data is not None

@@ -109,7 +109,7 @@ def test_a_change_of_mind_is_run_and_then_there_is_nothing_to_do(cell: Cell, dat
     assert ran.code == 0, ran.says
     assert [str(step.address) for step in other.plan().hosts[0].steps] == []
     assert strangers_of(host) == before
-    if not any(step.undo.says for step in plan.hosts[0].steps):
+    if not any(step.undo.message for step in plan.hosts[0].steps):
         assert undo(host, plan).code == 0
         assert other.observe().partitions == seen.partitions
 

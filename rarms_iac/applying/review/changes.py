@@ -80,7 +80,7 @@ def review_restarts(part: ReviewedPlan) -> Iterator[Diagnostic]:
             case Update(before=Partition() as before, after=Partition()):
                 yield RESTART.at(
                     change.reason.place,
-                    f'"{before.settings.name}" runs, and it is stopped for this: {change.reason.says}.',
+                    f'"{before.settings.name}" runs, and it is stopped for this: {change.reason.message}.',
                     "Apply when its components may rest, or hold it back with `--max-disruption live`.",
                     address=str(change.address),
                 )
@@ -164,10 +164,11 @@ def review_removed_disks(part: ReviewedPlan) -> Iterator[Diagnostic]:
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
             continue
         for verdict in disk_verdicts(part.system, part.observed, change.before):
-            if verdict.why_kept:
+            if verdict.reason_to_keep:
                 yield DISK_STAYS.at(
                     change.reason.place,
-                    f"{verdict.disk.path} of {change.address.partition} on {part.host} is kept: {verdict.why_kept}.",
+                    f"{verdict.disk.path} of {change.address.partition} on {part.host} is kept: "
+                    f"{verdict.reason_to_keep}.",
                     "Look at what is on it, and delete it by hand when nobody needs it.",
                     address=str(change.address),
                 )
@@ -197,7 +198,7 @@ def review_undo(part: ReviewedPlan) -> Iterator[Diagnostic]:
         if step.undo.level is UndoLevel.NONE:
             yield NOT_UNDONE.at(
                 step.place,
-                f"{step.address}, {step.title}: {step.undo.says}.",
+                f"{step.address}, {step.title}: {step.undo.message}.",
                 "Save what is needed before it is applied: `rarms undo` and the undo script leave this as it is.",
                 address=str(step.address),
             )

@@ -41,7 +41,7 @@ class Violation:
 
     def as_diagnostic(self, finding: Finding, places: Places) -> Diagnostic:
         """The violation as a case of this finding, with its places in the manifest's text."""
-        related = tuple(Related(place=_place(places, path, key), says=label) for path, key, label in self.related)
+        related = tuple(Related(place=_place(places, path, key), message=label) for path, key, label in self.related)
         return finding.at(
             _place(places, self.path, self.at_key),
             self.detail,

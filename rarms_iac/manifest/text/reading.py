@@ -174,7 +174,7 @@ def _same_keys(text: bytes, file: str, duplicates: Sequence[DuplicateKey]) -> li
             Place(file=later.file, line=later.line, column=later.column, path=dotted(path), length=later.length),
             f"{dotted(path)} is here and on line {places.key(*path).line}.",
             "Remove one of the two.",
-            related=(Related(place=places.key(*path), says="the first one"),),
+            related=(Related(place=places.key(*path), message="the first one"),),
         )
         for path, later in duplicates
     ]

@@ -37,7 +37,7 @@ class Guide:
 
     def predicted(self, mask: Mask) -> int | None:
         """The CR that it needs as likely as not; None: nothing predicts it."""
-        if all(prediction is None for prediction in self.outlook(mask).said):
+        if all(prediction is None for prediction in self.outlook(mask).predictions):
             return None
         return self.expected(mask).quantile(0.5)
 
@@ -94,7 +94,7 @@ def outlook_of(candidate: Candidate, predictor: Predictor, less: float) -> Outlo
     return Outlook(
         neediest=candidate.neediest / candidate.coi.processors,
         together=candidate.together / candidate.coi.processors,
-        said=predictor.of(candidate.coi.members, candidate.coi.processors),
+        predictions=predictor.of(candidate.coi.members, candidate.coi.processors),
         low=candidate.low,
         slack=candidate.slack,
         less=less if candidate.slack else 0.0,
@@ -149,9 +149,11 @@ def _worth_most(expected: Expectation, candidate: Candidate, room: int, *, holds
         return candidate.coi.processors * (min(rise, bearable) + BEYOND * rise)
 
     best = -1.0, start
-    left = [(start, highest(candidate), 1.0)]  # with the probability that it needs more than what lies below the range
-    while left:
-        first, last, more = left.pop()
+    ranges = [
+        (start, highest(candidate), 1.0)
+    ]  # with the probability that it needs more than what lies below the range
+    while ranges:
+        first, last, more = ranges.pop()
         if more * rises(last) < best[0]:
             continue
         middle = (first + last) // 2
@@ -159,6 +161,6 @@ def _worth_most(expected: Expectation, candidate: Candidate, room: int, *, holds
         worth = needs_more * rises(middle)
         if worth > best[0] or (worth == best[0] and middle < best[1]):
             best = worth, middle
-        left += [(middle + 1, last, needs_more)] if middle < last else []
-        left += [(first, middle - 1, more)] if first < middle else []
+        ranges += [(middle + 1, last, needs_more)] if middle < last else []
+        ranges += [(first, middle - 1, more)] if first < middle else []
     return best

@@ -317,14 +317,14 @@ class Layouts:
         if (least := self.least(mask)) < NEVER:
             waiting.append((least, next(number), 0, mask, ()))
         while waiting:
-            _, _, cost, left, blocks = heapq.heappop(waiting)
-            if not left:
+            _, _, cost, remaining, blocks = heapq.heappop(waiting)
+            if not remaining:
                 yield cost >> PARTITIONS, blocks
                 continue
-            for block in self.blocks(left):
+            for block in self.blocks(remaining):
                 now = cost + self.cost(block)
-                if (least := now + self.least(left ^ block)) < NEVER:
-                    heapq.heappush(waiting, (least, next(number), now, left ^ block, (*blocks, block)))
+                if (least := now + self.least(remaining ^ block)) < NEVER:
+                    heapq.heappush(waiting, (least, next(number), now, remaining ^ block, (*blocks, block)))
 
 
 def _costs(known: Candidates) -> dict[Mask, Least]:

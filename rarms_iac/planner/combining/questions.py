@@ -270,8 +270,8 @@ def _consent(tuning: Tuning, inquiry: Inquiry, members: Members) -> bool:
 
 
 def _without(tuning: Tuning, members: Members) -> Tuning:
-    left = {
+    by_mask = {
         mask: candidate for mask, candidate in tuning.candidates.by_mask.items() if candidate.coi.members != members
     }
-    candidates = replace(tuning.candidates, by_mask=left)
+    candidates = replace(tuning.candidates, by_mask=by_mask)
     return replace(tuning, candidates=candidates, complete=False, every_size=False)

@@ -98,15 +98,15 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
     if start is items and not proven:
         return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False)
-    kept = sorted(start, key=lambda item: (least_cost(item), least_memory(item), item.name))
-    step = len(kept)
+    remaining = sorted(start, key=lambda item: (least_cost(item), least_memory(item), item.name))
+    step = len(remaining)
     while step > 1:
         step = -(-step // 2)
         at = 0
-        while at < len(kept):
-            without = kept[:at] + kept[at + step :]
+        while at < len(remaining):
+            without = remaining[:at] + remaining[at + step :]
             if conflict(without):
-                kept = without
+                remaining = without
             else:
                 at += step
-    return Conflict(items=_by_name(kept), bins=_hosts_of(kept, bins))
+    return Conflict(items=_by_name(remaining), bins=_hosts_of(remaining, bins))

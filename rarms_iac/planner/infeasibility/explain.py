@@ -8,8 +8,8 @@ from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
-from rarms_iac.planner.infeasibility.changes import Variant
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts
+from rarms_iac.planner.infeasibility.edits import Variant
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
@@ -57,7 +57,7 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
                 f"{names} cannot share {hosts}: together these have enough, but each partition needs room on one of "
                 "them.",
             )
-    return Cause(what=f"host/{conflict.bins[0].name}", says=message, code=finding.code)
+    return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code)
 
 
 def _processors_exceed(conflict: Conflict) -> str:
@@ -73,9 +73,9 @@ def _processors_exceed(conflict: Conflict) -> str:
 
     promised = (
         (100 * (whole - host.capacity.processors), "kept for the host"),
-        (sum(map(cost, host.foreign_claims)), "taken by machines that are not ours"),
+        (sum(map(cost, host.foreign_claims)), "taken by unmanaged machines"),
     )
-    parts = [f"{share(amount)} {what}" for amount, what in promised if amount]
+    parts = [f"{share(amount)} {purpose}" for amount, purpose in promised if amount]
     missing = f", of which {in_a_row(parts)} are not to be had" if parts else ""
     return f"{_needs(conflict, least_cost, share)} of the {_logical_processors(host)}{missing}."
 

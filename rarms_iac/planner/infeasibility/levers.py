@@ -10,6 +10,7 @@ from math import ceil
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import (
+    Bytes,
     CpuAmount,
     LogicalProcessors,
     Percent,
@@ -25,7 +26,7 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
 from rarms_iac.planner.groups import Group, may_share
-from rarms_iac.planner.infeasibility.changes import Change, Changes, Lever, Variant
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Variant
 from rarms_iac.planner.packing.values import free_in
 from rarms_iac.planner.problem import HostView, Problem, by_name
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
@@ -48,16 +49,16 @@ def _reserve_lever(group: Group, entry: Component | PartitionRequest, before: Cp
     """In steps as the amount is written: whole per cent of the host, or hundredths of an LP."""
     field, title = ("components", "") if isinstance(entry, Component) else ("partitions", "partition ")
 
-    def changes_at(level: int) -> Changes:
-        amount: CpuAmount = ProcessorTime(LogicalProcessors(Fraction(level, 100)))
+    def edits_at(step: int) -> Edits:
+        amount: CpuAmount = ProcessorTime(LogicalProcessors(Fraction(step, 100)))
         if isinstance(before, ShareOfHost):
-            amount = ShareOfHost(Percent(Fraction(level)))
+            amount = ShareOfHost(Percent(Fraction(step)))
         after = replace(entry, cpu=replace(entry.cpu, reserve=amount))
         message = f"{title}{entry.name} reserves {show_amount(amount)} instead of {show_amount(before)}"
-        return (Change(message, lambda variant: variant.with_entries(field, {entry.name: after})),)
+        return (Edit(message, lambda variant: variant.with_entries(field, {entry.name: after})),)
 
     most = before.percent if isinstance(before, ShareOfHost) else 100 * before.processors
-    return Lever(partitions=(group.name,), levels=range(1, ceil(most)), changes_at=changes_at)
+    return Lever(partitions=(group.name,), amounts=range(1, ceil(most)), edits_at=edits_at)
 
 
 def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
@@ -68,14 +69,14 @@ def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
     host = problem.system.hosts[next(iter(claims))]
     log, least = source.log(group.members, host), source.least(group.members, host)
     if isinstance(log, MeasuredTogether) and least is not None:
-        changes_at = partial(_relaxed, group, log)
-        levels = [reserve for reserve in range(1, least.reserve) if changes_at(reserve)]
-        yield Lever(partitions=(group.name,), levels=levels, changes_at=changes_at)
+        edits_at = partial(_relaxed, group, log)
+        reserves = [reserve for reserve in range(1, least.reserve) if edits_at(reserve)]
+        yield Lever(partitions=(group.name,), amounts=reserves, edits_at=edits_at)
 
 
-def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Changes:
+def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Edits:
     """The APTs that have to change for this CR to do, as little as possible; none where a curve says nothing there."""
-    changes = []
+    edits = []
     for member in group.members:
         for index, threshold in member.apt.items():
             curve = log.curves(member.name, index)
@@ -84,11 +85,11 @@ def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Changes:
             met = tightest_threshold(curve, reserve)
             if met is None:
                 return ()
-            changes.append(_relaxed_apt(member, index, met))
-    return tuple(changes)
+            edits.append(_relaxed_apt(member, index, met))
+    return tuple(edits)
 
 
-def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Change:
+def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
     """As in: vision: mean_response_time at most 131 ms instead of 100 ms, in the manifest's words."""
     index = find_index(name)
     assert index is not None, "an APT names indexes that there are"
@@ -98,7 +99,7 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Chang
         return variant.with_entries("components", {before.name: replace(before, apt={**before.apt, name: threshold})})
 
     before = show_value(index, component.apt[name].value)
-    return Change(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply)
+    return Edit(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply)
 
 
 def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
@@ -119,7 +120,7 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
         return
     time = Fraction(least.reserve * usable, 100)
 
-    def changes_at(_level: int) -> Changes:
+    def edits_at(_amount: int) -> Edits:
         amount = ProcessorTime(LogicalProcessors(time))
         after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
         before = show_processors(Fraction(least.reserve * log.processors, 100))
@@ -127,9 +128,9 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
             f"`processors: {usable}` for {member.name}, which uses no more of its {log.processors}: about "
             f"{show_processors(time)} instead of {before}"
         )
-        return (Change(message, lambda variant: variant.with_entries("components", {member.name: after})),)
+        return (Edit(message, lambda variant: variant.with_entries("components", {member.name: after})),)
 
-    yield Lever(partitions=(group.name,), levels=range(1), changes_at=changes_at, to_be_measured=True)
+    yield Lever(partitions=(group.name,), amounts=range(1), edits_at=edits_at, to_be_measured=True)
 
 
 def memory_levers(problem: Problem) -> Iterator[Lever]:
@@ -137,11 +138,16 @@ def memory_levers(problem: Problem) -> Iterator[Lever]:
     for host in problem.bins:
         claimed = sum(item.claims[host.name].memory for item in problem.items if host.name in item.claims)
         missing = -(-(claimed - free_in(host).memory) // _MIB)
-        yield Lever(levels=range(missing, 0, -1), changes_at=partial(_more_memory, host.name))
+        yield Lever(amounts=range(missing, 0, -1), edits_at=partial(_more_memory, host.name))
 
 
-def _more_memory(host: str, mib: int) -> Changes:
-    return (Change(f"{show_bytes(mib * _MIB)} more memory on {host}", partial(_grown, [host], "memory", mib * _MIB)),)
+def _more_memory(host: str, mib: int) -> Edits:
+    return (
+        Edit(
+            f"{show_bytes(mib * _MIB)} more memory on {host}",
+            lambda variant: _grown([host], variant, memory=mib * _MIB),
+        ),
+    )
 
 
 def processor_levers(problem: Problem) -> Iterator[Lever]:
@@ -156,35 +162,48 @@ def processor_levers(problem: Problem) -> Iterator[Lever]:
         members = [member for group in measured if group.request.processors is None for member in group.members]
         wide = sorted(member.name for member in members if member.processors is None)
         yield Lever(
-            levels=range(MORE_PROCESSORS, 0, -1),
-            changes_at=partial(_more_processors, names, wide, hosts[0].logical_processors),
+            amounts=range(MORE_PROCESSORS, 0, -1),
+            edits_at=partial(_more_processors, names, wide, hosts[0].logical_processors),
             to_be_measured=bool(measured),
         )
 
 
-def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more: int) -> Changes:
+def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more: int) -> Edits:
     """More of them, while these components stay as wide as they were measured: as their host was."""
 
     def apply(variant: Variant) -> Variant:
         components = variant.system.components
         narrowed = {name: replace(components[name], processors=width) for name in wide}
-        return _grown(hosts, "logical_processors", more, variant.with_entries("components", narrowed))
+        return _grown(hosts, variant.with_entries("components", narrowed), processors=more)
 
-    where = hosts[0] if len(hosts) == 1 else f"each of {in_a_row(hosts)}"
+    place = hosts[0] if len(hosts) == 1 else f"each of {in_a_row(hosts)}"
     fixed = f", with `processors: {width}` for {in_a_row(wide)} as now" if wide else ""
     added = "one more logical processor" if more == 1 else f"{more} more logical processors"
-    return (Change(f"{added} on {where}{fixed}", apply),)
+    return (Edit(f"{added} on {place}{fixed}", apply),)
 
 
-def _grown(hosts: Sequence[str], field: str, more: int, variant: Variant) -> Variant:
-    """The variant with larger hosts, in the manifest and, where they were observed, in fact."""
+def _grown(hosts: Sequence[str], variant: Variant, *, memory: int = 0, processors: int = 0) -> Variant:
+    """The variant with larger hosts, in the manifest and, where they were observed, in fact.
+
+    What is added counts from the smaller of both, as a host's capacity does.
+    """
     views, after = dict(variant.views), {}
     for name in hosts:
         host, facts = variant.system.hosts[name], variant.views.get(name, HostView()).facts
-        size = more + min(getattr(each, field) for each in (host, facts) if each is not None)
-        after[name] = replace(host, **{field: max(size, getattr(host, field))})
+        observed = host if facts is None else facts
+        new_memory = Bytes(memory + min(host.memory, observed.memory))
+        new_processors = processors + min(host.logical_processors, observed.logical_processors)
+        after[name] = replace(
+            host,
+            memory=max(new_memory, host.memory),
+            logical_processors=max(new_processors, host.logical_processors),
+        )
         if facts is not None:
-            larger = replace(facts, **{field: max(size, getattr(facts, field))})
+            larger = replace(
+                facts,
+                memory=max(new_memory, facts.memory),
+                logical_processors=max(new_processors, facts.logical_processors),
+            )
             views[name] = replace(views[name], facts=larger)
     return replace(variant.with_entries("hosts", after), views=views)
 
@@ -208,12 +227,12 @@ def _pair_lever(minor: Group, leader: Group, hosts: Sequence[str], problem: Prob
         for group in (minor, leader)
     ]
     compound, members = compound_of(parts), (*minor.members, *leader.members)
-    levels = range(compound.reserve, (total(parts) - 1) // compound.processors + 1)
+    reserves = range(compound.reserve, (total(parts) - 1) // compound.processors + 1)
 
     def share(reserve: int) -> str:
         return show_percent(Fraction(reserve * compound.processors, host.logical_processors))
 
-    def changes_at(reserve: int) -> Changes:
+    def edits_at(reserve: int) -> Edits:
         amount = ProcessorTime(LogicalProcessors(Fraction(reserve * compound.processors, 100)))
         names = tuple(member.name for member in members)
         shared = replace(leader.request, components=names, cpu=CpuRequest(reserve=amount))
@@ -226,11 +245,11 @@ def _pair_lever(minor: Group, leader: Group, hosts: Sequence[str], problem: Prob
             return combined.with_entries("components", {first.name: first})
 
         return (
-            Change(
-                f"{minor.name} and {leader.name} together need {share(levels[0])} to {share(levels[-1])} of "
+            Edit(
+                f"{minor.name} and {leader.name} together need {share(reserves[0])} to {share(reserves[-1])} of "
                 f"{in_a_row(hosts, 'or')}, and up to {share(reserve)} fits",
                 apply,
             ),
         )
 
-    return Lever(partitions=(minor.name, leader.name), levels=levels, changes_at=changes_at, to_be_measured=True)
+    return Lever(partitions=(minor.name, leader.name), amounts=reserves, edits_at=edits_at, to_be_measured=True)

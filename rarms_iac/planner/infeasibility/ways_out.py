@@ -6,7 +6,7 @@ from itertools import chain, islice, zip_longest
 
 from rarms_iac.model.layout import Relaxation
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.infeasibility.changes import Change, Changes, Lever, Trials, Variant, describe, smallest_changes
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Trials, Variant, describe, smallest_edits
 from rarms_iac.planner.infeasibility.levers import (
     apt_levers,
     memory_levers,
@@ -48,34 +48,34 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
         _of_kind((lever for lever in processors if not lever.to_be_measured), memory, conflict, trials),
         _of_kind(chain.from_iterable(map(reserve_levers, groups)), memory, conflict, trials),
     )
-    in_turns = (describe(changes) for turn in zip_longest(*kinds, fillvalue=()) for changes in turn if changes)
+    in_turns = (describe(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
     sure = list(islice(dict.fromkeys(in_turns), OFFERED))
     perhaps = (*_combining(problem, conflict, trials), *_more_processors(processors, trials))
     return (
-        *(Relaxation(says=way, may=True) for way in _narrowing(groups, problem, conflict, trials)),
-        *(Relaxation(says=way) for way in sure),
-        *(Relaxation(says=way, may=True) for way in perhaps),
+        *(Relaxation(message=way, may=True) for way in _narrowing(groups, problem, conflict, trials)),
+        *(Relaxation(message=way) for way in sure),
+        *(Relaxation(message=way, may=True) for way in perhaps),
     )
 
 
-def _moving(problem: Problem, trials: Trials) -> Iterator[Changes]:
-    change = Change(
+def _moving(problem: Problem, trials: Trials) -> Iterator[Edits]:
+    edit = Edit(
         "`--max-disruption removal`, which lets partitions move to another host",
         lambda variant: replace(variant, may_move=True),
     )
-    if problem.current_hosts and not trials.start.may_move and trials.fits((change,), by_first_fit=False):
-        yield (change,)
+    if problem.current_hosts and not trials.start.may_move and trials.fits((edit,), by_first_fit=False):
+        yield (edit,)
 
 
 def _of_kind(
     levers: Iterable[Lever], memory: Sequence[Lever], conflict: Sequence[str], trials: Trials
-) -> Sequence[Changes]:
+) -> Sequence[Edits]:
     """One lever of the conflict alone; where none is enough, each with more memory, and then all of them together."""
     levers = list(levers)
     alone = [lever for lever in levers if not lever.partitions or set(lever.partitions) & set(conflict)][:OFFERED]
     with_memory = [[*memory, lever] for lever in alone] if memory else []
     for tried in ([[lever] for lever in alone], with_memory, [[*memory, *levers]] if levers else []):
-        ways = [changes for together in tried if (changes := smallest_changes(together, trials))]
+        ways = [edits for together in tried if (edits := smallest_edits(together, trials))]
         if ways:
             return ways
     return ()
@@ -83,25 +83,25 @@ def _of_kind(
 
 def _narrowing(groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[str]:
     levers = chain.from_iterable(narrowing_levers(group, problem) for group in groups)
-    for changes in islice(_of_kind(levers, (), conflict, trials), 1):
-        yield f"fewer virtual processors may be enough, and `rarms measure` tells: {describe(changes)}"
+    for edits in islice(_of_kind(levers, (), conflict, trials), 1):
+        yield f"fewer virtual processors may be enough, and `rarms measure` tells: {describe(edits)}"
 
 
 def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[str]:
     """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
     pairs = islice(pair_levers(problem, conflict), PAIRS)
-    changes = next(filter(None, (smallest_changes([pair], trials) for pair in pairs)), ())
-    if not changes:
+    edits = next(filter(None, (smallest_edits([pair], trials) for pair in pairs)), ())
+    if not edits:
         apart: list[Lever] = []
         for pair in pair_levers(problem, problem.claims.keys()):
             if not any(set(pair.partitions) & set(other.partitions) for other in apart):
                 apart.append(pair)
-        changes = smallest_changes(apart, trials)
-    if changes:
-        yield f"combining may be enough, and `rarms tune` measures it: {describe(changes)}"
+        edits = smallest_edits(apart, trials)
+    if edits:
+        yield f"combining may be enough, and `rarms tune` measures it: {describe(edits)}"
 
 
 def _more_processors(levers: Sequence[Lever], trials: Trials) -> Iterator[str]:
-    ways = (smallest_changes([lever], trials) for lever in levers if lever.to_be_measured)
-    for changes in islice(filter(None, ways), 1):
-        yield f"{describe(changes)}, may be enough: what partitions need there has to be measured (`rarms measure`)"
+    ways = (smallest_edits([lever], trials) for lever in levers if lever.to_be_measured)
+    for edits in islice(filter(None, ways), 1):
+        yield f"{describe(edits)}, may be enough: what partitions need there has to be measured (`rarms measure`)"

@@ -17,7 +17,7 @@ LARGEST_COEFFICIENT = 1_000_000
 
 
 class Assignment:
-    """The program of one packing; rows are added to it as levels are settled and sets turn out not to fit.
+    """The program of one packing; rows are added to it as stages are settled and sets turn out not to fit.
 
     Partitions and hosts are counted from 0, in the order given; a pair is a partition on a host.
     """

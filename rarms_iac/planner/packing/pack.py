@@ -23,10 +23,10 @@ from rarms_iac.planner.packing.values import (
 )
 
 NODES = 2_000_000
-"""Nodes that the solver looks at for one level of the objective, times the variables of the program."""
+"""Nodes that the solver looks at in one stage, times the variables of the program: larger programs get fewer."""
 
 MOST_NODES = 5_000
-"""Nodes for a level, however few variables there are."""
+"""Nodes of a stage, however few variables there are."""
 
 NODES_FOR_ANY = 200_000
 """Nodes of the search for a packing, whatever it is worth, times the variables; most proofs of none take fewer."""
@@ -38,17 +38,17 @@ FEW_REPACKINGS, MANY_REPACKINGS = 30, 400
 """Times that a few hosts are packed anew before that search, since it is often enough, and after it."""
 
 ROUNDS = 40
-"""Times that a level is solved anew because virtual processors found no logical ones."""
+"""Times that a stage is solved anew because virtual processors found no logical ones."""
 
 
-def pack(items: Sequence[Item], bins: Sequence[Bin], *, nodes: int = NODES) -> Packing | NoPacking:
+def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES) -> Packing | NoPacking:
     """Find a host for each partition: least reservation in all, then fewest moves, then the first by name.
 
     Args:
         items: The partitions, in any order, with what each claims on the hosts that it may run on.
         bins: The hosts, in any order.
-        nodes: After so many nodes of a search, times partitions on hosts that they may be on, the best packing so far
-            is taken: a count, never a time.
+        node_budget: Nodes of a search times its variables (partitions on hosts that they may be on); where it is spent
+            the best packing so far is taken. A count, never a time.
 
     Returns:
         The best packing that was found, with bounds; or that none was found, and whether there is none. The same
@@ -65,7 +65,7 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, nodes: int = NODES) -> P
     host_of = best_first_fit(items, bins, bound)
     if host_of is None or objective_of(items, host_of) != bound:
         if is_installed():
-            return _solve(items, bins, host_of, bound, nodes)
+            return _solve(items, bins, host_of, bound, node_budget)
         if host_of is None:
             return NoPacking(proven=False)
     return _first_of_equals(_packing(host_of, objective_of(items, host_of), bound), items, bins)
@@ -145,13 +145,17 @@ def _solve(
     bins: Sequence[Bin],
     start: Mapping[str, str] | None,
     bound: Objective,
-    nodes: int,
+    node_budget: int,
 ) -> Packing | NoPacking:
-    """Level after level: the least reservation, and with that the fewest moves."""
+    """In two stages: the least reservation, and with that the fewest moves. Each begins with the best packing so far.
+
+    A stage is passed over where its start meets the bound already.
+    """
     program = Assignment(items, bins)
-    nodes = min(MOST_NODES, nodes // len(program.pairs))
+    nodes = min(MOST_NODES, node_budget // len(program.pairs))
     excesses, unit = program.excesses()
-    least = bound[0]
+    least, fewest = bound
+    # A start: one with everybody at its cheapest ends the first stage before it begins; otherwise any packing will do.
     if any(excesses) and (start is None or objective_of(items, start)[0] > least):
         start = _find_any_or_repack([_with_cheapest_claims(item) for item in items], bins).host_of or start
     if start is None:
@@ -159,36 +163,39 @@ def _solve(
         if found.host_of is None:
             return NoPacking(proven=found.bound is None)
         start = found.host_of
+    # The first stage: the least reservation, counted from the bound, in units that all excesses are multiples of.
     excess = 0
     if objective_of(items, start)[0] > least:
-        level = _solve_level(program, excesses, start, nodes)
-        start, excess = level.host_of or start, level.bound or 0
+        stage = _minimise_costs(program, excesses, start, nodes)
+        start, excess = stage.host_of or start, stage.bound or 0
+    # The second: the fewest moves of packings that reserve no more than that.
     if any(excesses):
         program.bound_costs(excesses, (objective_of(items, start)[0] - least) // unit)
-    host_of, moves = start, bound[1]
+    host_of, moves = start, fewest
     if objective_of(items, start)[1] > moves:
-        level = _solve_level(program, program.moves(), start, nodes)
-        host_of, moves = level.host_of or start, level.bound or 0
+        stage = _minimise_costs(program, program.moves(), start, nodes)
+        host_of, moves = stage.host_of or start, stage.bound or 0
     objective = objective_of(items, host_of)
     assert hosts_can_hold(items, bins, host_of), "each host was looked at"
+    # What the stages proved counts only where every set that was forbidden is known not to fit.
     if not program.forbids_unproven:
-        bound = least + unit * excess, max(bound[1], min(objective[1], moves))
+        bound = least + unit * excess, max(fewest, min(objective[1], moves))
     return _first_of_equals(_packing(host_of, objective, bound), items, bins)
 
 
-def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
+def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
     """A packing, whatever it is worth; without one, whether there is none."""
     program = Assignment(items, bins)
     variables = len(program.pairs)
-    found = _solve_level(program, [0] * variables, None, min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables))
+    found = _minimise_costs(program, [0] * variables, None, min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables))
     return replace(found, bound=0) if program.forbids_unproven else found
 
 
-def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
+def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
     """The same; a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
     host_of = find_by_repacking(items, bins, rounds=FEW_REPACKINGS)
     if host_of is not None:
-        return _LevelResult(host_of=host_of, bound=0)
+        return _StageResult(host_of=host_of, bound=0)
     found = _find_any(items, bins)
     if found.host_of is not None or found.bound is None:
         return found
@@ -201,26 +208,26 @@ def _with_cheapest_claims(item: Item) -> Item:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _LevelResult:
-    """What came of one level."""
+class _StageResult:
+    """What came of one stage."""
 
     host_of: Mapping[str, str] | None  # the best packing that is known
     bound: int | None  # what no packing costs less than; None: there is none
 
 
-def _solve_level(
+def _minimise_costs(
     program: Assignment, costs: Sequence[int], start: Mapping[str, str] | None, nodes: int
-) -> _LevelResult:
+) -> _StageResult:
     """Solve, and solve again without the sets that do not fit, until each host can keep what is put there."""
     bound = 0
     known = None if start is None else program.variables_of(start)
     for _ in range(ROUNDS):
         answer = minimise(costs, program.rows, nodes=nodes, start=known)
         if answer.bound is None:
-            return _LevelResult(host_of=start, bound=bound if start is not None else None)
+            return _StageResult(host_of=start, bound=bound if start is not None else None)
         bound = max(bound, answer.bound)
         if answer.ones is None:
-            return _LevelResult(host_of=start, bound=bound)
+            return _StageResult(host_of=start, bound=bound)
         if not program.forbid(answer.ones):
-            return _LevelResult(host_of=program.host_of(answer.ones), bound=bound)
-    return _LevelResult(host_of=start, bound=bound)
+            return _StageResult(host_of=program.host_of(answer.ones), bound=bound)
+    return _StageResult(host_of=start, bound=bound)

@@ -43,7 +43,7 @@ class Outlook:
 
     neediest: float  # what its neediest member needs alone
     together: float  # what its parts reserve together
-    said: tuple[float | None, ...]  # what each way predicts; None: it cannot say
+    predictions: tuple[float | None, ...]  # what each way predicts; None: it cannot say
     low: int  # it needs at least so much, whether seen or inferred
     slack: int = 0  # points by which it may need less than the neediest
     less: float = 0.0  # the probability that it does
@@ -76,13 +76,13 @@ class Hypothesis:
         if reserve < least and outlook.slack:
             return outlook.less * max(0.0, reserve + 1 - least + outlook.slack) / outlook.slack
         return outlook.less + (1.0 - outlook.less) * _below(
-            self.bias, self.error, outlook.neediest, outlook.together, self._said(outlook), reserve
+            self.bias, self.error, outlook.neediest, outlook.together, self._predicted(outlook), reserve
         )
 
-    def _said(self, outlook: Outlook) -> float | None:
+    def _predicted(self, outlook: Outlook) -> float | None:
         if self.way is None:
             return outlook.neediest if self.error else None
-        return outlook.said[self.way]
+        return outlook.predictions[self.way]
 
     def bounds(self, outlook: Outlook) -> tuple[float, float]:
         """Return the probabilities of a need below the known interval, and of one up to its upper end."""
@@ -91,12 +91,14 @@ class Hypothesis:
 
 
 @lru_cache(maxsize=1 << 18)
-def _below(bias: float, error: float, neediest: float, together: float, said: float | None, reserve: float) -> float:
+def _below(
+    bias: float, error: float, neediest: float, together: float, prediction: float | None, reserve: float
+) -> float:
     width = max(together - neediest, 1.0)
     even = min(1.0, max(0.0, (reserve - neediest + 1.0) / (width * BEYOND + 1.0)))
-    if said is None:
+    if prediction is None:
         return even
-    off = (reserve - said - bias * width) / (error * width + GRAIN)
+    off = (reserve - prediction - bias * width) / (error * width + GRAIN)
     return (1.0 - BLUNDERS) * _logistic(off) + BLUNDERS * even
 
 
@@ -126,7 +128,9 @@ class Expectation:
             return 0.0
         if reserve >= outlook.most:
             return 1.0
-        return min(1.0, sum(weight * (way.below(outlook, reserve) - low) for way, weight, low in self.parts))
+        return min(
+            1.0, sum(weight * (hypothesis.below(outlook, reserve) - low) for hypothesis, weight, low in self.parts)
+        )
 
     def quantile(self, chance: float) -> int:
         """The least whole CR that is enough with this probability."""
@@ -142,28 +146,30 @@ class Belief:
     def of(self, outlook: Outlook) -> Expectation:
         """Return how likely this compound needs how much, within what is known of it."""
         parts = []
-        for way, weight in self.weights.items():
-            low, high = way.bounds(outlook)
+        for hypothesis, weight in self.weights.items():
+            low, high = hypothesis.bounds(outlook)
             if high > low:
-                parts.append((way, weight / (high - low), low))
-        left = sum(weight * (way.bounds(outlook)[1] - low) for way, weight, low in parts)
-        return Expectation(outlook=outlook, parts=tuple((way, weight / left, low) for way, weight, low in parts))
+                parts.append((hypothesis, weight / (high - low), low))
+        probability = sum(weight * (hypothesis.bounds(outlook)[1] - low) for hypothesis, weight, low in parts)
+        return Expectation(
+            outlook=outlook, parts=tuple((hypothesis, weight / probability, low) for hypothesis, weight, low in parts)
+        )
 
 
-def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:
+def belief_of(ways: int, outlooks: Sequence[Outlook]) -> Belief:
     """Weigh every hypothesis by how well it foretold what was measured (Bayes' rule).
 
     Args:
         ways: how many ways to predict there are; 0: none.
-        seen: the compounds that were asked about, each with what was measured, in any order. Each `said` has `ways`
-            entries.
+        outlooks: the compounds that were asked about, each with what was measured, in any order. Each
+            has `ways` predictions.
 
     Returns:
         Hypotheses with weights that add up to 1; the very unlikely ones are left out.
     """
     first = _hypotheses(ways)
     likely = [
-        sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, outlook) for outlook in seen), strict=True)
+        sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, outlook) for outlook in outlooks), strict=True)
     ]
     best = max(likely)
     weights = {
@@ -181,15 +187,15 @@ def _logarithms(ways: int) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=1 << 12)
-def _fitting(ways: int, seen: Outlook) -> tuple[float, ...]:
+def _fitting(ways: int, outlook: Outlook) -> tuple[float, ...]:
     """For each hypothesis, how well it foretold what was answered about this compound, as a logarithm."""
-    return tuple(_fits(hypothesis, seen) for hypothesis, _ in _hypotheses(ways))
+    return tuple(_fits(hypothesis, outlook) for hypothesis, _ in _hypotheses(ways))
 
 
-def _fits(hypothesis: Hypothesis, seen: Outlook) -> float:
+def _fits(hypothesis: Hypothesis, outlook: Outlook) -> float:
     """The logarithm of the probability of what was answered."""
-    low = 0.0 if seen.failed is None else hypothesis.below(seen, seen.failed)
-    high = 1.0 if seen.passed is None else hypothesis.below(seen, seen.passed)
+    low = 0.0 if outlook.failed is None else hypothesis.below(outlook, outlook.failed)
+    high = 1.0 if outlook.passed is None else hypothesis.below(outlook, outlook.passed)
     return log(max(high - low, 1e-12))
 
 

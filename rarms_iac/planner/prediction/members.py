@@ -32,8 +32,8 @@ WAYS = (
 )
 """The ways to predict, in the order of what they say."""
 
-Said = tuple[float | None, ...]
-"""What each way says a compound needs: a CR, not rounded; None: it cannot say."""
+Predictions = tuple[float | None, ...]
+"""The CR that each way predicts for a compound, not rounded; None: it cannot tell."""
 
 TICKS = 100
 """In a millisecond."""
@@ -123,10 +123,10 @@ def _task(component: Component, demand: MemberDemand) -> Task | None:
         deadlines.append(float(component.run.deadline))
     if demand.period_ms is None or not deadlines or demand.work_ms <= 0:
         return None
-    left = min(deadlines) - demand.waits_ms
-    if left <= 0:
+    allowed_ms = min(deadlines) - demand.waits_ms
+    if allowed_ms <= 0:
         return None
-    return task_of(demand.work_ms, demand.period_ms, left)
+    return task_of(demand.work_ms, demand.period_ms, allowed_ms)
 
 
 def _is_deadline(index: str) -> bool:
@@ -152,7 +152,7 @@ def task_of(work_ms: float, period_ms: float, deadline_ms: float) -> Task:
     )
 
 
-def said_of(members: Sequence[Alone], processors: int) -> Said:
+def predictions_of(members: Sequence[Alone], processors: int) -> Predictions:
     """Predict, by each of `WAYS`, the CR that these components need together in one partition.
 
     The periodic resource's bounds hold for one processor; several are taken as one that is as fast as all of them.
@@ -194,10 +194,10 @@ class Predictor:
     """Says what each of some ways predicts of a compound; each compound is worked out once."""
 
     ways: tuple[str, ...]
-    says: Callable[[tuple[str, ...], int], Said]  # members, virtual processors
-    _known: dict[tuple[tuple[str, ...], int], Said] = field(default_factory=dict, compare=False, repr=False)
+    predict: Callable[[tuple[str, ...], int], Predictions]  # members, virtual processors
+    _known: dict[tuple[tuple[str, ...], int], Predictions] = field(default_factory=dict, compare=False, repr=False)
 
-    def of(self, members: tuple[str, ...], processors: int) -> Said:
+    def of(self, members: tuple[str, ...], processors: int) -> Predictions:
         """Return the CR that each way predicts for a compound.
 
         Args:
@@ -209,7 +209,7 @@ class Predictor:
         """
         key = members, processors
         if key not in self._known:
-            self._known[key] = self.says(members, processors)
+            self._known[key] = self.predict(members, processors)
         return self._known[key]
 
 
@@ -225,15 +225,15 @@ def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int,
     Returns:
         The whole CR with an even chance of being enough; None: no way to predict knows these members.
     """
-    said = predictor.of(members, processors)
-    if all(prediction is None for prediction in said):
+    predictions = predictor.of(members, processors)
+    if all(prediction is None for prediction in predictions):
         return None
     neediest, together = max(costs) / processors, sum(costs) / processors
     slack = slack_on(processors)
     outlook = Outlook(
         neediest=neediest,
         together=together,
-        said=said,
+        predictions=predictions,
         low=at_least(max(costs), processors),
         slack=slack,
         less=SELDOM if slack else 0.0,
@@ -241,11 +241,11 @@ def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int,
     return belief_of(len(predictor.ways), []).of(outlook).quantile(0.5)
 
 
-def _nothing(_members: tuple[str, ...], _processors: int) -> Said:
+def _nothing(_members: tuple[str, ...], _processors: int) -> Predictions:
     return ()
 
 
-NOTHING = Predictor(ways=(), says=_nothing)
+NOTHING = Predictor(ways=(), predict=_nothing)
 """No way to predict."""
 
 
@@ -259,8 +259,8 @@ def predictor_of(alone: Mapping[str, Alone]) -> Predictor:
         A predictor by all of `WAYS`; of a compound with another component it says None for each way.
     """
 
-    def says(members: tuple[str, ...], processors: int) -> Said:
+    def predict(members: tuple[str, ...], processors: int) -> Predictions:
         known = [alone[name] for name in members if name in alone]
-        return said_of(known, processors) if len(known) == len(members) else (None,) * len(WAYS)
+        return predictions_of(known, processors) if len(known) == len(members) else (None,) * len(WAYS)
 
-    return Predictor(ways=WAYS, says=says)
+    return Predictor(ways=WAYS, predict=predict)

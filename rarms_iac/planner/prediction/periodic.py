@@ -68,8 +68,8 @@ def supplied(resource: Resource, ticks: int) -> int:
     gap = resource.period - resource.budget
     if ticks <= gap:
         return 0
-    periods, left = divmod(ticks - gap, resource.period)
-    return periods * resource.budget + max(0, left - gap)
+    periods, rest = divmod(ticks - gap, resource.period)
+    return periods * resource.budget + max(0, rest - gap)
 
 
 def supplied_after(resource: Resource, work: int) -> int:

@@ -139,11 +139,11 @@ def _series(data: Json, path: str) -> Series:
 
 
 def _fields(data: Mapping[str, Json], needed: frozenset[str], known: frozenset[str], path: str) -> None:
-    where = f"{path}." if path else ""
+    prefix = f"{path}." if path else ""
     if missing := needed - data.keys():
-        raise NotDecodable(where + min(missing), "the field is missing")
+        raise NotDecodable(prefix + min(missing), "the field is missing")
     if unknown := data.keys() - known:
-        raise NotDecodable(where + min(unknown), "there is no such field")
+        raise NotDecodable(prefix + min(unknown), "there is no such field")
 
 
 def _whole(data: Mapping[str, Json], name: str) -> int:

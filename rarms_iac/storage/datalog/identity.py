@@ -172,8 +172,8 @@ class Files:
         """The digest of every program outside the folder that the subject's commands begin with, by their word."""
         found = {}
         for word in _first_words(subject):
-            where = shutil.which(word)
-            if where is not None and not self._is_below(path := Path(where).resolve()):
+            program = shutil.which(word)
+            if program is not None and not self._is_below(path := Path(program).resolve()):
                 found[word] = self._digest(path)
         return found
 

@@ -89,18 +89,18 @@ def _bench(was: Bench, now: BenchNow) -> Iterator[Changed]:
         ("processor model", was.processor, now.processor),
         ("logical processors", was.logical_processors, now.logical_processors),
         ("SMT", was.smt, now.smt),
-        ("scheduler", was.scheduler.value, _told(now.scheduler)),
+        ("scheduler", was.scheduler.value, _known_scheduler(now.scheduler)),
         ("guest image", was.guest_image, now.guest_image),
     ):
         if after is not None and before != after:
-            yield Changed(part=part, before=_said(before), after=_said(after))
+            yield Changed(part=part, before=_describe(before), after=_describe(after))
 
 
-def _told(scheduler: SchedulerType | None) -> str | None:
+def _known_scheduler(scheduler: SchedulerType | None) -> str | None:
     return None if scheduler in (None, SchedulerType.UNKNOWN) else scheduler.value
 
 
-def _said(value: str | int) -> str:
+def _describe(value: str | int) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     return str(value) or ABSENT

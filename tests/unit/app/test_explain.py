@@ -56,7 +56,7 @@ def test_what_lies_between_two_settings_is_said_to(here: Path) -> None:
     check(answer.out)
     document = json.loads(answer.out)
     assert (document["cr"], document["interpolated"], document["reserve"], document["fits"]) == (63, True, 63, True)
-    verdicts = next(step["says"] for step in document["steps"] if step["topic"] == "setting and verdict")
+    verdicts = next(step["sentences"] for step in document["steps"] if step["topic"] == "setting and verdict")
     assert any("between the settings at 60 % and 70 %, not measured itself" in verdict for verdict in verdicts)
 
 
@@ -135,7 +135,7 @@ def steps(folder: Path, name: str, code: int = 0) -> dict[str, str]:
     answer = rarms("explain", name, "--json", "-f", str(folder))
     assert answer.code == code, answer.err
     check(answer.out)
-    found = {load["topic"]: " ".join(load["says"]) for load in json.loads(answer.out)["steps"]}
+    found = {load["topic"]: " ".join(load["sentences"]) for load in json.loads(answer.out)["steps"]}
     assert list(found)[: len(TOPICS)] == TOPICS
     return found
 

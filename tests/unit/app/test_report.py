@@ -170,7 +170,7 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
         {
             "host": "onboard",
             "is_planned": True,
-            "differs": [{"address": "partition/vision", "says": "not applied yet"}],
+            "differs": [{"address": "partition/vision", "message": "not applied yet"}],
         }
     ]
 

@@ -87,7 +87,7 @@ def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() 
 
     found = route(wanted, state, Disruption.LIVE)
 
-    assert found.held.kept == ()
+    assert found.held.allowed == ()
     assert {str(one.change.address): one.why for one in found.held.held} == {
         "partition/speech": "it needs what a change that is held back would have given back",
         "partition/vision": "it is partition_stop, and no more than live is allowed",
@@ -135,7 +135,7 @@ def crossed() -> tuple[list[PlannedChange], StepBudget]:
                 address=Address(partition=partition.settings.name, machine=partition.id),
                 before=partition,
                 after=partition,
-                reason=Reason(says="for the test"),
+                reason=Reason(message="for the test"),
                 disruption=Disruption.LIVE,
             ),
             steps=changes,

@@ -73,7 +73,7 @@ def test_without_the_line_it_goes_back() -> None:
     (change,) = of_it(route(wanting(None), state))
 
     assert isinstance(change, Delete)
-    assert change.reason.says == "the manifest no longer sets it; 20 comes back"
+    assert change.reason.message == "the manifest no longer sets it; 20 comes back"
     assert applied(wanting(None), state).responsiveness == Responsiveness(value=dword(20))
 
 

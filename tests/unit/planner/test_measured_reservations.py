@@ -118,7 +118,7 @@ def test_where_no_setting_meets_the_apt_the_answer_is_no(means: dict[int, float]
 
 
 def test_without_a_log_it_says_what_it_was_told() -> None:
-    stale = NotMeasured(components=("vision",), code="RARMS102", says="It changed.", advice="Measure again.")
+    stale = NotMeasured(components=("vision",), code="RARMS102", message="It changed.", advice="Measure again.")
 
     (told,) = planned(vision(), {("vision",): stale}).findings
     (unknown,) = planned(vision(), {}).findings
@@ -128,7 +128,9 @@ def test_without_a_log_it_says_what_it_was_told() -> None:
 
 
 def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> None:
-    remark = Cause(what="component/vision", says="model.bin is not here.", code="RARMS104", advice="Plan elsewhere.")
+    remark = Cause(
+        address="component/vision", message="model.bin is not here.", code="RARMS104", advice="Plan elsewhere."
+    )
     log = a_log({61: 110, 62: 90}, remarks=(remark,))
     fixed = PartitionRequest(name="vision", components=("vision",), cpu=a_cpu(reserve="70 %"))
 

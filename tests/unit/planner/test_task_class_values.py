@@ -6,7 +6,7 @@ from itertools import combinations, pairwise, product
 
 import pytest
 
-from rarms_iac.model.mmcss import LevelValues, values_within
+from rarms_iac.model.mmcss import PriorityValues, values_within
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.task_class_values import ALL, chosen_values, masks_of
 from rarms_iac.planner.task_classes import classes_of, registry_values
@@ -81,7 +81,7 @@ def weight(levels: Sequence[Sequence[TaskRequest]], chosen: Sequence[Values]) ->
     return against, number[0], number[1], sum(category is LOW for _, category in free)
 
 
-def as_values(chosen: Sequence[Sequence[LevelValues]]) -> list[Values]:
+def as_values(chosen: Sequence[Sequence[PriorityValues]]) -> list[Values]:
     return [(level_values.category, level_values.thread_priority) for level in chosen for level_values in level]
 
 

@@ -27,7 +27,7 @@ EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservatio
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")
 PLACE = Place(file="manifests/my robot.yaml", line=31, column=5, path="hosts.onboard", length=4)
 ERROR = EXCEEDED.at(
-    PLACE, "It needs 120 %.", "Relax an APT.", address="host/onboard", related=(Related(place=PLACE, says="here"),)
+    PLACE, "It needs 120 %.", "Relax an APT.", address="host/onboard", related=(Related(place=PLACE, message="here"),)
 )
 WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
 SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
@@ -55,7 +55,7 @@ def test_json_is_versioned_and_whole() -> None:
                     "length": 4,
                     "path": "hosts.onboard",
                 },
-                "says": "here",
+                "message": "here",
             }
         ],
     }

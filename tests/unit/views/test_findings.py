@@ -103,7 +103,7 @@ def test_a_caret_may_stand_behind_the_end_of_its_line() -> None:
 
 
 def test_a_second_place_is_shown_with_what_it_says() -> None:
-    one = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), says="first here"),))
+    one = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), message="first here"),))
 
     text = as_text([one], {"robot.yaml": "a: 1\na: 2\n"})
 

@@ -278,7 +278,7 @@ def test_a_removal_is_no_restart() -> None:
     removal = Delete(
         address=Address(partition="vision"),
         before=partition(),
-        reason=Reason(says="it is not wanted"),
+        reason=Reason(message="it is not wanted"),
         disruption=Disruption.REMOVAL,
     )
 
@@ -290,6 +290,6 @@ def processors_changed(disruption: Disruption) -> Update:
         address=Address(partition="vision"),
         before=partition(settings("vision", processors=2)),
         after=partition(settings("vision", processors=1)),
-        reason=Reason(says="its processors differ"),
+        reason=Reason(message="its processors differ"),
         disruption=disruption,
     )

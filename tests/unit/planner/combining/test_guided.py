@@ -28,7 +28,7 @@ def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int =
     """With one way to predict, so far off (CR) on average; `off` below 0: it knows nothing at all."""
     chance = random.Random(seed)
     said = {names: chance.uniform(5, 99) if off < 0 else least + chance.gauss(0, off) for names, least in needs.items()}
-    return replace(tuning, predictor=Predictor(ways=("one",), says=lambda names, _processors: (said[names],)))
+    return replace(tuning, predictor=Predictor(ways=("one",), predict=lambda names, _processors: (said[names],)))
 
 
 @pytest.mark.parametrize("minimise", list(Minimise))

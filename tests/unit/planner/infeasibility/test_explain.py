@@ -76,8 +76,8 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
     ],
 )
 def test_the_only_way_out_is_a_sentence_or_a_list(way: str, advice: str) -> None:
-    cause = Cause(what="application", says="Nothing fits.", code=findings.PLACEMENT.code)
-    answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(says=way),))
+    cause = Cause(address="application", message="Nothing fits.", code=findings.PLACEMENT.code)
+    answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(message=way),))
 
     assert [finding.advice for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [advice]
 
@@ -90,7 +90,7 @@ def test_the_only_way_out_is_a_sentence_or_a_list(way: str, advice: str) -> None
     ],
 )
 def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
-    cause = Cause(what="application", says="Nothing fits.", code=findings.PLACEMENT.code)
+    cause = Cause(address="application", message="Nothing fits.", code=findings.PLACEMENT.code)
     answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
 
     assert [finding.detail for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [detail]

@@ -53,11 +53,11 @@ LOGS: Logs = {
 def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
     system = a_robot()  # 20, 40 and 50 per cent, less what the slopes give back
 
-    told = [one for one in ways(system, LOGS) if LINE.search(one.says)]
+    told = [one for one in ways(system, LOGS) if LINE.search(one.message)]
 
     assert told
     for one in told:
-        changed, found = relaxed(system, one.says)
+        changed, found = relaxed(system, one.message)
         ((name, value),) = found.items()
         assert fits(changed, LOGS)
         tighter = AtMost(value=Fraction(value) - 4)
@@ -73,10 +73,10 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
         ("vision",): a_log({39: 110, 44: 90}, "vision"),
     }
 
-    (told,) = [one for one in ways(system, logs) if LINE.search(one.says)]
+    (told,) = [one for one in ways(system, logs) if LINE.search(one.message)]
 
-    changed, found = relaxed(system, told.says)
-    assert told.says.startswith("all of these:\n  - ")
+    changed, found = relaxed(system, told.message)
+    assert told.message.startswith("all of these:\n  - ")
     assert len(found) > 1
     assert fits(changed, logs)
     for name in found:
@@ -87,11 +87,11 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
 def test_nothing_is_offered_below_what_was_measured() -> None:
     logs: Logs = {(name,): a_log({60: 90}, name) for name in ("path", "vision")}
 
-    assert not [one for one in ways(a_robot(("path", "vision")), logs) if LINE.search(one.says)]
+    assert not [one for one in ways(a_robot(("path", "vision")), logs) if LINE.search(one.message)]
 
 
 def pair_in(system: System, logs: Logs) -> str | None:
-    return next((one.says for one in ways(system, logs) if one.says.startswith("combining")), None)
+    return next((one.message for one in ways(system, logs) if one.message.startswith("combining")), None)
 
 
 def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
@@ -137,13 +137,13 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
 def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:
     fixed = a_system(components=[a_component(name, reserve="0.9 LP") for name in ("arm", "base", "camera")])
     more = "one more logical processor on onboard"
-    assert more in [one.says for one in ways(fixed, {}) if not one.may]
+    assert more in [one.message for one in ways(fixed, {}) if not one.may]
 
     mixed = a_system(components=[*fixed.components.values(), a_component("path", reserve="measured", apt=APT)])
     found = ways(mixed, {("path",): a_log({5: 200, 10: 90}, "path")})
 
-    assert not [one.says for one in found if more in one.says and not one.may]
-    (perhaps,) = [one.says for one in found if more in one.says]
+    assert not [one.message for one in found if more in one.message and not one.may]
+    (perhaps,) = [one.message for one in found if more in one.message]
     assert perhaps == (
         f"{more}, with `processors: 2` for path as now, may be enough: what partitions need there has to be measured "
         f"(`rarms measure`)"
@@ -153,7 +153,7 @@ def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer()
 def test_where_partitions_grow_with_their_host_a_larger_one_is_no_way_out() -> None:
     system = a_system(components=[a_component(name, reserve="40 %") for name in ("arm", "base", "camera")])
 
-    assert not [one for one in ways(system, {}) if "logical processor" in one.says]
+    assert not [one for one in ways(system, {}) if "logical processor" in one.message]
 
 
 def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
@@ -164,7 +164,7 @@ def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
         ]
     )
 
-    told = [one.says for one in ways(system, {})]
+    told = [one.message for one in ways(system, {})]
 
     assert "arm reserves 0.4 LP instead of 0.9 LP" in told, "0.41 LP would find 40 % on either processor"
 
@@ -177,7 +177,7 @@ def test_several_reserves_are_lowered_together_the_least_critical_first() -> Non
         ]
     )
 
-    (told,) = [one.says for one in ways(system, {})]
+    (told,) = [one.message for one in ways(system, {})]
 
     assert told.splitlines() == [
         "all of these:",
@@ -196,7 +196,7 @@ def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> No
         ],
     )
 
-    assert [one.says.splitlines()[1:] for one in ways(system, {})] == [
+    assert [one.message.splitlines()[1:] for one in ways(system, {})] == [
         ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % instead of 70 %"],
         ["  - 1 GiB more memory on onboard", "  - base reserves 30 % instead of 50 %"],
     ]
@@ -211,7 +211,7 @@ def test_memory_and_processors_are_added_together_where_that_is_enough() -> None
         ],
     )
 
-    first = ways(system, {})[0].says.splitlines()
+    first = ways(system, {})[0].message.splitlines()
 
     assert first == ["all of these:", "  - 1 GiB more memory on onboard", "  - one more logical processor on onboard"]
 
@@ -220,7 +220,7 @@ def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
     both = PartitionRequest(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
     components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
 
-    told = [one.says for one in ways(a_system(components=components, partitions=[both]), {})]
+    told = [one.message for one in ways(a_system(components=components, partitions=[both]), {})]
 
     assert "partition arm reserves 60 % instead of 70 %" in told
 
@@ -229,7 +229,7 @@ def test_hosts_of_one_platform_stay_alike() -> None:
     hosts = [a_host(name, platform="alike") for name in ("front", "rear")]
     components = [a_component(name, reserve="1.1 LP") for name in ("arm", "base", "camera", "dock")]
 
-    told = [one.says for one in ways(a_system(hosts=hosts, components=components), {})]
+    told = [one.message for one in ways(a_system(hosts=hosts, components=components), {})]
 
     assert "one more logical processor on each of front and rear" in told
 

@@ -160,7 +160,7 @@ def test_what_is_not_proven_says_how_far_from_the_bound_it_may_be() -> None:
         for at in range(14)
     ]
 
-    packing = pack(items, bins, nodes=1)
+    packing = pack(items, bins, node_budget=1)
 
     assert isinstance(packing, Packing)
     assert packing.reserved_bound <= packing.reserved

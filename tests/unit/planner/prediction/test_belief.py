@@ -5,7 +5,7 @@ from rarms_iac.planner.prediction.belief import Belief, Outlook, belief_of
 
 def outlook(said: float | None, *, failed: int | None = None, passed: int | None = None) -> Outlook:
     low = 40 if failed is None else failed + 1
-    return Outlook(neediest=40.0, together=70.0, said=(said,), low=low, passed=passed, failed=failed)
+    return Outlook(neediest=40.0, together=70.0, predictions=(said,), low=low, passed=passed, failed=failed)
 
 
 def width(belief: Belief, said: float) -> int:

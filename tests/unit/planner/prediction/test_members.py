@@ -9,8 +9,8 @@ from rarms_iac.planner.prediction.members import (
     Alone,
     Predictor,
     expected_of,
+    predictions_of,
     predictor_of,
-    said_of,
     task_of,
 )
 from rarms_iac.planner.prediction.periodic import MemberDemand, least_budget, meets_by_deadline
@@ -28,7 +28,7 @@ LASER = Alone(
 
 
 def test_each_way_says_at_least_what_the_neediest_needs_or_the_rate_takes() -> None:
-    sharing, evenly, by_deadline, by_priority = said_of([CAMERA, LASER], 1)
+    sharing, evenly, by_deadline, by_priority = predictions_of([CAMERA, LASER], 1)
 
     assert sharing is not None
     assert by_deadline is not None
@@ -40,7 +40,7 @@ def test_each_way_says_at_least_what_the_neediest_needs_or_the_rate_takes() -> N
 
 
 def test_without_deadlines_only_sharing_says_something() -> None:
-    sharing, *others = said_of([CAMERA, replace(LASER, task=None)], 1)
+    sharing, *others = predictions_of([CAMERA, replace(LASER, task=None)], 1)
 
     assert sharing is not None
     assert others == [None, None, None]
@@ -56,19 +56,19 @@ def test_a_task_is_fitted_to_what_it_needs_alone() -> None:
 
 
 def test_what_was_measured_on_other_processors_predicts_nothing() -> None:
-    assert said_of([CAMERA, LASER], 2) == (None,) * len(WAYS)
+    assert predictions_of([CAMERA, LASER], 2) == (None,) * len(WAYS)
 
 
 def test_compounds_with_an_unknown_member_are_not_predicted() -> None:
     predictor = predictor_of({"camera": CAMERA, "laser": LASER})
 
-    assert predictor.of(("camera", "laser"), 1) == said_of([CAMERA, LASER], 1)
+    assert predictor.of(("camera", "laser"), 1) == predictions_of([CAMERA, LASER], 1)
     assert predictor.of(("camera", "radio"), 1) == (None,) * len(WAYS)
     assert expected_of(predictor, ("camera", "radio"), 1, [30, 20]) is None
 
 
 def test_what_is_expected_lies_from_the_neediest_upwards() -> None:
-    predictor = Predictor(ways=("one",), says=lambda _members, _processors: (45.0,))
+    predictor = Predictor(ways=("one",), predict=lambda _members, _processors: (45.0,))
     found = expected_of(predictor, ("a", "b"), 1, [40, 20])
 
     assert found is not None

@@ -34,14 +34,14 @@ class Variant:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """One change of the manifest."""
+class Edit:
+    """One change of the manifest, as a person would make it."""
 
     message: str
     apply: Callable[[Variant], Variant]
 
 
-Changes = tuple[Change, ...]
+Edits = tuple[Edit, ...]
 """Changes that are made together."""
 
 
@@ -50,8 +50,8 @@ class Lever:
     """One thing that can be changed by more or by less."""
 
     partitions: tuple[str, ...] = ()  # whose reservation it changes; none: it changes a host
-    levels: Sequence[int]  # the first changes most: if everything fits with one, it fits with each before it
-    changes_at: Callable[[int], Changes]
+    amounts: Sequence[int]  # the first changes most: if everything fits with one, it fits with each before it
+    edits_at: Callable[[int], Edits]
     to_be_measured: bool = False  # that it fits rests on what partitions will probably need
 
 
@@ -62,17 +62,17 @@ class Trials:
     start: Variant
     made: int = 0
 
-    def fits(self, changes: Iterable[Change], *, by_first_fit: bool = True) -> bool:
+    def fits(self, edits: Iterable[Edit], *, by_first_fit: bool = True) -> bool:
         """Say whether a layout with all of these changes is found, by first fit or also by the solver."""
         if self.made >= TRIALS:
             return False
         self.made += 1
-        after = reduce(lambda before, change: change.apply(before), changes, self.start)
+        after = reduce(lambda before, edit: edit.apply(before), edits, self.start)
         problem = problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
         return has_layout(problem, by_first_fit=by_first_fit) is True
 
 
-def smallest_changes(levers: Sequence[Lever], trials: Trials) -> Changes:
+def smallest_edits(levers: Sequence[Lever], trials: Trials) -> Edits:
     """Find changes with which everything fits, none without need, and each as small as can be.
 
     Args:
@@ -80,10 +80,10 @@ def smallest_changes(levers: Sequence[Lever], trials: Trials) -> Changes:
         trials: Plans what is tried.
 
     Returns:
-        The changes; none where all levers at their first levels are not enough, or more are needed than are read.
+        The changes; none where all levers with their first amounts are not enough, or more are needed than are read.
     """
-    levers = [lever for lever in levers if lever.levels]
-    chosen = [lever.changes_at(lever.levels[0]) for lever in levers]
+    levers = [lever for lever in levers if lever.amounts]
+    chosen = [lever.edits_at(lever.amounts[0]) for lever in levers]
     if not levers or not trials.fits(_flat(chosen)):
         return ()
     needed = bisect_left(range(len(levers)), True, lo=1, key=lambda number: trials.fits(_flat(chosen[:number])))
@@ -95,22 +95,22 @@ def smallest_changes(levers: Sequence[Lever], trials: Trials) -> Changes:
             continue
         lever = levers[at]
         beyond = bisect_left(
-            lever.levels,
+            lever.amounts,
             True,
             lo=1,
-            key=lambda level: not trials.fits((*others, *lever.changes_at(level))),
+            key=lambda amount: not trials.fits((*others, *lever.edits_at(amount))),
         )
-        chosen[at] = lever.changes_at(lever.levels[beyond - 1])
-    changes = _flat(chosen)
-    return changes if len(changes) <= READ_UP_TO else ()
+        chosen[at] = lever.edits_at(lever.amounts[beyond - 1])
+    edits = _flat(chosen)
+    return edits if len(edits) <= READ_UP_TO else ()
 
 
-def _flat(chosen: Iterable[Changes]) -> Changes:
-    return tuple(change for changes in chosen for change in changes)
+def _flat(chosen: Iterable[Edits]) -> Edits:
+    return tuple(edit for edits in chosen for edit in edits)
 
 
-def describe(changes: Sequence[Change]) -> str:
+def describe(edits: Sequence[Edit]) -> str:
     """One change as it is, several as a list."""
-    if len(changes) == 1:
-        return changes[0].message
-    return "\n  - ".join([TOGETHER, *(change.message for change in changes)])
+    if len(edits) == 1:
+        return edits[0].message
+    return "\n  - ".join([TOGETHER, *(edit.message for edit in edits)])
