@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         86c272b8f0b7, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         a4640da85c0e, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,12 +614,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '86c272b8f0b7'
+        Plan = 'a4640da85c0e'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '75e32f9004bfb9ff8b4fd7b849dce636cf1864117ab7179173de165e3651f608'
+        UndoDigest = '973636218313b559721396e2a45350d66a065df5cd4ab31feb6bc498640ddf22'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         aef7854ec084, manifest df17c0ec8df0, rarms 0.1.0
+# Plan         81fd377c5b02, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        8
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'aef7854ec084'
+        Plan = '81fd377c5b02'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f89fac95c35330050d49cc09c5778325f178482eb04bd33c7db1d7590799ed46'
+        UndoDigest = '0c690b83981ef710669e31e76100e0a5aafb8b7daa1c23b9f78b0c7ae39ceade'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 1; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-aef7854ec084' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
+            Hyper-V\New-VM -Name 'speech.rarms-81fd377c5b02' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         8093efd6179d, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         c89c854923c0, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Parts        lock, journal, host, machines, capacity, disks: what the runtime and these steps call
 # Not undone   the disk made from D:\images\base.vhdx stays
@@ -727,12 +727,12 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '8093efd6179d'
+        Plan = 'c89c854923c0'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'be488583549471eb7ba77de57dfb92ea2213386b803ab8876dc4883943acd8b1'
+        UndoDigest = '2f8930e5541f0c1a9cc2fdab0f3c51bc5487ea908439e1615cf447a3698aac78'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -756,7 +756,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-8093efd6179d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-c89c854923c0' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
@@ -787,11 +787,11 @@ try {
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-8093efd6179d.vhdx') -Parent 'D:\images\base.vhdx' }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx') -Parent 'D:\images\base.vhdx' }
         Before = @{ 'exists' = $false }
         After = @{ 'child' = $true; 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-8093efd6179d.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
@@ -809,7 +809,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-8093efd6179d.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx')
         }
     }
 

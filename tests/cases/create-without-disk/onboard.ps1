@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         a645223f8397, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         4fc42065492a, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a645223f8397'
+        Plan = '4fc42065492a'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd61cf1fde89db16ec92d58dbb170a7ef9f08a16e6012eaa5d13ca89cb80bc2a3'
+        UndoDigest = 'ce89920acc46fbde480b755fb3636d814f088f4b34ffd1240de95bd273dafb8f'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-a645223f8397' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-4fc42065492a' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 

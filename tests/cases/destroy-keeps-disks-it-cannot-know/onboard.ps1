@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         43925d994803, manifest d692ce1616c2, rarms 0.1.0
+# Plan         59be93094692, manifest d692ce1616c2, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -772,12 +772,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '43925d994803'
+        Plan = '59be93094692'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '445b49bca045ecbe5fb0ff84658b2e3ed8a6e8ad14efa392e38a7508563b4613'
+        UndoDigest = '5b41b435f0dece11bfd096235cf100109617dddfcadf03dcac53e5534c8f08ce'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         2f04fc790eb4, manifest d692ce1616c2, rarms 0.1.0
+# Plan         cf3b9e93fc78, manifest d692ce1616c2, rarms 0.1.0
 # Steps        7
 # Parts        lock, journal, host, machines, stop, disks, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -842,12 +842,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '2f04fc790eb4'
+        Plan = 'cf3b9e93fc78'
         Application = 'robot'
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '907e0d83af9743c1859fe88f956b6e78dbedf3e2c421e5d464fd55f12ba038a0'
+        UndoDigest = '59cdbd66fce49363a9b58f1e0b261e117ded0aa3b0f66b336db77cd57b3aadc5'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

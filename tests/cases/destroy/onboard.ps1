@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0a6700b32552, manifest ecb1b47be5b8, rarms 0.1.0
+# Plan         e2ce5077bdd4, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -772,12 +772,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0a6700b32552'
+        Plan = 'e2ce5077bdd4'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '3b3485c13abd020da74ac99ed88f4c0e065ea6ab84f2f563cd95667250de43c5'
+        UndoDigest = 'ac84888b166b5e504c41dec425b6ce6723555a4bf814d9307a97b198450d8072'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0a6700b32552, manifest ecb1b47be5b8, rarms 0.1.0
+# Plan         e2ce5077bdd4, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -798,7 +798,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '0a6700b32552'
+        Plan = 'e2ce5077bdd4'
         Application = 'robot'
         Serial = 1
         Total = 4

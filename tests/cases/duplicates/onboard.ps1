@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0f84419f9f97, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         d1ce2a9f5b44, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0f84419f9f97'
+        Plan = 'd1ce2a9f5b44'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5b811a24af1f61a9126f544185190b4d4011529877cdda7506c6b6dd88dabd14'
+        UndoDigest = '69c7f6354696f9c7ecf7fe6e32e23e1c0bb73004a29b1288b267a5d1eb5a62fd'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-0f84419f9f97' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-d1ce2a9f5b44' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

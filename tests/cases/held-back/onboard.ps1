@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         3c3fbd1c2a06, manifest 07e858a72e54, rarms 0.1.0
+# Plan         d3fec47cfe33, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,12 +614,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '3c3fbd1c2a06'
+        Plan = 'd3fec47cfe33'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '64b19c0978a6b0da1a59c72eda9b4233485fd2cfdb5858bcd65a6297a7afe02b'
+        UndoDigest = '75b020ded00e334de49ac29fdf7fbac3e4bd31e90de41c4ef812ad370a746a4f'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

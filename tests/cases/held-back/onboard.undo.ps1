@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         3c3fbd1c2a06, manifest 07e858a72e54, rarms 0.1.0
+# Plan         d3fec47cfe33, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,7 +658,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '3c3fbd1c2a06'
+        Plan = 'd3fec47cfe33'
         Application = 'robot'
         Serial = 1
         Total = 2

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         5c387bbd8d03, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         3be14979beea, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        17
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '5c387bbd8d03'
+        Plan = '3be14979beea'
         Application = 'robot'
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '461e788db876a2da56d162030a84da49209aa15f5ace74f63fef2492242c7e69'
+        UndoDigest = '1fdfca144b9da465b7f7e622eb79acb41971c73d4146b1902764f7f681e69053'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-5c387bbd8d03' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-3be14979beea' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -825,7 +825,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-5c387bbd8d03' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-3be14979beea' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         098571c691ee, manifest 67dca71b7024, rarms 0.1.0
+# Plan         4d321d720477, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -676,12 +676,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '098571c691ee'
+        Plan = '4d321d720477'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c457c70dba5f3b0d80f4450573417dbd9845c2b392c2f32956d4ed9bdcf40d9d'
+        UndoDigest = '76d269acc4b77e74ded6cc78437a638ea06b79271918e6e688cb186edc00aab8'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

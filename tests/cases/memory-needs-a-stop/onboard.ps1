@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         d4a6815350d3, manifest ebb8198705b8, rarms 0.1.0
+# Plan         ffa882fe6497, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -676,12 +676,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd4a6815350d3'
+        Plan = 'ffa882fe6497'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '386a9ab445e175bd6bcff6a99f357204182b76043905ae133c6bc1fbe8d46816'
+        UndoDigest = '9d0b3bea21e5e3d355d4784189961610a6de27bd07e36f61c1162a7e6868e8c0'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

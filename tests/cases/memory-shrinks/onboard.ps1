@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         abf78916b9f4, manifest 8730f6de8bc7, rarms 0.1.0
+# Plan         73f5a8f4e578, manifest 8730f6de8bc7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -676,12 +676,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'abf78916b9f4'
+        Plan = '73f5a8f4e578'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '3829d79c0d2549485c44da23a760a7ab6ffcf87e51569f6e97007308cbd3fb7e'
+        UndoDigest = 'bfb5772a8b9dcb1ab3025f184a504824b276a3fabed2c73db3fafbb94739be61'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

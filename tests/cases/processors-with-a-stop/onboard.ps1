@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         4cc1e7ca81f4, manifest e002180b1f5c, rarms 0.1.0
+# Plan         aee7b0a1f85a, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -676,12 +676,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '4cc1e7ca81f4'
+        Plan = 'aee7b0a1f85a'
         Application = 'robot'
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9b6828295d4924205d81c5ecfe212cc9b2926602871f3f59e6d1c31e3de3be1b'
+        UndoDigest = 'b2ac301f2166eaacbd44080329004e48944ffa5dde77a9ccbf1c38b5cb86b897'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0849238045b1, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         c70286cea6b7, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,12 +614,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0849238045b1'
+        Plan = 'c70286cea6b7'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b5d3c5d8069cb6cb9dee9151b87eabf026bf91865acd217433577213bc950817'
+        UndoDigest = 'bc82a726d7e264336af2235419f9e039a09997c37e4a9ef30e63cff28bc6cb4e'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

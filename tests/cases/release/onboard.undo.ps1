@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0849238045b1, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         c70286cea6b7, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,7 +614,7 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '0849238045b1'
+        Plan = 'c70286cea6b7'
         Application = 'robot'
         Serial = 1
         Total = 1

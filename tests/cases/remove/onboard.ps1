@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         65d33c22fc44, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         275a38a29cbe, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -633,12 +633,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '65d33c22fc44'
+        Plan = '275a38a29cbe'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '60f61ed88d1193e948e35fd23f51ad38e5f41d201af3068dc1ad0e35387ddee5'
+        UndoDigest = '1f788d6817795f6d37f9a74136e0c14e0d0145bae4dea9c1a8a55102d0c2f462'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

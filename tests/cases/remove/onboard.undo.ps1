@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         65d33c22fc44, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         275a38a29cbe, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -659,7 +659,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '65d33c22fc44'
+        Plan = '275a38a29cbe'
         Application = 'robot'
         Serial = 1
         Total = 1

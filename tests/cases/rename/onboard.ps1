@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0ff051147763, manifest 6c594f432f20, rarms 0.1.0
+# Plan         b46f0cbe7280, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,12 +614,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0ff051147763'
+        Plan = 'b46f0cbe7280'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6817de339b0de9f1b8c6e73c1c2dba745452cce7e908a195d7c71fd1a2866bc3'
+        UndoDigest = '090161c6d319f993ac163f8d662026c8e066abdd99c5833a105b9b05f8b5f994'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

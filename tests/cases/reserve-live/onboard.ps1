@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         f0a8eaf6a986, manifest 83441c1046fd, rarms 0.1.0
+# Plan         8863086ef848, manifest 83441c1046fd, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,12 +614,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'f0a8eaf6a986'
+        Plan = '8863086ef848'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd82efa27d99a4893032bdcd30a574276b811a8965f70cfe064da83638a6172ef'
+        UndoDigest = '626ee824d68c6482b1cbeaf591d537c1281d2203410eaee5ee1b7389b36cb8fd'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         42d2a23e9af8, manifest 964de3a17dd7, rarms 0.1.0
+# Plan         69721bf768d3, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '42d2a23e9af8'
+        Plan = '69721bf768d3'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f5ce0c1a853ea7842338e68cd8c355d0cab041f1e8ad0fedb2ce4c0eaba834a0'
+        UndoDigest = '4ed595f683bfa7b15929faa83da8ce09337c48d1ebebdcdc2588a32554ce82dd'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

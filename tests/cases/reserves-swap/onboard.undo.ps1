@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         42d2a23e9af8, manifest 964de3a17dd7, rarms 0.1.0
+# Plan         69721bf768d3, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,7 +658,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '42d2a23e9af8'
+        Plan = '69721bf768d3'
         Application = 'robot'
         Serial = 1
         Total = 4

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         489ab4fb91ca, manifest 263e743597f3, rarms 0.1.0
+# Plan         a3932ee74ce8, manifest 263e743597f3, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '489ab4fb91ca'
+        Plan = 'a3932ee74ce8'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '01d5899aad52083937c3bdc80948166d8b125c08241ae351b93a2e67cca49e08'
+        UndoDigest = '44e4fad09880b2795eb010d190177fca59ceb3e1e39b8cfd5d26f5a11627dea0'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-489ab4fb91ca' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-a3932ee74ce8' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bc5bab5eacc5, manifest ebb8198705b8, rarms 0.1.0
+# Plan         79d1227232df, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'bc5bab5eacc5'
+        Plan = '79d1227232df'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '3be287ebf41eb5e1771b66d005bd76321345e44166a2df9a58a117b513876ed0'
+        UndoDigest = 'cfaa83123ff433836d66e81916a3cf988228b273df1f96791348d51b495613f0'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

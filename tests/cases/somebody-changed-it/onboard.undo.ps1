@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bc5bab5eacc5, manifest ebb8198705b8, rarms 0.1.0
+# Plan         79d1227232df, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,7 +614,7 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'bc5bab5eacc5'
+        Plan = '79d1227232df'
         Application = 'robot'
         Serial = 1
         Total = 1

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c6618f2b9f5d, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         129b4f241b2e, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c6618f2b9f5d'
+        Plan = '129b4f241b2e'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '414b0c8af533bd72f589b839dcd955a061ba005a19eb31e2c1f7c02410abbc3e'
+        UndoDigest = 'd740e4505d2c43adac9f696d566df242b42840a9a1fe6daaef2d14aca41659a9'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-c6618f2b9f5d' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-129b4f241b2e' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -825,7 +825,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-c6618f2b9f5d' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-129b4f241b2e' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -964,7 +964,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-c6618f2b9f5d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-129b4f241b2e' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

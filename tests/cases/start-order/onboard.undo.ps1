@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c6618f2b9f5d, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         129b4f241b2e, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, disks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -699,7 +699,7 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'c6618f2b9f5d'
+        Plan = '129b4f241b2e'
         Application = 'robot'
         Serial = 0
         Total = 6

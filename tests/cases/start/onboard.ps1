@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         b5b6e40e21e1, manifest ebb8198705b8, rarms 0.1.0
+# Plan         65a364fd17a7, manifest ebb8198705b8, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'b5b6e40e21e1'
+        Plan = '65a364fd17a7'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0d48f07804577d237bf7c9fe3fc792760bb55e395997b1104e38deb7088cc870'
+        UndoDigest = 'd5371e1c0f71627b536ad6e0f3bd8946c88e42b52c5765d390c1fabff0cbe481'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bc449694d29e, manifest 83441c1046fd, rarms 0.1.0
+# Plan         b8b3c8e1cda4, manifest 83441c1046fd, rarms 0.1.0
 # Steps        5
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -676,12 +676,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'bc449694d29e'
+        Plan = 'b8b3c8e1cda4'
         Application = 'robot'
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'cf8f86cf2cb2f808f0df1de5b309d88de73a3d3d41e080b7ecc84128e2e38a28'
+        UndoDigest = 'a7e9ad7877a0d53584242dc5378a12ff902d6bc67c08eb8a255b605fc81671c9'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

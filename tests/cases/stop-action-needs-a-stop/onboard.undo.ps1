@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bc449694d29e, manifest 83441c1046fd, rarms 0.1.0
+# Plan         b8b3c8e1cda4, manifest 83441c1046fd, rarms 0.1.0
 # Steps        5
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -676,7 +676,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'bc449694d29e'
+        Plan = 'b8b3c8e1cda4'
         Application = 'robot'
         Serial = 1
         Total = 5

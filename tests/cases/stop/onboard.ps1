@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c6157057d63a, manifest ebb8198705b8, rarms 0.1.0
+# Plan         c72673a8449f, manifest ebb8198705b8, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -632,12 +632,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c6157057d63a'
+        Plan = 'c72673a8449f'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4539d3214bf2f59cbb282d7432268efd8b758be5c621c4fc4537b0670ed09e23'
+        UndoDigest = '52b31f14d26c5fd691612111f996c80ef3b8d9c14c8e06880634a155cd09b1e0'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

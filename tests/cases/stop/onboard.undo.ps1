@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c6157057d63a, manifest ebb8198705b8, rarms 0.1.0
+# Plan         c72673a8449f, manifest ebb8198705b8, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -659,7 +659,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'c6157057d63a'
+        Plan = 'c72673a8449f'
         Application = 'robot'
         Serial = 1
         Total = 4

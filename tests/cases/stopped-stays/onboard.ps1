@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         f029c9a1537d, manifest ebb8198705b8, rarms 0.1.0
+# Plan         8d1b840648e4, manifest ebb8198705b8, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'f029c9a1537d'
+        Plan = '8d1b840648e4'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '50a1919f556a2908f4249d7ee5ab3f3285aeb10e1e353ff3da1e2e9a7f565026'
+        UndoDigest = '61152daa65d2ec133cdcefbc0de609e9156333f60a25b7ef445f729147318800'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

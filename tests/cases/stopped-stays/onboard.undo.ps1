@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         f029c9a1537d, manifest ebb8198705b8, rarms 0.1.0
+# Plan         8d1b840648e4, manifest ebb8198705b8, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -631,7 +631,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'f029c9a1537d'
+        Plan = '8d1b840648e4'
         Application = 'robot'
         Serial = 1
         Total = 2

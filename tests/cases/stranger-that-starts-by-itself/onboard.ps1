@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         a2f35a1b3bc8, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         6bcedb67d9d5, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a2f35a1b3bc8'
+        Plan = '6bcedb67d9d5'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '18bc166e27a5a4162720de793f09e5ae1d946c9907abfc65ce2cdcfced543d5a'
+        UndoDigest = 'bdb7c06a4859c7ed46afa98d553d6bdb6dd8d7fc6514ede3ad3870f73e4096c2'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-a2f35a1b3bc8' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-6bcedb67d9d5' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -3,7 +3,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         8cd7bee0523e, manifest 7785495c2f80, rarms 0.1.0
+# Plan         87d7fa10f043, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
@@ -660,12 +660,12 @@ function Restore-TaskClass {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '8cd7bee0523e'
+        Plan = '87d7fa10f043'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '243aa5f87abd8caa3709053bc318666ddb01fd82961ea708874eaa6d033d91f9'
+        UndoDigest = '5e917c34dde3ac7dfa3f871320282c959339769930b6b23fda0ffd6053086baf'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

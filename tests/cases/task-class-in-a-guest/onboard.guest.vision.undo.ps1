@@ -3,7 +3,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         8cd7bee0523e, manifest 7785495c2f80, rarms 0.1.0
+# Plan         87d7fa10f043, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
@@ -660,7 +660,7 @@ function Restore-TaskClass {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '8cd7bee0523e'
+        Plan = '87d7fa10f043'
         Application = 'robot'
         Serial = 0
         Total = 1

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         8cd7bee0523e, manifest 7785495c2f80, rarms 0.1.0
+# Plan         87d7fa10f043, manifest 7785495c2f80, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '8cd7bee0523e'
+        Plan = '87d7fa10f043'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b65998bbdbf668e6e1d05d30e7c5a3e9ac185369f72b292fdd1f4eeb1f21804d'
+        UndoDigest = '2ff343e390db3e2c4b6315c23696165144716bb64a4ecde608726be24ef4d38d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-8cd7bee0523e' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-87d7fa10f043' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         1111d03edcef, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         071da508fd95, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,12 +626,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '1111d03edcef'
+        Plan = '071da508fd95'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9977ca58cc907adedb88aba51b6bef2c6d1d8b139c61f478c9cace73856a313a'
+        UndoDigest = 'a2ec15c4910460e43b9e04f5a9329a250eeb5832d22bb8dd1976bff426756df3'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

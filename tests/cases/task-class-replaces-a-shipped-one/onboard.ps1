@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         16a43ecaf4d8, manifest a9326d298f28, rarms 0.1.0
+# Plan         04d9aa11ecaf, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,12 +626,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '16a43ecaf4d8'
+        Plan = '04d9aa11ecaf'
         Application = 'robot'
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'eb889aaac037e14eab899fa4076b5560c3de7711096a9056727c496f834f976b'
+        UndoDigest = 'b75ad6bff696d79beff0f7679b040dfaefb0db5446f0f94b6fb8fe05ca0620d7'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

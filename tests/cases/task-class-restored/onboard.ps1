@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bd4142ba3148, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         c02679adf194, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,12 +626,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'bd4142ba3148'
+        Plan = 'c02679adf194'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '8af6fa1eb9b02e0b537ee122235634db042a5506d0007a30479c244db500ca8f'
+        UndoDigest = 'ea266aa6d81d16890098753172d9f9f716bcead4d61667edbf9a78ff54f7c059'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

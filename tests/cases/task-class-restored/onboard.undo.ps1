@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bd4142ba3148, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         c02679adf194, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,7 +626,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'bd4142ba3148'
+        Plan = 'c02679adf194'
         Application = 'robot'
         Serial = 1
         Total = 2

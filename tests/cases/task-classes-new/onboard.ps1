@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         e51eb3095e84, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         735b6f42b2bb, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,12 +626,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'e51eb3095e84'
+        Plan = '735b6f42b2bb'
         Application = 'robot'
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6929a1f065bec947f6a4c1aa5472c103e1dcd13d21c1d91933e09433c6f94b3f'
+        UndoDigest = '5cf6ac1b4583a954d95cb939e31aa450a1cb309dd8791ac33533ca4733dc07ea'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

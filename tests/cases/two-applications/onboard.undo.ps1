@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         db31e7bab499, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         533992f767c6, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop, disks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -699,7 +699,7 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'db31e7bab499'
+        Plan = '533992f767c6'
         Application = 'robot'
         Serial = 0
         Total = 2

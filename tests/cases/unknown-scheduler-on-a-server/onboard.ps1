@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         dd51bf4b8718, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         fad6586c6cb3, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -658,12 +658,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'dd51bf4b8718'
+        Plan = 'fad6586c6cb3'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0009f85fa431e167cb2dcaa16f4d2a662e932ab2d600d6826ec6ca52a95b733a'
+        UndoDigest = 'd19c662b8e1ab75bb90d392d140a9e5acba8fa96f95a5f3721516028bc0e9ac8'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -686,7 +686,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-dd51bf4b8718' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-fad6586c6cb3' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         03561ba88331, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         dc38089a6021, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -632,12 +632,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '03561ba88331'
+        Plan = 'dc38089a6021'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '99c3dbd744c148fe2eda98adaeee3109ee33e1e57bfc2b5e00a730967bf59bb4'
+        UndoDigest = '862ed421389e3ea09ebc7681413fd5a7fbe7357eb10844133018b7b270171849'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

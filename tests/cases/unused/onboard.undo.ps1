@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         03561ba88331, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         dc38089a6021, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -659,7 +659,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '03561ba88331'
+        Plan = 'dc38089a6021'
         Application = 'robot'
         Serial = 1
         Total = 3
