@@ -145,8 +145,8 @@ def unreachable_finding(host: str, provider: str) -> Diagnostic:
     """
     return OUT_OF_REACH.at(
         None,
-        f"{host} has the provider {provider}: this version reaches simulated and Hyper-V hosts only.",
-        f"Its manifest can be checked (`rarms validate`) and planned from a snapshot "
-        f"(`rarms plan --snapshot {host}=FILE`); `provider: simulated` tries the same layout without the machine.",
+        f"{host} has the provider {provider}, which rarms does not have yet: it has simulated and hyperv.",
+        f"Use `provider: simulated` to try the same layout without the machine, or plan from a snapshot: "
+        f"`rarms plan --snapshot {host}=FILE`.",
         address=f"host/{host}",
     )

@@ -20,6 +20,9 @@ from rarms_iac.storage.codec import NotDecodable
 
 HOSTS = ".rarms/hosts"
 
+UNBUILT_PROVIDERS = frozenset({ProviderKind.LINUX})
+"""What a manifest may name and this version cannot open."""
+
 
 def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
     """Open a host of any provider.

@@ -1,7 +1,7 @@
 """Messages beside a command's data: findings and progress, on standard error."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from types import TracebackType
@@ -12,10 +12,12 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
-from rarms_iac.views.finding_forms import OutputTarget
+from rarms_iac.views.finding_forms import OutputFormat, OutputTarget
 from rarms_iac.views.findings import findings_text
 
 if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
+    from rich.console import RenderableType
+
     from rarms_iac.applying.run_report import RunReporter
     from rarms_iac.measuring.loop import MeasuringReporter
 
@@ -26,16 +28,25 @@ def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources
         terminal.talk(findings_text(in_order(tuple(diagnostics)), sources or {}))
 
 
-def write_output(terminal: Terminal, output: OutputTarget, text: str) -> None:
-    """Write rendered findings into the file that `--output` names, else to standard output.
+def write_outputs(
+    terminal: Terminal, outputs: Sequence[OutputTarget], form_of: Callable[[OutputFormat], "RenderableType"]
+) -> None:
+    """Write a command's answer in each form that `--output` names, to its file or else to standard output.
 
     Raises:
-        UseCaseError: the file cannot be written.
+        UseCaseError: a file cannot be written.
     """
-    if output.path is None:
-        terminal.data(text)
-    else:
-        write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
+    for output in outputs:
+        content = form_of(output.format)
+        if output.path is not None:
+            from rarms_iac.views.console import render
+
+            text = content if isinstance(content, str) else render(content)
+            write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
+        elif isinstance(content, str):
+            terminal.data(content)
+        else:
+            terminal.show(content)
 
 
 class TerminalReporter:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rarms_iac.manifest.overlays import Combined, combine
 from rarms_iac.manifest.text.characters import EMPTY
@@ -13,6 +14,9 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import STANDARD_INPUT, ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.system import System
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 DEFAULT_NAME = "rarms.yaml"
 
@@ -22,6 +26,7 @@ class Loaded:
     """A manifest with its overlays; `system` is None where an error prevents one."""
 
     system: System | None
+    remaining: System | None  # beside structural errors: what the manifest says elsewhere; for `validate` alone
     places: Places
     diagnostics: tuple[Diagnostic, ...]  # ordered; an error may stand beside a system
     sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
@@ -71,26 +76,51 @@ def load(
     if empty:
         return _loaded(texts, None, FirstLine(texts[0].source.file), empty)
     combined = combine(texts)
+    places = combined.places
     if combined.diagnostics:
-        return _loaded(texts, None, combined.places, list(combined.diagnostics))
-    system, findings = _to_system(combined)
-    if system is not None:
-        findings = [*findings, *checks(system, combined.places, today)]
-    return _loaded(texts, system, combined.places, findings)
-
-
-def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
+        return _loaded(texts, None, places, list(combined.diagnostics))
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
     from pydantic import ValidationError
 
+    try:
+        system = _to_system(combined.value)
+    except ValidationError as problem:
+        findings, remaining = _with_structural_errors(problem, combined, lambda rest: checks(rest, places, today))
+        return _loaded(texts, None, places, findings, remaining)
+    return _loaded(texts, system, places, list(checks(system, places, today)))
+
+
+def _to_system(document: Any) -> System:
     from rarms_iac.manifest.document.manifest import ManifestDocument
-    from rarms_iac.manifest.document.messages import findings_of_structure
     from rarms_iac.manifest.to_system import to_system
 
+    return to_system(ManifestDocument.model_validate(document))
+
+
+def _with_structural_errors(
+    problem: "ValidationError", combined: Combined, checks: Callable[[System], Iterable[Diagnostic]]
+) -> tuple[list[Diagnostic], System | None]:
+    """The structural errors, with the errors of what is right in structure; and that part."""
+    from pydantic import ValidationError
+
+    from rarms_iac.manifest.document.errors import MOST_ERRORS, structure_errors
+    from rarms_iac.manifest.document.messages import findings_of_structure
+    from rarms_iac.manifest.partial import without_errors
+
+    findings = findings_of_structure(problem, combined.value, combined.places)
+    if problem.error_count() > MOST_ERRORS:
+        return findings, None
+    errors = structure_errors(problem, combined.value, combined.places)
+    partial = without_errors(combined.value, [error.path for error in errors])
+    if partial is None:
+        return findings, None
+    document, gap = partial
     try:
-        return to_system(ManifestDocument.model_validate(combined.value)), []
-    except ValidationError as problem:
-        return None, findings_of_structure(problem, combined.value, combined.places)
+        remaining = _to_system(document)
+    except ValidationError:
+        return findings, None
+    findings += [finding for finding in checks(remaining) if not gap.explains(finding)]
+    return findings, None if gap.lacks_hosts else remaining
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
@@ -100,13 +130,20 @@ def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
     return EMPTY.at(Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice)
 
 
-def _loaded(texts: list[ParsedText], system: System | None, places: Places, findings: list[Diagnostic]) -> Loaded:
+def _loaded(
+    texts: list[ParsedText],
+    system: System | None,
+    places: Places,
+    findings: list[Diagnostic],
+    remaining: System | None = None,
+) -> Loaded:
     digest = hashlib.sha256()
     for text in texts:
         digest.update(hashlib.sha256(text.source.data).digest())
     about_texts = [diagnostic for text in texts for diagnostic in text.diagnostics]
     return Loaded(
         system=None if has_errors(about_texts) else system,
+        remaining=remaining,
         places=places,
         diagnostics=in_order([*about_texts, *findings]),
         sources={text.source.file: text.source.lines for text in texts},

@@ -4,7 +4,7 @@ A partition counts whether or not it is to start by itself: its reservation is a
 not fail because others took its place.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import takewhile
@@ -153,10 +153,22 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
         group = groups[partition.name]
         if group.request.cpu.reserve not in (None, Measured.MEASURED):
             continue
-        for remark in problem.reservations.remarks(group.members, host):
-            place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
-            finding = findings.REMARKS[remark.code]
-            yield finding.at(place, remark.message, remark.advice, address=remark.address)
+        yield from remarks_as_findings(problem.reservations.remarks(group.members, host), places)
+
+
+def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Diagnostic]:
+    """Report what a reader should know of measured reservations.
+
+    Args:
+        remarks: as a `ReservationSource` makes them.
+        places: lines of the manifest.
+
+    Yields:
+        A finding for each, at the reserve of its component.
+    """
+    for remark in remarks:
+        place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
+        yield findings.REMARKS[remark.code].at(place, remark.message, remark.advice, address=remark.address)
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:

@@ -38,10 +38,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     """
     wanted = _reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
-        names = ", ".join(wanted.components)
-        message = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
-        address = f"component/{wanted.components[0]}"
-        return Cause(address=address, message=wanted.message or message, code=wanted.code, advice=wanted.advice)
+        return unmeasured(wanted, host)
     processors = _processors(group, host)
     reserve, width = per_virtual_processor(wanted, processors), counted(processors, "virtual processor")
     if reserve > 100:
@@ -75,6 +72,19 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         reason=_reason(group, host, wanted, reserve, processors),
         making=_making(group, host),
     )
+
+
+def unmeasured(answer: NotMeasured, host: Host) -> Cause:
+    """Make the cause for a reservation that nobody knows.
+
+    Args:
+        answer: why it is not known.
+        host: it names the platform, where the answer does not say more.
+    """
+    names = ", ".join(answer.components)
+    message = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
+    address = f"component/{answer.components[0]}"
+    return Cause(address=address, message=answer.message or message, code=answer.code, advice=answer.advice)
 
 
 def _reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:

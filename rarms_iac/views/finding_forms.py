@@ -1,6 +1,6 @@
 """Findings as programs read them: JSON, SARIF, JUnit, GitHub annotations; and which form goes where.
 
-`render` takes findings in order and returns the text of a form. `findings` has the form that a person reads, which
+`findings_as` takes findings in order and returns a form of them. `findings` has the form that a person reads, which
 alone imports rich.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import PurePath
-from typing import Any, assert_never
+from typing import TYPE_CHECKING, Any, assert_never
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
@@ -20,6 +20,9 @@ from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import visible
 from rarms_iac.views.output.common import FindingsOutput
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 class OutputFormat(StrEnum):
@@ -71,10 +74,10 @@ def _output(value: str) -> OutputTarget:
     return OutputTarget(format=OutputFormat(name), path=None if path in {"", "-"} else path)
 
 
-def render_findings(
+def findings_as(
     form: OutputFormat, diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()
-) -> str:
-    """Render the findings in that form, in the order given, without colour, as a file has them.
+) -> "RenderableType":
+    """Give findings that form, in the order given: text to be laid out, or else the text itself.
 
     Args:
         form: which form.
@@ -84,10 +87,9 @@ def render_findings(
     """
     match form:
         case OutputFormat.TEXT:
-            from rarms_iac.views.console import render
             from rarms_iac.views.findings import findings_text
 
-            return render(findings_text(diagnostics, sources, accepted=accepted))
+            return findings_text(diagnostics, sources, accepted=accepted)
         case OutputFormat.JSON:
             return findings_json(diagnostics, accepted=accepted)
         case OutputFormat.SARIF:

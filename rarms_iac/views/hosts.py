@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.doctor import ExaminedHost
+from rarms_iac.app.doctor import Examinations, ExaminedHost
 from rarms_iac.app.drift import HostDrift
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Change
@@ -15,7 +15,7 @@ from rarms_iac.model.wording import counted
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import attributes_of, members_of, reserved_after
 from rarms_iac.views.console import STRONG, paragraph, stack, styled, table
-from rarms_iac.views.finding_forms import count_severities
+from rarms_iac.views.finding_forms import OutputFormat, count_severities, findings_as
 from rarms_iac.views.findings import findings_text
 from rarms_iac.views.output.hosts import DoctorOutput, DriftedResourceOutput, DriftOutput, ExaminedHostOutput
 from rarms_iac.views.plan_json import change_output
@@ -25,6 +25,17 @@ if TYPE_CHECKING:
 
 
 HEALTHY = "Nothing here makes a plan ineffective or unsafe."
+
+
+def doctor_as(form: OutputFormat, application: str, examined: Examinations, sources: Sources) -> "RenderableType":
+    """Give an examination that form: text to be laid out, or else the text itself."""
+    match form:
+        case OutputFormat.TEXT:
+            return doctor_text(application, examined.hosts, sources, examined.accepted)
+        case OutputFormat.JSON:
+            return doctor_json(application, examined.hosts, examined.accepted)
+        case _:
+            return findings_as(form, examined.findings, sources, accepted=examined.accepted)
 
 
 def doctor_text(

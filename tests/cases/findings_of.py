@@ -7,10 +7,10 @@ import contextlib
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import CODES, checks_beside
-from rarms_iac.manifest.load import load
-from rarms_iac.views.finding_forms import OutputFormat, render_findings
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.validation import validate
+from rarms_iac.views.console import render
+from rarms_iac.views.findings import findings_text
 
 FINDINGS = Path(__file__).parent / "findings"
 TODAY = date(2026, 11, 21)
@@ -24,11 +24,8 @@ def findings_of(folder: Path) -> str:
     """What `rarms validate` tells in that folder."""
     with contextlib.chdir(folder):
         overlays = sorted(path.as_posix() for path in Path().rglob("*.yaml") if path.as_posix() != "rarms.yaml")
-        loaded = load("rarms.yaml", overlays, today=TODAY, checks=checks_beside(Path()))
-    if loaded.system is None:
-        return render_findings(OutputFormat.TEXT, loaded.diagnostics, loaded.sources)
-    kept, accepted = apply_acceptances(loaded.diagnostics, loaded.system.policy, loaded.places, TODAY, codes=CODES)
-    return render_findings(OutputFormat.TEXT, kept, loaded.sources, accepted=accepted)
+        found = validate([ManifestSource(overlays=tuple(overlays), today=TODAY)])
+    return render(findings_text(found.findings, found.sources, accepted=found.accepted))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
 from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.views.console import render
-from rarms_iac.views.finding_forms import OutputFormat, render_findings
+from rarms_iac.views.findings import findings_text
 from rarms_iac.views.plan import plan_text
 from tests.recorded_hosts import read_observation
 from tests.twin.host import WindowsHost
@@ -93,7 +93,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
     )
     prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
     shown = render(plan_text(prepared.plan, sources=loaded.sources)) if prepared.plan else ""
-    findings = render_findings(OutputFormat.TEXT, prepared.findings, loaded.sources, accepted=prepared.accepted)
+    findings = render(findings_text(prepared.findings, loaded.sources, accepted=prepared.accepted))
     return prepared.plan, {"plan.txt": shown, "findings.txt": findings}
 
 

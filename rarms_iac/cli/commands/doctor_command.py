@@ -5,13 +5,12 @@ from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.messages import write_output
+from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import host_or_snapshot_options, manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.console import render
-from rarms_iac.views.finding_forms import OutputFormat, OutputTarget, render_findings
-from rarms_iac.views.hosts import doctor_json, doctor_text
+from rarms_iac.views.finding_forms import OutputTarget
+from rarms_iac.views.hosts import doctor_as
 
 
 @rarms_command("doctor")
@@ -27,19 +26,10 @@ def command(
     exit code 2; warnings and notes do not.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
-    name, sources = hosts.system.application.name, hosts.manifest.sources
     examined = examine_hosts(hosts)
-    for output in outputs:
-        match output.format:
-            case OutputFormat.TEXT:
-                content = doctor_text(name, examined.hosts, sources, examined.accepted)
-                if output.path is None:
-                    session.terminal.show(content)
-                    continue
-                text = render(content)
-            case OutputFormat.JSON:
-                text = doctor_json(name, examined.hosts, examined.accepted)
-            case other:
-                text = render_findings(other, examined.findings, sources, accepted=examined.accepted)
-        write_output(session.terminal, output, text)
+    write_outputs(
+        session.terminal,
+        outputs,
+        lambda form: doctor_as(form, hosts.system.application.name, examined, hosts.manifest.sources),
+    )
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE

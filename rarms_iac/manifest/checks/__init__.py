@@ -5,16 +5,13 @@ A checked `System` comes in, ordered findings go out. `CHECKS` lists every check
 topic: `names`, `partitions`, `hosts`, `processors`, `memory`, `tasks`, `measurement`, `secrets`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from datetime import date
-from functools import partial
-from pathlib import Path
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, memory, names, partitions, processors, secrets, tasks
 from rarms_iac.manifest.checks.common import Check
-from rarms_iac.manifest.checks.measurement import DataLogs, LogsInFolder
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, in_order
 from rarms_iac.model.system import System
 
@@ -73,32 +70,23 @@ CHECKS: Mapping[Finding, Check] = {
 }
 """Every check that asks the manifest alone, by its finding."""
 
-CODES = frozenset(finding.code for finding in (*CHECKS, measurement.MEASURED_WITHOUT_LOG, *ABOUT_ACCEPTANCES))
+CODES = frozenset(finding.code for finding in (*CHECKS, *ABOUT_ACCEPTANCES))
 """The codes that `run_checks` can give: an acceptance of another code may yet be needed by another command."""
 
 
-def run_checks(system: System, places: Places, today: date, *, logs: DataLogs | None = None) -> tuple[Diagnostic, ...]:
+def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic, ...]:
     """Report everything that is wrong or odd about what the manifest means, in order.
 
     Args:
         system: what the manifest says, its structure checked.
         places: where it says so.
         today: the day in UTC that acceptances expire against.
-        logs: the data logs, where nobody plans yet; without, the planner reports a missing one.
     """
 
     def findings() -> Iterator[Diagnostic]:
         for finding, check in CHECKS.items():
             for violation in check(system):
                 yield violation.as_diagnostic(finding, places)
-        if logs is not None:
-            for violation in measurement.measured_without_log(system, logs):
-                yield violation.as_diagnostic(measurement.MEASURED_WITHOUT_LOG, places)
         yield from check_acceptances(system.policy, places, today)
 
     return in_order(tuple(findings()))
-
-
-def checks_beside(folder: Path) -> Callable[[System, Places, date], tuple[Diagnostic, ...]]:
-    """`run_checks` for a manifest in that folder, whose data logs lie in `measurements/` beside it."""
-    return partial(run_checks, logs=LogsInFolder(folder / "measurements"))

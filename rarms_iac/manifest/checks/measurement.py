@@ -1,13 +1,10 @@
 """Checks of what is measured: thresholds (`apt`), data logs, and how a component is run and its samples are read."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil
-from pathlib import Path
-from typing import Protocol
 
-from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
+from rarms_iac.manifest.checks.common import Violation
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
 from rarms_iac.model.quantities import show_milliseconds
@@ -35,54 +32,6 @@ PATTERN_WITHOUT_GROUP = Finding(
 TOO_FEW_SAMPLES = Finding(code="RARMS074", severity=Severity.WARNING, summary="Too few samples for the percentile")
 MEASURED_WITHOUT_APT = Finding(code="RARMS077", severity=Severity.ERROR, summary="A measured reserve needs an APT")
 NOTHING_TO_RUN = Finding(code="RARMS079", severity=Severity.ERROR, summary="A measured reserve needs something to run")
-MEASURED_WITHOUT_LOG = Finding(
-    code="RARMS101", severity=Severity.WARNING, summary="The reserve has not been measured yet"
-)
-
-
-class DataLogs(Protocol):
-    """What `measured_without_log` asks of the folder `measurements/`."""
-
-    def exists(self, platform: str, component: str, interference: str) -> bool:
-        """Whether that component was measured on that platform against that interference; reads no content."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class LogsInFolder:
-    """The data logs of a `measurements` folder, by the names of their files."""
-
-    folder: Path
-
-    def exists(self, platform: str, component: str, interference: str) -> bool:
-        """Whether the log's file is there."""
-        return (self.folder / platform / component / f"{interference}.jsonl").is_file()
-
-
-def measured_without_log(system: System, logs: DataLogs) -> Iterator[Violation]:
-    """Measured reserves without a log on any platform that the component may run on.
-
-    NOTE: a warning, because the manifest itself is right and measuring comes after writing it. A plan needs the log:
-    there the planner reports it, as the error RARMS100.
-    """
-    for component in system.components.values():
-        load = component.interference or system.policy.interference
-        platforms = list(dict.fromkeys(host.platform for host in may_run_on(system, component)))
-        has_log = any(logs.exists(platform, component.name, load) for platform in platforms)
-        if platforms and not has_log and _can_be_measured(component):
-            yield Violation(
-                path=("components", component.name, "cpu", "reserve"),
-                detail=f'The reserve of "{component.name}" is `measured`, but there is no data log of it on '
-                f"{list_names(platforms)} against {load} (measurements/{platforms[0]}/{component.name}/{load}.jsonl).",
-                advice=f"Measure it before you plan: `rarms measure {component.name}`. Or fix the reserve for now: "
-                "`cpu: { reserve: 20 % }`.",
-            )
-
-
-def _can_be_measured(component: Component) -> bool:
-    """Whether the reserve is to be measured and can be; else RARMS077 or RARMS079 reports it."""
-    can_be = bool(component.apt) and (component.run is not None or component.simulation is not None)
-    return component.cpu.reserve is Measured.MEASURED and can_be
 
 
 def measured_without_apt(system: System) -> Iterator[Violation]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
-from rarms_iac.planner.packing.pack import can_pack
+from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
 ASKED = 80
@@ -38,14 +38,44 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Se
     Returns:
         One or two conflicts; of none can a partition be left out, unless `ASKED` ends the search before.
     """
+    return _by_sums(items, bins) or [_by_packing(items, bins, proven=proven)]
+
+
+def evident_conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
+    """Find who conflicts where no search is needed to see it, and so no solver.
+
+    Args:
+        items: Partitions with at least one claim each.
+        bins: All hosts.
+
+    Returns:
+        Partitions that no host can hold, each alone; else who needs too much in sum; else, where no partition has a
+        choice, who finds no place for virtual processors. Empty: nothing is evident, which proves no layout.
+    """
+    placeable, bins = without_hopeless_claims(items, bins)
+    hopeless = {item.name for item in placeable if not item.claims}
+    if hopeless:
+        return [_alone(item, bins) for item in _by_name(items) if item.name in hopeless]
+    found = _by_sums(placeable, bins)
+    if found or any(len(item.claims) > 1 for item in placeable) or can_pack(placeable, bins) is not False:
+        return found
+    return [_by_packing(placeable, bins, proven=True)]
+
+
+def _alone(item: Item, bins: Sequence[Bin]) -> Conflict:
+    hosts = _hosts_of([item], bins)
+    memory = all(item.claims[host.name].memory > free_in(host).memory for host in hosts)
+    return Conflict(items=[item], bins=hosts, lacking="memory" if memory else "processors")
+
+
+def _by_sums(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Conflict]:
     processors = _fewest_beyond(items, bins, least_cost, lambda host: free_in(host).percent)
     memory = _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory)
-    found = [
+    return [
         Conflict(items=_by_name(fewest), bins=_hosts_of(fewest, bins), lacking=lacking)
         for lacking, fewest in (("processors", processors), ("memory", memory))
         if fewest
     ]
-    return found or [_by_packing(items, bins, proven=proven)]
 
 
 def _by_name(items: Sequence[Item]) -> Sequence[Item]:

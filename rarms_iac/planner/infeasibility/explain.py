@@ -8,7 +8,7 @@ from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
-from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts
+from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Variant
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost, least_memory
@@ -35,6 +35,19 @@ def explain(answer: Infeasible, problem: Problem, start: Variant) -> Infeasible:
         causes=tuple(_cause(conflict, problem) for conflict in found),
         relaxations=ways_out(problem, names, start),
     )
+
+
+def evident_causes(problem: Problem) -> tuple[Cause, ...]:
+    """Name what cannot fit, as far as sums and single hosts show it.
+
+    Args:
+        problem: Partitions without any claim do not count.
+
+    Returns:
+        Causes without advice; none where it takes a search to say more.
+    """
+    items = [item for item in problem.items if item.claims]
+    return tuple(_cause(conflict, problem) for conflict in evident_conflicts(items, problem.bins))
 
 
 def _cause(conflict: Conflict, problem: Problem) -> Cause:

@@ -55,7 +55,7 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES
         input has the same answer with the same version of the solver. Where the solver is not installed, the best of
         a few first fits.
     """
-    items, bins = _prepared(items, bins)
+    items, bins = without_hopeless_claims(items, bins)
     if _is_too_much(items, bins):
         return NoPacking(proven=True)
     if (forced := _forced_hosts(items)) is not None:
@@ -82,7 +82,7 @@ def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool =
     Returns:
         True: there is one; False: there is none; None: none was found, and there may be one.
     """
-    items, bins = _prepared(items, bins)
+    items, bins = without_hopeless_claims(items, bins)
     if _is_too_much(items, bins):
         return False
     if (forced := _forced_hosts(items)) is not None:
@@ -95,13 +95,13 @@ def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool =
     return found.host_of is not None or (False if found.bound is None else None)
 
 
-def _prepared(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
-    """Both by name, the partitions with the claims that a host can keep while no other is there."""
+def without_hopeless_claims(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
+    """Sort both by name, and leave the partitions the claims that a host can keep while no other is there."""
     bins = sorted(bins, key=lambda host: host.name)
-    return [_without_hopeless_claims(item, bins) for item in sorted(items, key=lambda item: item.name)], bins
+    return [_with_possible_claims(item, bins) for item in sorted(items, key=lambda item: item.name)], bins
 
 
-def _without_hopeless_claims(item: Item, bins: Sequence[Bin]) -> Item:
+def _with_possible_claims(item: Item, bins: Sequence[Bin]) -> Item:
     claims = {
         host.name: item.claims[host.name]
         for host in bins

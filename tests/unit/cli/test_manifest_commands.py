@@ -79,27 +79,6 @@ def test_validate_tells_errors_as_data_with_exit_code_2(here: Path) -> None:
     assert "Did you mean" in answer.out
 
 
-def test_validate_warns_of_a_reserve_that_is_not_measured_yet_until_its_log_lies_beside_the_manifest(
-    tmp_path: Path,
-) -> None:
-    (tmp_path / "rarms.yaml").write_text(
-        "schema: rarms/v1\napplication: { name: robot }\nhosts:\n  onboard: { logical_processors: 2, memory: 4 GiB }\n"
-        "components:\n  vision:\n    criticality: 1\n    apt: { mean_response_time: { at_most: 100 ms } }\n"
-        "    run: { command: [vision] }\n",
-        encoding="utf-8",
-    )
-
-    before = rarms("validate", str(tmp_path))
-    log = tmp_path / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
-    log.parent.mkdir(parents=True)
-    log.touch()
-    after = rarms("validate", str(tmp_path))
-
-    assert (before.code, after.code) == (0, 0)
-    assert "warning[RARMS101]" in before.out
-    assert "RARMS101" not in after.out
-
-
 def test_validate_reads_standard_input(here: Path) -> None:
     text = (here / "rarms.yaml").read_text(encoding="utf-8")
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.views.console import render
 from rarms_iac.views.finding_forms import (
     BadOutput,
     OutputFormat,
@@ -17,9 +18,9 @@ from rarms_iac.views.finding_forms import (
     as_junit,
     as_sarif,
     file_uri,
+    findings_as,
     findings_json,
     parse_outputs,
-    render_findings,
 )
 from tests.unit.views.test_findings import diagnostics
 
@@ -105,7 +106,7 @@ def test_sarif_obeys_the_published_schema() -> None:
     for text in (
         as_sarif([ERROR, WARNING], page=lambda _code: None, accepted=[WARNING]),
         as_sarif([], page=lambda _code: None),
-        render_findings(OutputFormat.SARIF, [ERROR, WARNING], {}),
+        str(findings_as(OutputFormat.SARIF, [ERROR, WARNING], {})),
     ):
         assert list(validator.iter_errors(json.loads(text))) == []
 
@@ -172,8 +173,8 @@ def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
 
 @pytest.mark.parametrize("form", list(OutputFormat))
 def test_every_form_renders_nothing_and_something(form: OutputFormat) -> None:
-    assert "RARMS014" in render_findings(form, [ERROR], {})
-    assert "RARMS014" not in render_findings(form, [], {})
+    assert "RARMS014" in render(findings_as(form, [ERROR], {}))
+    assert "RARMS014" not in render(findings_as(form, [], {}))
 
 
 def test_without_a_wish_text_goes_to_standard_output() -> None:

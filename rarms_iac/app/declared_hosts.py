@@ -1,0 +1,162 @@
+"""What can be said without asking a host: whether a manifest fits the hosts that it declares, by its data logs.
+
+The planner says the same of the hosts as they are. Here only files below the manifest's folder are read and no solver
+is asked: what takes a search to say is left to `rarms plan`.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.errors import unreachable_finding
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.wiring import UNBUILT_PROVIDERS
+from rarms_iac.manifest.checks import memory, processors
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.host import Host
+from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
+from rarms_iac.model.system import Component, Measured, RunsOn, System
+from rarms_iac.planner import findings
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.infeasibility.explain import evident_causes
+from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
+from rarms_iac.planner.problem import Problem, problem_of
+from rarms_iac.planner.reservations import (
+    FixedReservations,
+    NotMeasured,
+    ReservationSource,
+    fixed,
+    rests_on_a_log,
+)
+from rarms_iac.planner.sizes import unmeasured
+
+NOT_YET_MEASURED = Finding(code="RARMS101", severity=Severity.NOTE, summary="The reserve has not been measured yet")
+
+LOOKED_AT = 2_000
+"""Components times hosts that are looked at closely; of more, only where their sum exceeds all hosts together."""
+
+_TOO_LARGE = frozenset(
+    finding.code
+    for finding in (
+        processors.RESERVE_OVER_HOST,
+        processors.RESERVE_OVER_PROCESSORS,
+        processors.MORE_PROCESSORS_THAN_HOST,
+        memory.MEMORY_OVER_HOST,
+    )
+)
+_ADVICE = "Lower one of them, or let components share a partition; `rarms plan` tries which change would be enough."
+
+
+def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+    """Report what the declared hosts cannot give, and what data logs lack.
+
+    Args:
+        manifest: it may have errors.
+        errors: that are known already: nothing is reported again of what they are about.
+
+    Yields:
+        Errors for providers that rarms does not have, reservations and memory that exceed the hosts, and stale or
+        damaged logs; warnings and notes on logs that hold; a note for what was never measured.
+    """
+    system, places = manifest.system, manifest.places
+    yield from _unbuilt_providers(system, places)
+    rests_on_logs = any(component.cpu.reserve is Measured.MEASURED for component in system.components.values())
+    if not rests_on_logs and len(system.components) * len(system.hosts) > LOOKED_AT and not _exceeds_all_hosts(system):
+        return
+    source = measured_reservations(measurements_of(manifest), {}) if rests_on_logs else FixedReservations()
+    problem = problem_of(system, _AtLeast(source=source), {}, may_move=True)
+    blamed = {error.address for error in errors}
+    right = [group for group in problem.groups if not _is_about(group, blamed)]
+    yield from _about_logs(right, problem, source, places)
+    causes = [cause for cause in problem.contradictions if cause.address not in blamed]
+    causes += [cause for group in right for cause in problem.blocked[group.name]]
+    causes += _excesses(problem, {error.address for error in errors if error.code in _TOO_LARGE})
+    yield from _as_findings(causes, system, places)
+
+
+def _is_about(group: Group, addresses: Collection[str]) -> bool:
+    """Whether one of the addresses is that of the partition or of a component in it."""
+    return f"partition/{group.name}" in addresses or any(
+        f"component/{each.name}" in addresses for each in group.members
+    )
+
+
+def _unbuilt_providers(system: System, places: Places) -> Iterator[Diagnostic]:
+    for host in system.hosts.values():
+        if host.provider in UNBUILT_PROVIDERS:
+            place = places.value("hosts", host.name, "provider")
+            yield replace(unreachable_finding(host.name, host.provider.value), place=place)
+
+
+def _exceeds_all_hosts(system: System) -> bool:
+    """Whether what components fix is more than all hosts together have, each reserve on the host where it is least."""
+    capacities = [capacity_of(host, None) for host in system.hosts.values()]
+    inside = [component for component in system.components.values() if component.runs_on is RunsOn.PARTITION]
+    fewest = min(host.logical_processors for host in system.hosts.values())
+    reserves = Counter(component.cpu.reserve for component in inside)
+    reserved = sum(
+        (
+            number * in_processors(reserve, fewest)
+            for reserve, number in reserves.items()
+            if reserve is not None and not isinstance(reserve, Measured)
+        ),
+        start=Fraction(0),
+    )
+    memory = sum(component.memory for component in inside)
+    return reserved > sum(capacity.processors for capacity in capacities) or memory > sum(
+        capacity.memory for capacity in capacities
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _AtLeast:
+    """Reservations as their source says; what is not measured counts with what the manifest fixes."""
+
+    source: ReservationSource
+
+    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
+        answer = self.source.reservation(members, host)
+        return ProcessorTime(fixed(members, host)) if isinstance(answer, NotMeasured) else answer
+
+    def depends_on(self, host: Host) -> Hashable:
+        return self.source.depends_on(host)
+
+    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
+        return self.source.remarks(members, host)
+
+
+def _about_logs(
+    groups: Iterable[Group], problem: Problem, source: ReservationSource, places: Places
+) -> Iterator[Diagnostic]:
+    """Report what there is to say of the data logs; one platform on which a log holds is enough."""
+    for group in filter(rests_on_a_log, groups):
+        hosts = [problem.system.hosts[name] for name in problem.claims[group.name]]
+        answers = [(source.reservation(group.members, host), host) for host in hosts]
+        known = next((host for answer, host in answers if not isinstance(answer, NotMeasured)), None)
+        if known is not None:
+            yield from remarks_as_findings(source.remarks(group.members, known), places)
+            continue
+        for answer, host in answers[:1]:
+            assert isinstance(answer, NotMeasured)
+            cause = unmeasured(answer, host)
+            if answer.code != findings.UNMEASURED.code:
+                yield from _as_findings([cause], problem.system, places)
+                continue
+            place = places.value("components", answer.components[0], "cpu", "reserve")
+            yield NOT_YET_MEASURED.at(place, cause.message, cause.advice, address=cause.address)
+
+
+def _excesses(problem: Problem, too_large: Collection[str]) -> list[Cause]:
+    """What exceeds the hosts, beside the partitions that are too large anyway."""
+    reported = {group.name for group in problem.groups if _is_about(group, too_large)}
+    judged = replace(problem, items=tuple(item for item in problem.items if item.name not in reported))
+    return [replace(cause, advice=_ADVICE) for cause in evident_causes(judged)]
+
+
+def _as_findings(causes: list[Cause], system: System, places: Places) -> Iterator[Diagnostic]:
+    answer = Infeasible(proven=True, conflict=(), causes=tuple(dict.fromkeys(causes)), relaxations=())
+    return causes_as_findings(answer, system, places)

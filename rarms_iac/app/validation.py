@@ -1,0 +1,146 @@
+"""Validating: every finding that needs no host, of manifests, their overlays, and folders of both."""
+
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.manifest.checks import CODES
+from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
+from rarms_iac.manifest.text.reading import MAX_BYTES, STANDARD_INPUT
+from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
+from rarms_iac.storage.reading import read_file
+
+_KEY = re.compile(rb"^([A-Za-z_]+)[ \t]*:", re.MULTILINE)
+_OVERLAY_KEYS = frozenset(
+    (b"application", b"hosts", b"components", b"partitions", b"interference", b"tasks", b"policy", b"moved")
+)
+_SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validation:
+    """What was found, in order, each finding once; and the lines of the files."""
+
+    findings: tuple[Diagnostic, ...]
+    accepted: tuple[Diagnostic, ...]
+    sources: Mapping[str, Sequence[str]]
+
+    def fails(self, *, strict: bool = False) -> bool:
+        """Whether there are errors, or in a strict validation warnings."""
+        severities = {finding.severity for finding in self.findings}
+        return Severity.ERROR in severities or (strict and Severity.WARNING in severities)
+
+
+def validate(sources: Sequence[ManifestSource]) -> Validation:
+    """Check manifests, each with its overlays, as far as that can be done without a host.
+
+    Args:
+        sources: as `sources_in` finds them. Beside them only files below a manifest's folder are read.
+    """
+    checked = [validate_manifest(source) for source in sources]
+    return Validation(
+        findings=in_order(tuple(dict.fromkeys(finding for each in checked for finding in each.findings))),
+        accepted=tuple(dict.fromkeys(finding for each in checked for finding in each.accepted)),
+        sources={file: lines for each in checked for file, lines in each.sources.items()},
+    )
+
+
+def validate_manifest(source: ManifestSource) -> Validation:
+    """Check one manifest with its overlays; structural errors do not hide what is wrong elsewhere."""
+    loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
+    system = loaded.system or loaded.remaining
+    if system is None:
+        return Validation(sources=loaded.sources, findings=loaded.diagnostics, accepted=())
+    # Imported here: what cannot be read does not need the planner.
+    from rarms_iac.app.declared_hosts import declared_host_findings
+
+    errors = [finding for finding in loaded.diagnostics if finding.severity is Severity.ERROR]
+    beyond = declared_host_findings(Manifest(source=source, system=system, loaded=loaded), errors)
+    if loaded.system is None:
+        more = [finding for finding in beyond if finding.severity is Severity.ERROR]
+        return Validation(sources=loaded.sources, findings=in_order([*loaded.diagnostics, *more]), accepted=())
+    remaining, accepted = apply_acceptances(
+        in_order([*loaded.diagnostics, *beyond]),
+        system.policy,
+        loaded.places,
+        source.today,
+        codes=CODES,
+    )
+    return Validation(sources=loaded.sources, findings=remaining, accepted=accepted)
+
+
+def sources_in(paths: Sequence[str], source: ManifestSource) -> tuple[ManifestSource, ...]:
+    """Find the manifests that are meant, and for each overlay the manifest that it belongs to.
+
+    An overlay is a YAML file that has sections of a manifest and no `schema`. It belongs to the `rarms.yaml` beside it,
+    else to that of the nearest folder above.
+
+    Args:
+        paths: files, `-`, or folders, which are walked; hidden folders are not, and links are not followed.
+        source: how each is read. Where it has overlays, every file is the manifest of them.
+    """
+    files = dict.fromkeys(file for path in paths for file in _files_in(path))
+    if source.overlays:
+        return tuple(replace(source, manifest=file) for file in files)
+    found: dict[tuple[str, ...], ManifestSource] = {}
+    for file in files:
+        manifest = _manifest_of(file) if file != STANDARD_INPUT and _is_overlay(file) else None
+        overlays = () if manifest is None else (file,)
+        made = replace(source, manifest=manifest or file, overlays=overlays)
+        found.setdefault((made.manifest, *overlays), made)
+    return tuple(found.values())
+
+
+def _files_in(path: str) -> Iterator[str]:
+    """The file itself; in a folder every manifest and overlay, and if there is none the manifest that should be."""
+    if path == STANDARD_INPUT or not Path(path).is_dir():
+        yield path
+        return
+    found = [file for file in _walk(path) if Path(file).name == DEFAULT_NAME or _is_manifest(file) or _has_base(file)]
+    yield from found or [manifest_path(path)]
+
+
+def _walk(folder: str) -> Iterator[str]:
+    for root, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for name in sorted(names):
+            file = Path(root) / name
+            if name.endswith(_SUFFIXES) and file.is_file() and not file.is_symlink():
+                yield str(file)
+
+
+def _has_base(file: str) -> bool:
+    return _is_overlay(file) and _manifest_of(file) is not None
+
+
+def _manifest_of(overlay: str) -> str | None:
+    """The nearest manifest beside or above an overlay, up to the folder rarms was started in or the repository's."""
+    for folder in Path(overlay).absolute().parents:
+        manifest = folder / DEFAULT_NAME
+        if manifest.is_file():
+            return os.path.relpath(manifest) if not Path(overlay).is_absolute() else str(manifest)
+        if (folder / ".git").exists() or folder == Path.cwd():
+            break
+    return None
+
+
+def _is_manifest(file: str) -> bool:
+    return re.search(rb"^schema[ \t]*:[ \t]*['\"]?rarms/", _text_of(file), re.MULTILINE) is not None
+
+
+def _is_overlay(file: str) -> bool:
+    """Whether its keys are some of a manifest's, and none is `schema`; text that is no YAML counts, too."""
+    keys = set(_KEY.findall(_text_of(file)))
+    return bool(keys) and keys <= _OVERLAY_KEYS
+
+
+def _text_of(file: str) -> bytes:
+    try:
+        return read_file(file, MAX_BYTES)
+    except (OSError, ValueError):
+        return b""  # who reads it as a manifest reports why

@@ -1,0 +1,199 @@
+"""What `rarms validate` finds without a host."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.app.declared_hosts import LOOKED_AT
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.validation import Validation, sources_in, validate
+from rarms_iac.model.diagnostics import Diagnostic
+
+HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
+HOST = "hosts:\n  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 5 %, memory: 1 GiB } }\n"
+SOURCE = ManifestSource(today=date(2026, 1, 1))
+
+
+def component(name: str, reserve: str = "60 %", memory: str = "512 MiB", more: str = "") -> str:
+    return f"  {name}: {{ criticality: 3, memory: {memory}, cpu: {{ reserve: {reserve} }}{more} }}\n"
+
+
+def measured(name: str) -> str:
+    apt = "apt: { mean_response_time: { at_most: 100 ms } }"
+    return f"  {name}: {{ criticality: 3, memory: 512 MiB, {apt}, run: {{ command: [vision] }} }}\n"
+
+
+def manifest(folder: Path, *components: str, hosts: str = HOST) -> Path:
+    file = folder / "rarms.yaml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(f"{HEAD}{hosts}components:\n{''.join(components)}", encoding="utf-8", newline="\n")
+    return file
+
+
+def validated(*paths: Path) -> Validation:
+    return validate(sources_in(tuple(map(str, paths)), SOURCE))
+
+
+def codes(findings: Sequence[Diagnostic]) -> list[str]:
+    return [finding.code for finding in findings]
+
+
+def test_two_reserves_of_60_per_cent_do_not_fit_one_host(tmp_path: Path) -> None:
+    found = validated(manifest(tmp_path, component("a"), component("b")))
+
+    assert codes(found.findings) == ["RARMS014"]
+    assert "a 60 % and b 60 % need 120 % of the two logical processors" in found.findings[0].detail
+    assert found.fails()
+
+
+def test_memory_in_sum_and_memory_of_what_was_never_measured_count(tmp_path: Path) -> None:
+    found = validated(
+        manifest(tmp_path, component("a", "10 %", "2 GiB"), component("b", "10 %", "1 GiB"), measured("c"))
+    )
+
+    assert codes(found.findings) == ["RARMS120", "RARMS101"]
+    assert "3584 MiB" in found.findings[0].detail
+
+
+def test_what_fits_has_no_findings(tmp_path: Path) -> None:
+    assert validated(manifest(tmp_path, component("a", "50 %"), component("b", "45 %"))).findings == ()
+
+
+def test_a_partition_that_no_host_can_hold_alone_is_told_where_all_hosts_together_could(tmp_path: Path) -> None:
+    hosts = "hosts:\n" + "".join(
+        f"  {name}: {{ logical_processors: 2, memory: 4 GiB, keep_for_host: {{ processor: 10 % }} }}\n"
+        for name in ("north", "south")
+    )
+
+    both = component("a", "50 %", more=", together: [b]"), component("b", "45 %")
+
+    found = validated(manifest(tmp_path, *both, hosts=hosts))
+
+    assert codes(found.findings) == ["RARMS014"]
+    assert "north and south" in found.findings[0].detail
+
+
+def test_virtual_processors_without_a_place_are_told(tmp_path: Path) -> None:
+    three = [component(name, "1.2 LP", more=", processors: 2") for name in ("a", "b")]
+    hosts = "hosts:\n  onboard: { logical_processors: 3, memory: 4 GiB }\n"
+
+    found = validated(manifest(tmp_path, *three, hosts=hosts))
+
+    assert codes(found.findings) == ["RARMS121"]
+
+
+def test_of_very_many_the_sum_is_still_told(tmp_path: Path) -> None:
+    hosts = "hosts:\n" + "".join(f"  h{at}: {{ logical_processors: 1, memory: 64 GiB }}\n" for at in range(20))
+    many = [component(f"c{at}", "0.2 LP", "32 MiB") for at in range(LOOKED_AT // 20 + 1)]
+
+    found = validated(manifest(tmp_path, *many, hosts=hosts))
+
+    assert codes(found.findings) == ["RARMS014"]
+
+
+def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_path: Path) -> None:
+    file = manifest(tmp_path, measured("vision"))
+
+    before = validated(file)
+    log = tmp_path / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
+    log.parent.mkdir(parents=True)
+    log.write_text("{}\n{}\n", encoding="utf-8", newline="\n")
+    after = validated(file)
+
+    assert (codes(before.findings), before.fails(strict=True)) == (["RARMS101"], False)
+    assert codes(after.findings) == ["RARMS107"]
+
+
+def test_a_provider_that_rarms_does_not_have_is_an_error(tmp_path: Path) -> None:
+    hosts = HOST.replace("{ logical", "{ provider: linux, logical")
+
+    (finding,) = validated(manifest(tmp_path, component("a"), hosts=hosts)).findings
+
+    assert (finding.code, finding.place and finding.place.path) == ("RARMS198", "hosts.onboard.provider")
+
+
+def test_structural_and_semantic_errors_come_in_one_round(tmp_path: Path) -> None:
+    wrong = [component("a", more=", together: [nobody, c]"), component("b"), component("c", memory="512")]
+
+    found = validated(manifest(tmp_path, *wrong))
+
+    assert codes(found.findings) == ["RARMS014", "RARMS042", "RARMS019"]
+    assert "nobody" in found.findings[1].detail
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "interference: { browsers: { kind: webcam } }\n",
+        "tasks: { Tracking: { priority: high } }\n",
+        "partitions:\n  a: { components: [a, c], memory: 1 }\n",
+        "polcy: { interference: browsers }\n",
+    ],
+)
+def test_what_a_structural_error_leaves_open_is_no_second_error(tmp_path: Path, wrong: str) -> None:
+    file = manifest(
+        tmp_path,
+        component("a", "10 %", more=", interference: browsers"),
+        component("b", "10 %", more=", task: Tracking"),
+        component("c", "10 %"),
+    )
+    right = "" if "browsers: " in wrong else "interference: { browsers: { kind: browser } }\n"
+    tasks = "" if "Tracking" in wrong else "tasks: { Tracking: { category: Medium, priority: 5 } }\n"
+    file.write_text(file.read_text(encoding="utf-8") + wrong + right + tasks, encoding="utf-8", newline="\n")
+
+    findings = validated(file).findings
+
+    assert len({finding.place and finding.place.line for finding in findings}) == 1
+
+
+def test_an_error_of_a_host_leaves_sums_open(tmp_path: Path) -> None:
+    hosts = HOST.replace("memory: 4 GiB", "memory: 4")
+
+    assert codes(validated(manifest(tmp_path, component("a"), component("b"), hosts=hosts)).findings) == ["RARMS019"]
+
+
+def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: Path) -> None:
+    manifest(tmp_path / "north", component("a"))
+    manifest(tmp_path / "south", component("a", "10 %"))
+    manifest(tmp_path / ".hidden", component("a"), component("b"))
+    overlays = tmp_path / "north" / "robots"
+    overlays.mkdir()
+    (overlays / "robot-7.yaml").write_text("components:\n" + component("arm"), encoding="utf-8", newline="\n")
+    (tmp_path / "compose.yaml").write_text("services:\n  web: { image: x }\n", encoding="utf-8", newline="\n")
+
+    found = validated(tmp_path)
+
+    assert codes(found.findings) == ["RARMS014"]
+    assert "a 60 % and arm 60 %" in found.findings[0].detail
+    assert sorted(Path(file).name for file in found.sources) == ["rarms.yaml", "rarms.yaml", "robot-7.yaml"]
+
+
+def test_an_overlay_alone_finds_the_manifest_above_it(tmp_path: Path) -> None:
+    manifest(tmp_path, component("a"))
+    overlay = tmp_path / "robots" / "robot-7.yaml"
+    overlay.parent.mkdir()
+    overlay.write_text("components:\n  a: { criticalty: 2 }\n", encoding="utf-8", newline="\n")
+
+    (finding,) = validated(overlay).findings
+
+    assert (finding.place and Path(finding.place.file).name, "criticalty" in finding.detail) == ("robot-7.yaml", True)
+
+
+def test_the_solver_is_not_imported(tmp_path: Path) -> None:
+    hosts = HOST + HOST.removeprefix("hosts:\n").replace("onboard", "two")
+    file = manifest(tmp_path, component("a"), component("b"), hosts=hosts)
+    program = (
+        "import sys; from rarms_iac.cli.main import main; code = main(['validate', sys.argv[1]]); "
+        "sys.exit(100 if 'highspy' in sys.modules else code)"
+    )
+
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(file)], env=dict(os.environ), capture_output=True, text=True, check=False
+    )
+
+    assert (done.returncode, done.stdout) == (0, "No findings.\n")
