@@ -174,7 +174,11 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
         stopped=_staying_stopped(request, goal),
     )
     locate = goal.rules.locate
-    tasks = (guest_task(task, application, goal.rules.replaceable, locate) for task in goal.by_hand)
+    machines = {vm.mark.name: vm.id for vm in goal.observed.of(application).partitions if vm.mark}
+    tasks = (
+        guest_task(task, application, goal.rules.replaceable, locate, machines.get(task.inside, ""))
+        for task in goal.by_hand
+    )
     guests = tuple(
         task
         for task in sorted(tasks, key=lambda task: (task.partition, task.name))

@@ -23,8 +23,18 @@ GuestTasks = Mapping[str, tuple[GuestTask, ...]]
 """By host: the classes of guests that nobody could look into, by partition, then name."""
 
 
-def guest_task(task_class: TaskClass, application: str, replaceable: frozenset[str], locate: Locate) -> GuestTask:
-    """A class that is wanted in a guest into which nobody could look, as the guest's script writes it."""
+def guest_task(
+    task_class: TaskClass, application: str, replaceable: frozenset[str], locate: Locate, machine: str
+) -> GuestTask:
+    """A class that is wanted in a guest into which nobody could look, as the guest's script writes it.
+
+    Args:
+        task_class: as it is wanted.
+        application: whose record it gets.
+        replaceable: names in lower case of shipped classes that may be taken over.
+        locate: where the manifest names it.
+        machine: the id of the partition's machine; empty where there is none yet.
+    """
     assert task_class.record is not None, "what is wanted is recorded"
     return GuestTask(
         application=application,
@@ -34,6 +44,7 @@ def guest_task(task_class: TaskClass, application: str, replaceable: frozenset[s
         set=task_class.record.set,
         replace=task_class.name.lower() in replaceable,
         place=locate(Address(partition=task_class.inside, task=task_class.name)),
+        machine=machine,
     )
 
 

@@ -30,13 +30,14 @@ class GuestTask:
     values: Mapping[str, RegistryValue]
     set: str  # digest of the values
     replace: bool  # one that was there before may be taken over
+    machine: str = ""  # id of the partition's machine, where there is one
     place: Place | None = None
 
     @property
     def step(self) -> Step:
         """The step that people are shown; no state is claimed, so its readings are empty."""
         return Step(
-            address=Address(partition=self.partition, task=self.name),
+            address=Address(partition=self.partition, task=self.name, machine=self.machine),
             title=f"write the class {self.name}, and keep what was there before",
             operation=WriteTaskClass(task=self.name, inside=self.partition, values=self.values),
             before={},

@@ -166,7 +166,11 @@ def _fill(
     steps: Sequence[_NumberedPiece],
     more: Mapping[str, Literal],
 ) -> bytes:
-    run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan, inside), **more}
+    run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan), **more}
+    run |= {
+        "guest": literal(_machine_of_guest(host_plan, inside, steps)),
+        "guard": "Assert-Guest" if inside else "Assert-VmHost",
+    }
     parts = parts_for("\n".join([run["guard"], *map(_code, steps)]))
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
@@ -179,7 +183,14 @@ def _fill(
     return fill("script.ps1.j2", values)
 
 
-def _run(host_plan: HostPlan, plan: Plan, inside: str) -> dict[str, str]:
+def _machine_of_guest(host_plan: HostPlan, inside: str, steps: Iterable[_NumberedPiece]) -> str:
+    """The id of the machine that a guest's script is for, or its name where the plan makes it; empty for the host's."""
+    made = {step.address.partition for step in host_plan.steps if isinstance(step.operation, CreatePartition)}
+    ids = (step.step.address.machine.lower() for step in steps)
+    return inside if not inside or inside in made else next(filter(None, ids), inside)
+
+
+def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
     """The facts of the run that a script and its undo have in common."""
     host, facts = host_plan.host, host_plan.facts
     reserved = in_processors(host.keep_for_host.processor, host.logical_processors)
@@ -187,12 +198,10 @@ def _run(host_plan: HostPlan, plan: Plan, inside: str) -> dict[str, str]:
         "plan": literal(plan.id),
         "application": literal(plan.application),
         "serial": literal(host_plan.serial),
-        "guest": literal(bool(inside)),
         "computer": literal(facts.computer_name),
         "logical_processors": literal(facts.logical_processors),
         "percent": literal(max(0, floor(100 * (facts.logical_processors - reserved)))),
         "memory": literal(max(0, facts.memory - host.keep_for_host.memory)),
-        "guard": "Assert-Guest" if inside else "Assert-VmHost",
     }
 
 

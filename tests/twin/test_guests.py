@@ -6,11 +6,11 @@ import pytest
 
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import RegistryValue, TaskClass, ValueKind
-from rarms_iac.model.system import TaskRequest
+from rarms_iac.model.system import System, TaskRequest
 from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import tasks_of
 from tests.builders import a_component
-from tests.twin.cell import Cell, scripts_of
+from tests.twin.cell import Cell, apply, scripts_of
 from tests.twin.cells import a_cell_system, a_windows
 from tests.twin.host import Entry, WindowsHost
 from tests.twin.observing import PROFILE, document_of
@@ -19,15 +19,19 @@ from tests.twin.run import Ran, put, run
 SCRIPT, UNDO = "onboard.guest.vision.ps1", "onboard.guest.vision.undo.ps1"
 
 
-@cache
-def the_plan() -> Plan:
+def the_system() -> System:
     """A partition whose guest gets a class of its own and one that Windows ships."""
-    system = a_cell_system(
+    return a_cell_system(
         a_component("vision", criticality=9, reserve="40 %", processors=2, task="MotionControl"),
         a_component("player", criticality=2, reserve="10 %", processors=1, task="Games", together=("vision",)),
         tasks=(TaskRequest(name="Games", replace_shipped=True),),
     )
-    return Cell(system, a_windows()).plan()
+
+
+@cache
+def the_plan() -> Plan:
+    """The plan that makes it."""
+    return Cell(the_system(), a_windows()).plan()
 
 
 @cache
@@ -35,9 +39,17 @@ def the_scripts() -> dict[str, bytes]:
     return {name: text for name, text in scripts_of(the_plan()).items() if ".guest." in name}
 
 
-def a_guest(**faults: object) -> WindowsHost:
-    """A Windows of another name, with Games as it ships."""
+GUEST = "HKLM:\\SOFTWARE\\Microsoft\\Virtual Machine\\Guest\\Parameters"
+
+
+def a_guest(
+    name: str = "vision", machine: str = "8C0F5E9A-0000-4000-8000-000000000001", **faults: object
+) -> WindowsHost:
+    """A Windows of another name in a machine, with Games as it ships."""
     host = a_windows(computer="VISION-1").copy(**faults)
+    told = host.add_key(GUEST).values
+    for value, data in (("VirtualMachineName", name), ("VirtualMachineId", machine)):
+        told[value.lower()] = Entry(name=value, kind="String", data=data)
     put(host, the_scripts())
     return host
 
@@ -124,7 +136,39 @@ def test_the_script_does_not_run_on_the_host_itself() -> None:
     host = a_windows(computer=part.facts.computer_name)
     put(host, the_scripts())
 
-    assert run(host, SCRIPT).code == 3
+    ran = run(host, SCRIPT)
+
+    assert ran.code == 3, ran.says
+    assert "no guest" in ran.says
+
+
+@pytest.mark.parametrize("script", [SCRIPT, UNDO])
+def test_the_script_does_not_run_in_the_guest_of_another_machine(script: str) -> None:
+    guest = a_guest("speech")
+    before = classes(guest)
+
+    ran = run(guest, script)
+
+    assert ran.code == 3, ran.says
+    assert "not of vision" in ran.says
+    assert classes(guest) == before
+
+
+def test_a_machine_that_is_there_is_known_by_its_id_and_a_namesake_elsewhere_is_not_it() -> None:
+    cell = Cell(the_system(), a_windows())
+    host = cell.host.copy()
+    assert apply(host, the_plan()).code == 0
+    scripts = {name: text for name, text in scripts_of(cell.on(host).plan()).items() if ".guest." in name}
+    (machine,) = (vm.id for vm in host.vms.values() if vm.name == "vision")
+    own, namesake = a_guest(machine=machine.upper()), a_guest()
+    for guest in (own, namesake):
+        put(guest, scripts)
+
+    assert run(own, SCRIPT).code == 0
+    refused = run(namesake, SCRIPT)
+
+    assert refused.code == 3, refused.says
+    assert machine in refused.says
 
 
 @cache

@@ -120,7 +120,7 @@ def _template_run(node: "Node", table: Mapping[str, "Node"]) -> dict[str, str]:
     """The run's facts, and the guard that belongs to a host's script or to a guest's."""
     if table.keys() != _RUN_KEYS:
         raise _OtherForm(node, f"the table lacks or adds {', '.join(sorted(_RUN_KEYS ^ table.keys()))}")
-    guest = text_of(inner(table["Guest"])) == "$true"
+    guest = text_of(inner(table["Guest"])) != "''"
     facts = ("kind", "plan", "application", "serial", "total", "undo", "undo_digest", "guest", "computer")
     more = ("logical_processors", "percent", "memory", "accept_scheduler")
     return {**dict.fromkeys((*facts, *more), _HARMLESS), "guard": "Assert-Guest" if guest else "Assert-VmHost"}

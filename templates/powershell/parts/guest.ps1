@@ -2,9 +2,16 @@
 # Where the script of a guest may run.
 
 function Assert-Guest {
-    # A guest's script must not run on the host itself, nor where the registry is another one.
+    # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
     if ([IntPtr]::Size -ne 8) { Exit-Refused -Detail 'this PowerShell has 32 bits: start the one that has 64' }
-    if ([Environment]::MachineName -ne $script:Definition.Computer) { return }
-    Exit-Refused -Detail 'this script is for a guest, and this is its host'
+    $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
+    if (-not (Test-Path -LiteralPath $path)) {
+        Exit-Refused -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
+    }
+    $key = Get-Item -LiteralPath $path
+    $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
+    $name = [string] $key.GetValue('VirtualMachineName')
+    if (@($id, $name) -ccontains $script:Definition.Guest) { return }
+    Exit-Refused -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Definition.Guest)
 }
 # --- end of the part guest ---------------------------------------------------------------------

@@ -619,8 +619,8 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '973636218313b559721396e2a45350d66a065df5cd4ab31feb6bc498640ddf22'
-        Guest = $false
+        UndoDigest = '48bceadd1407fc2bfc5603b44dc7c8c4627d7d88431b8641c08a6393ff80ac6e'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0c690b83981ef710669e31e76100e0a5aafb8b7daa1c23b9f78b0c7ae39ceade'
-        Guest = $false
+        UndoDigest = '91a5933f87d6b5d14f62592ebf49b53b91980e547df208441018fb98f3de1531'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -732,8 +732,8 @@ try {
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '2f8930e5541f0c1a9cc2fdab0f3c51bc5487ea908439e1615cf447a3698aac78'
-        Guest = $false
+        UndoDigest = '659256050bf8314b129ceb57135f701a186eee35c0e4f4b07d8e057e6f403adf'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

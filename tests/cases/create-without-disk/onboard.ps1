@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ce89920acc46fbde480b755fb3636d814f088f4b34ffd1240de95bd273dafb8f'
-        Guest = $false
+        UndoDigest = '4c4606aae7d41c43e860700143f2ff9afb7479608db8d775e685e1ad140f6f20'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

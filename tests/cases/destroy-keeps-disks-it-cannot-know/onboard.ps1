@@ -777,8 +777,8 @@ try {
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5b41b435f0dece11bfd096235cf100109617dddfcadf03dcac53e5534c8f08ce'
-        Guest = $false
+        UndoDigest = '76b5e2990718a2c54fc8e595d268de3f5c56151b6dd1c584ed617442741885e2'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -847,8 +847,8 @@ try {
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '59cdbd66fce49363a9b58f1e0b261e117ded0aa3b0f66b336db77cd57b3aadc5'
-        Guest = $false
+        UndoDigest = '6cde91df3a762779a47b5093f2279d5ee78d8bc30a36443101eda07ca801b857'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

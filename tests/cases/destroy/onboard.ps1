@@ -777,8 +777,8 @@ try {
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ac84888b166b5e504c41dec425b6ce6723555a4bf814d9307a97b198450d8072'
-        Guest = $false
+        UndoDigest = 'e485ce8a9b14e93c9bfaace9b24a1c86ee927bb4594830e66504653038a296f3'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '69c7f6354696f9c7ecf7fe6e32e23e1c0bb73004a29b1288b267a5d1eb5a62fd'
-        Guest = $false
+        UndoDigest = '23f24b3ed802487ead67a96825c7fcefebc192e998b62b7b5521f4387b728408'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -619,8 +619,8 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '75b020ded00e334de49ac29fdf7fbac3e4bd31e90de41c4ef812ad370a746a4f'
-        Guest = $false
+        UndoDigest = '59d1194a3ccfed7297234cbb38405865da0f13b052cbbba440446d425c18d969'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '502b3c98b4e9900f94966a5ba9e301fbc4e52ad9efd2b231ba5cbd7315bd3633'
-        Guest = $false
+        UndoDigest = 'fc81c23c028d5d75b4f4256b420d8bdf24415445d6f87b30a97238fd9c1be907'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

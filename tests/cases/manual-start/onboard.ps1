@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '1fdfca144b9da465b7f7e622eb79acb41971c73d4146b1902764f7f681e69053'
-        Guest = $false
+        UndoDigest = 'd48ea6adf0dcf9ecac41362982cf713b69c5205df2b44e39aab0d03b28cdc8dc'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

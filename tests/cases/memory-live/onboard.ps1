@@ -681,8 +681,8 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '76d269acc4b77e74ded6cc78437a638ea06b79271918e6e688cb186edc00aab8'
-        Guest = $false
+        UndoDigest = '530995df656d4fa37639d38bc441d1c66014a8082d0e83737331a8cc47855f2a'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

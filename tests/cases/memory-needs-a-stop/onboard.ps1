@@ -681,8 +681,8 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9d0b3bea21e5e3d355d4784189961610a6de27bd07e36f61c1162a7e6868e8c0'
-        Guest = $false
+        UndoDigest = '72b5e00c6cce3a408900d40bdbcbd7850d305c78d8ef006c66a5be4ec99a3243'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

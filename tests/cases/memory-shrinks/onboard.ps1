@@ -681,8 +681,8 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'bfb5772a8b9dcb1ab3025f184a504824b276a3fabed2c73db3fafbb94739be61'
-        Guest = $false
+        UndoDigest = '81ce80ce350a86daa7daa2de80ab09453ab4b04aa10b53a7f3dac4c709213fdf'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -681,8 +681,8 @@ try {
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b2ac301f2166eaacbd44080329004e48944ffa5dde77a9ccbf1c38b5cb86b897'
-        Guest = $false
+        UndoDigest = '68b4056a9f3231f83e8226aa62927f692308fd82f743f534ce4a35e769030923'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -619,8 +619,8 @@ try {
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'bc82a726d7e264336af2235419f9e039a09997c37e4a9ef30e63cff28bc6cb4e'
-        Guest = $false
+        UndoDigest = '9d45b76ba191616869d32371e02a0eba89750fc882e91c7d663eb7780f9abfdc'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

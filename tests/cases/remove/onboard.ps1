@@ -638,8 +638,8 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '1f788d6817795f6d37f9a74136e0c14e0d0145bae4dea9c1a8a55102d0c2f462'
-        Guest = $false
+        UndoDigest = 'd7ed11bfa8340f364ec659efa3761681cafef8e1bdbc4ee1e5e0caf1add054e0'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

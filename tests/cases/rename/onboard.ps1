@@ -619,8 +619,8 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '090161c6d319f993ac163f8d662026c8e066abdd99c5833a105b9b05f8b5f994'
-        Guest = $false
+        UndoDigest = 'b5c26e4bd5ce2368896a003570730c35eefce48d40683c73cf4340e2dcc5017f'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

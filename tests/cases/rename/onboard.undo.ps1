@@ -620,7 +620,7 @@ try {
         Total = 3
         Undo = ''
         UndoDigest = ''
-        Guest = $false
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -619,8 +619,8 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '626ee824d68c6482b1cbeaf591d537c1281d2203410eaee5ee1b7389b36cb8fd'
-        Guest = $false
+        UndoDigest = 'cc8d11cd03480b67f43ca063eae69d6de79a7cd00f3b453f2de67eeaf75b5bbd'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4ed595f683bfa7b15929faa83da8ce09337c48d1ebebdcdc2588a32554ce82dd'
-        Guest = $false
+        UndoDigest = '300798903e17e1be9dc96a51c67c18147df4ae47f6c1653a02eb35ea07795d5a'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '44e4fad09880b2795eb010d190177fca59ceb3e1e39b8cfd5d26f5a11627dea0'
-        Guest = $false
+        UndoDigest = 'dbe065b0678369ce7c0094fa9eca0d80fa11210cd0e691a5a2f62f60ec24a171'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

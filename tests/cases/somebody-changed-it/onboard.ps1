@@ -663,8 +663,8 @@ try {
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'cfaa83123ff433836d66e81916a3cf988228b273df1f96791348d51b495613f0'
-        Guest = $false
+        UndoDigest = 'b23e3e32099f37c1816245ef5a52c40316ce005ccde3add43ca66901168c07da'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd740e4505d2c43adac9f696d566df242b42840a9a1fe6daaef2d14aca41659a9'
-        Guest = $false
+        UndoDigest = '8aa7a5eab758a9f532d06736fb05c0e0929103bed805a87371df4d80dddc6879'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd5371e1c0f71627b536ad6e0f3bd8946c88e42b52c5765d390c1fabff0cbe481'
-        Guest = $false
+        UndoDigest = '2c0395846b300ba47d9a0bb5866bf3db01fe57a898b909b33f017b986cd657be'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -681,8 +681,8 @@ try {
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a7e9ad7877a0d53584242dc5378a12ff902d6bc67c08eb8a255b605fc81671c9'
-        Guest = $false
+        UndoDigest = '1724b6e9479b2d8912ff5c6d9707a946da9b62396c9164c680f926f181ae32bd'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -637,8 +637,8 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '52b31f14d26c5fd691612111f996c80ef3b8d9c14c8e06880634a155cd09b1e0'
-        Guest = $false
+        UndoDigest = 'a0df942389ae4ded3f24bd4cdd1557ca244951a27f6ac9f79a07641f5d719053'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

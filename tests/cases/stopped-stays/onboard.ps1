@@ -663,8 +663,8 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '61152daa65d2ec133cdcefbc0de609e9156333f60a25b7ef445f729147318800'
-        Guest = $false
+        UndoDigest = '419542727566558fbad327a48c52b430752b462a4e9adda4e1532d09e07f34f4'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

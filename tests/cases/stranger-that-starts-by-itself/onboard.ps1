@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'bdb7c06a4859c7ed46afa98d553d6bdb6dd8d7fc6514ede3ad3870f73e4096c2'
-        Guest = $false
+        UndoDigest = '80d2fd9a1b2a32f36615ca859b642a7c78cbbcb836539803567ab57796719022'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

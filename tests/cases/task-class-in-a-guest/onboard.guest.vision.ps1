@@ -455,10 +455,17 @@ function Write-FirstRecord {
 # Where the script of a guest may run.
 
 function Assert-Guest {
-    # A guest's script must not run on the host itself, nor where the registry is another one.
+    # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
     if ([IntPtr]::Size -ne 8) { Exit-Refused -Detail 'this PowerShell has 32 bits: start the one that has 64' }
-    if ([Environment]::MachineName -ne $script:Definition.Computer) { return }
-    Exit-Refused -Detail 'this script is for a guest, and this is its host'
+    $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
+    if (-not (Test-Path -LiteralPath $path)) {
+        Exit-Refused -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
+    }
+    $key = Get-Item -LiteralPath $path
+    $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
+    $name = [string] $key.GetValue('VirtualMachineName')
+    if (@($id, $name) -ccontains $script:Definition.Guest) { return }
+    Exit-Refused -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Definition.Guest)
 }
 # --- end of the part guest ---------------------------------------------------------------------
 # --- part tasks: the same bytes in every script that carries it --------------------------------
@@ -665,8 +672,8 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '5e917c34dde3ac7dfa3f871320282c959339769930b6b23fda0ffd6053086baf'
-        Guest = $true
+        UndoDigest = '841e4ac1cade55624e7a5622e7b5d6941b07ce7d84df35e4cf2d5f1b9b76921e'
+        Guest = 'vision'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '2ff343e390db3e2c4b6315c23696165144716bb64a4ecde608726be24ef4d38d'
-        Guest = $false
+        UndoDigest = '3f2954ab2652e3e12c1f28ebd0c6790939b614a4c89aa92388b55e89de4639a0'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

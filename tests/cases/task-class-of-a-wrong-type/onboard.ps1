@@ -631,8 +631,8 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a2ec15c4910460e43b9e04f5a9329a250eeb5832d22bb8dd1976bff426756df3'
-        Guest = $false
+        UndoDigest = '33c589c06a480b82276bb3bfbb784783e45251de24a9fd18d12cba6ce645bfe3'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

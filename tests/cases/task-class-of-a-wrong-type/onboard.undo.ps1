@@ -632,7 +632,7 @@ try {
         Total = 4
         Undo = ''
         UndoDigest = ''
-        Guest = $false
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

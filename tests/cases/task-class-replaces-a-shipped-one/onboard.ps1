@@ -631,8 +631,8 @@ try {
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b75ad6bff696d79beff0f7679b040dfaefb0db5446f0f94b6fb8fe05ca0620d7'
-        Guest = $false
+        UndoDigest = '65255ad3a224b446a7b11d88d193ef939ac18ef44db56fe12018cc52ecfc0a4d'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -631,8 +631,8 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ea266aa6d81d16890098753172d9f9f716bcead4d61667edbf9a78ff54f7c059'
-        Guest = $false
+        UndoDigest = '5d2b6c5e526707b421bda166b445f2e1d248afd88043a6304aa36242cd6ddf15'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -631,8 +631,8 @@ try {
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5cf6ac1b4583a954d95cb939e31aa450a1cb309dd8791ac33533ca4733dc07ea'
-        Guest = $false
+        UndoDigest = 'db5ddd912e81740917407d040bb74728482cd6f9db71b5a057e55ded383a0323'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c1048a9e32fecf988537945543c43cfb18180c8cefdf412e371523e08877307b'
-        Guest = $false
+        UndoDigest = '8c815c06b821ead6413ca394f42d23b71832c1a1535c3d850fb1cd2132711a02'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -663,8 +663,8 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd19c662b8e1ab75bb90d392d140a9e5acba8fa96f95a5f3721516028bc0e9ac8'
-        Guest = $false
+        UndoDigest = '2e15ce00d06a187387b36bba8e263e5ed6f12fbb823a7cfa6d3ddd7c595e2ed5'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4

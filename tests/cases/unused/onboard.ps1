@@ -637,8 +637,8 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '862ed421389e3ea09ebc7681413fd5a7fbe7357eb10844133018b7b270171849'
-        Guest = $false
+        UndoDigest = '2ca58b2202e25156cadd55ed275c0fd4618a6d0c6fd11e79327fcde70735359f'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
