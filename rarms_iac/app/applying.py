@@ -7,7 +7,7 @@ from pathlib import Path
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import STANDARD_INPUT, folder_of
-from rarms_iac.app.hosts import hold_hosts, owner
+from rarms_iac.app.hosts import hold_hosts, run_origin
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
@@ -52,7 +52,7 @@ def apply(
     below = folder_of(plan.manifest) if folder is None else folder
     hosts = {part.host.name: open_host(part.host, below, part.state_path) for part in plan.hosts}
     with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
-        return apply_plan(plan, hosts, owner(), reporter.steps, stop.should_stop, waits)
+        return apply_plan(plan, hosts, run_origin(), reporter.steps, stop.should_stop, waits)
 
 
 def _refuse_elsewhere(plan: Plan) -> None:

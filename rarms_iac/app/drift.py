@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.app.requests import PlanLimits
@@ -11,7 +11,7 @@ from rarms_iac.applying.host_drift import drift_of_hosts
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.drift import DriftKind, ResourceDrift, partitions_after_last_run
 from rarms_iac.model.changes import Address, Change
-from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Disruption
 
@@ -35,6 +35,7 @@ class DriftReport:
 
     hosts: tuple[HostDrift, ...]
     unfinished: Mapping[str, str]
+    problems: tuple[Diagnostic, ...] = ()  # why nobody knows what the manifest wants; empty: it is compared
 
     @property
     def host_changed(self) -> bool:
@@ -51,7 +52,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     """Compare the chosen hosts with the manifest and with what the last apply left. Only reads.
 
     Raises:
-        UseCaseError: a host cannot be read (failed), or the manifest has no layout to compare with (negative).
+        UseCaseError: a host cannot be read, or hides what is there (failed).
     """
     system, manifest = hosts.system, hosts.manifest
     states = observe_hosts(hosts)
@@ -62,8 +63,8 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     request = planner_request(hosts, everything, states)
     limit = system.policy.max_disruption
     drifts, problems = drift_of_hosts(system, states, manifest.places, limit, present, request.reservations)
-    if not drifts and has_errors(problems):
-        raise UseCaseError(outcome_of(problems), problems, manifest.sources)
+    if outcome_of(problems) is Outcome.FAILED:
+        raise UseCaseError(Outcome.FAILED, problems, manifest.sources)
     plan = prepare(request, states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
     return DriftReport(
@@ -77,5 +78,6 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
             for name, drifted in drifts.items()
             if name in hosts.chosen
         ),
+        problems=problems if has_errors(problems) else (),
         unfinished={name: run.started.plan for name, run in runs.items() if run is not None and run.unfinished},
     )

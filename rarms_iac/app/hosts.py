@@ -6,7 +6,7 @@ import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import date
+from datetime import UTC, date, datetime
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifests import Manifest, load_manifest
@@ -15,7 +15,7 @@ from rarms_iac.app.snapshots import Snapshot, Snapshots, add_guest_tasks, read_s
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_steps import hold
-from rarms_iac.model.journal import Journal, ScriptRun
+from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import quoted, suggestion
@@ -238,3 +238,8 @@ def owner() -> str:
     except (OSError, KeyError, ImportError):
         user = "somebody"
     return f"{user}@{platform.node() or 'this computer'}, process {os.getpid()}"
+
+
+def run_origin() -> RunOrigin:
+    """Name who starts a run, and the time now."""
+    return RunOrigin(by=owner(), at=datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.app.control import NEVER_STOP, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.hosts import Hosts, owner
+from rarms_iac.app.hosts import Hosts, run_origin
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import prepare
@@ -182,7 +182,7 @@ def _run(hosts: Hosts, bench: MeasuringHost, request: PlanRequest) -> None:
 
 
 def _apply(plan: Plan, bench: MeasuringHost) -> None:
-    report = apply_plan(plan, {bench.name: bench}, owner(), SilentRunReporter(), _never)
+    report = apply_plan(plan, {bench.name: bench}, run_origin(), SilentRunReporter(), _never)
     if report.ending not in {RunEnding.DONE, RunEnding.NOTHING}:
         outcome = Outcome.REFUSED if report.ending is RunEnding.REFUSED else Outcome.FAILED
         raise UseCaseError(outcome, report.diagnostics)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.app.applying import combine_reports
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors, owner
+from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors, run_origin
 from rarms_iac.applying.run_report import RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.undo import can_be_undone, not_undone_findings, steps_undone, undo
@@ -88,4 +88,4 @@ def undo_applies(
     """
     hosts = tuple(last.host for last in applies)
     with hold_hosts(hosts, waits.lock_ms), stop.gently():
-        return combine_reports([undo(host, owner(), reporter.steps, stop.should_stop, waits) for host in hosts])
+        return combine_reports([undo(host, run_origin(), reporter.steps, stop.should_stop, waits) for host in hosts])

@@ -11,7 +11,7 @@ from rarms_iac.applying.run_steps import ShouldStop, combined_report, run_steps
 from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.digests import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun
+from rarms_iac.model.journal import Closing, Journal, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.powershell.render import script_name
 from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
@@ -57,7 +57,7 @@ def _finish(host: LiveHost, reporter: RunReporter, should_stop: ShouldStop, wait
 def apply_plan(
     plan: Plan,
     hosts: Mapping[str, LiveHost],
-    owner: str,
+    origin: RunOrigin,
     reporter: RunReporter,
     should_stop: ShouldStop,
     waits: WaitLimits = NO_WAITING,
@@ -88,7 +88,9 @@ def apply_plan(
         try:
             match host:
                 case StepwiseHost():
-                    reports.append(run_steps(host, _begin_or_resume(host, plan, part, owner), reporter, should_stop))
+                    reports.append(
+                        run_steps(host, _begin_or_resume(host, plan, part, origin, journal), reporter, should_stop)
+                    )
                 case ScriptedHost():
                     report = run_job(host, apply_job(plan.id, part), reporter, should_stop, waits)
                     reports.append(
@@ -140,7 +142,7 @@ def _runs_here(host: LiveHost, part: HostPlan) -> bool:
     return bool(part.steps)
 
 
-def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journal:
+def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: RunOrigin, last_run: LastRun) -> Journal:
     """The plan's own unfinished run, or a fresh one."""
     journal = host.unfinished()
     if journal is not None:
@@ -149,7 +151,9 @@ def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str)
         run=RunKind.APPLY,
         plan=plan.id,
         application=plan.application,
-        started_by=owner,
+        started_by=origin.by,
+        started_at=origin.at,
+        history=history_of(last_run),
         host_plan=part,
         steps=part.steps,
         serials=raised_serials(host.observe().serials, plan.application),

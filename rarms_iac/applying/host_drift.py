@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rarms_iac.applying.goals import FIXED, goals_of
-from rarms_iac.diff.drift import ResourceDrift, drift
+from rarms_iac.diff.drift import ResourceDrift, drift, drift_of_marks
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
@@ -30,10 +30,14 @@ def drift_of_hosts(
         reservations: where reserves come from that the manifest does not fix.
 
     Returns:
-        The drift by host name, and what the planner found. Without a layout nothing is compared.
+        The drift by host name, and what the planner found. Where errors keep it from a layout, nobody knows what is
+        wanted: then only what was changed on the hosts is told.
     """
     goals = goals_of(system, observed, places, limit, reservations)
     application = system.application.name
+    if not goals.hosts:
+        by_marks = {name: drift_of_marks(state, application, last_runs.get(name)) for name, state in observed.items()}
+        return by_marks, goals.findings
     drifts = {
         name: drift(goal.desired, goal.observed, application, goal.rules.unused, last_runs.get(name))
         for name, goal in goals.hosts.items()

@@ -18,14 +18,14 @@ from rarms_iac.applying.run_script import (
 )
 from rarms_iac.applying.run_steps import ShouldStop, run_steps
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, ScriptRun
+from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
 from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
 
 
 def undo(
-    host: LiveHost, owner: str, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
+    host: LiveHost, origin: RunOrigin, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
 ) -> RunReport:
     """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
     try:
@@ -34,7 +34,7 @@ def undo(
                 journal = host.journal()
                 if journal is None or not can_be_undone(journal):
                     return _nothing_to_undo(host, journal)
-                return without_rights(host) or _walk_back(host, journal, owner, reporter, should_stop)
+                return without_rights(host) or _walk_back(host, journal, origin, reporter, should_stop)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
@@ -62,11 +62,11 @@ def without_rights(host: LiveHost) -> RunReport | None:
 
 
 def _walk_back(
-    host: StepwiseHost, journal: Journal, owner: str, reporter: RunReporter, should_stop: ShouldStop
+    host: StepwiseHost, journal: Journal, origin: RunOrigin, reporter: RunReporter, should_stop: ShouldStop
 ) -> RunReport:
     if journal.started.run is RunKind.UNDO:
         return run_steps(host, journal, reporter, should_stop)
-    started = undo_run(journal, started_by=owner)
+    started = undo_run(journal, origin)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), reporter, should_stop)
     return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, journal)))
@@ -149,7 +149,7 @@ def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagno
             return tuple(refusals.undo_script_partial(host, lost) for lost in not_undone(journal.started.undo))
 
 
-def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
+def undo_run(journal: Journal, origin: RunOrigin) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale."""
     started = journal.started
     steps = tuple(
@@ -159,7 +159,9 @@ def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
         started,
         run=RunKind.UNDO,
         steps=steps,
-        started_by=started_by,
+        started_by=origin.by,
+        started_at=origin.at,
+        history=history_of(journal),
         serials=raised_serials(started.serials, started.application),
     )
 

@@ -62,6 +62,41 @@ def drift(
     return tuple(sorted(drifts, key=lambda drift: drift.address))
 
 
+def drift_of_marks(
+    observed: State, application: str, last_run: frozenset[str] | None = None
+) -> tuple[ResourceDrift, ...]:
+    """Find what somebody changed on a host, by what rarms last wrote there: needs neither manifest nor data logs.
+
+    Args:
+        observed: what is there.
+        application: the application whose marks and records count.
+        last_run: partitions that were on the host when its last run ended; None where nobody knows.
+
+    Returns:
+        One entry a resource that was changed or removed, by address.
+    """
+    own = observed.of(application)
+    records: list[tuple[Address, TaskClass | Responsiveness]] = [
+        (Address(partition=task.inside, task=task.name), task) for task in own.tasks
+    ]
+    if own.responsiveness is not None:
+        records.append((RESPONSIVENESS, own.responsiveness))
+    changed = [
+        *(
+            Address(partition=there.mark.name, machine=there.id)
+            for there in own.partitions
+            if there.mark is not None and _is_changed(there, by_hand=there.settings.start_action is StartAction.NOTHING)
+        ),
+        *(address for address, there in records if there.record and set_of_values(there.values) != there.record.set),
+    ]
+    present = {there.mark.name for there in own.partitions if there.mark is not None}
+    drifts = [
+        *(_of_kind(address, DriftKind.HOST_CHANGED) for address in changed),
+        *(_of_kind(Address(partition=name), DriftKind.REMOVED) for name in (last_run or frozenset()) - present),
+    ]
+    return tuple(sorted(drifts, key=lambda drift: drift.address))
+
+
 def _partitions(
     desired: State, observed: State, application: str, unused: frozenset[str], last_run: frozenset[str] | None
 ) -> Iterator[ResourceDrift]:
@@ -71,16 +106,16 @@ def _partitions(
         address = Address(partition=name, machine=there[name].id if name in there else "")
         kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
         if kind is DriftKind.MISSING and last_run is not None:
-            yield _removed(address) if name in last_run else _never_applied(address)
+            yield _of_kind(address, DriftKind.REMOVED) if name in last_run else _never_applied(address)
         elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
             message = "`rarms measure` stopped it and ended before it started it again: `rarms start` does"
             yield ResourceDrift(address=address, kind=kind, message=message)
         elif kind is not None:
-            yield ResourceDrift(address=address, kind=kind, message=_describe(kind))
+            yield _of_kind(address, kind)
 
 
-def _removed(address: Address) -> ResourceDrift:
-    return ResourceDrift(address=address, kind=DriftKind.REMOVED, message=_describe(DriftKind.REMOVED))
+def _of_kind(address: Address, kind: DriftKind) -> ResourceDrift:
+    return ResourceDrift(address=address, kind=kind, message=_describe(kind))
 
 
 def _never_applied(address: Address) -> ResourceDrift:
@@ -93,8 +128,7 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
         return DriftKind.MISSING
     if wanted is None or wanted.mark is None:
         return DriftKind.NOT_APPLIED
-    is_started = there.mark.stopped_by is not StoppedBy.NOBODY and there.settings.running
-    host = is_started or _digest_now(there, by_hand=_runs_by_hand(wanted) and not is_unused) != there.mark.set
+    host = _is_changed(there, by_hand=_runs_by_hand(wanted) and not is_unused)
     manifest = wanted.mark.set != there.mark.set or _is_left_by_measurement(there)
     if not host and not manifest and is_unused:
         return DriftKind.UNUSED
@@ -103,6 +137,13 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
 
 def _runs_by_hand(wanted: Partition) -> bool:
     return wanted.settings.start_action is StartAction.NOTHING
+
+
+def _is_changed(there: Partition, *, by_hand: bool) -> bool:
+    """Whether a marked partition is not as rarms wrote it."""
+    assert there.mark is not None
+    is_started = there.mark.stopped_by is not StoppedBy.NOBODY and there.settings.running
+    return is_started or _digest_now(there, by_hand=by_hand) != there.mark.set
 
 
 def _is_left_by_measurement(there: Partition) -> bool:
@@ -151,13 +192,13 @@ def _tasks(desired: State, observed: State, application: str, unused: frozenset[
         address = Address(partition=key[0], task=(new or named).name)
         kind = _kind_in_registry(old, new)
         if kind is not None:
-            yield ResourceDrift(address=address, kind=kind, message=_describe(kind))
+            yield _of_kind(address, kind)
 
 
 def _responsiveness(wanted: Responsiveness | None, there: Responsiveness | None) -> Iterator[ResourceDrift]:
     kind = _kind_in_registry(there, wanted) if wanted or there else None
     if kind is not None:
-        yield ResourceDrift(address=RESPONSIVENESS, kind=kind, message=_describe(kind))
+        yield _of_kind(RESPONSIVENESS, kind)
 
 
 def _kind_in_registry(

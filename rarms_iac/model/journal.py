@@ -15,6 +15,37 @@ class RunKind(StrEnum):
     UNDO = "undo"
 
 
+class Closing(StrEnum):
+    """How a run ended."""
+
+    DONE = "done"
+    ABANDONED = "abandoned"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOrigin:
+    """Who starts a run, and when."""
+
+    by: str  # user@computer, process
+    at: str  # UTC, `2026-01-31 12:00:00 UTC`: no ISO form, which PowerShell 7 would read back as a date
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PastRun:
+    """A run as the journals of later runs on the same host remember it."""
+
+    run: RunKind
+    plan: str  # id
+    application: str
+    started_by: str
+    started_at: str  # as of `RunOrigin`; empty: nobody wrote it down
+    closing: Closing | None  # None: it did not end; an undo may have taken it back
+
+
+MOST_PAST_RUNS = 100
+"""So many runs are remembered; older ones are forgotten, so that a journal does not grow for ever."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunStarted:
     """The first record: the whole run, so that anybody can finish it without the plan file or the manifest.
@@ -29,6 +60,8 @@ class RunStarted:
     host_plan: HostPlan
     steps: tuple[Step, ...]  # what this run walks; of an undo: the reversed steps
     serials: Mapping[str, int]  # of every application on the host, this run counted
+    started_at: str = ""  # as of `RunOrigin`; empty: an older rarms wrote it
+    history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 
 
@@ -47,13 +80,6 @@ class StepRecorded:
     number: int  # from 0, in the run's steps
     status: StepStatus
     kind: Literal["step_recorded"] = "step_recorded"
-
-
-class Closing(StrEnum):
-    """How a run ended."""
-
-    DONE = "done"
-    ABANDONED = "abandoned"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +123,8 @@ class ScriptStarted:
     undo: str
     serials: Mapping[str, int]
     touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
+    started_at: str = ""  # as of `RunOrigin`
+    history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 
 
@@ -116,3 +144,26 @@ class ScriptRun:
     def touched(self) -> frozenset[int]:
         """Numbers of the steps that were begun or done and may have changed something."""
         return frozenset(step.number for step in self.steps if step.status is not StepStatus.UNCHANGED)
+
+
+def history_of(last: Journal | ScriptRun | None) -> tuple[PastRun, ...]:
+    """List the runs on a host, the oldest first.
+
+    Args:
+        last: The last run there, which counts as well; None: there was none.
+
+    Returns:
+        At most the last `MOST_PAST_RUNS`.
+    """
+    if last is None:
+        return ()
+    started = last.started
+    past = PastRun(
+        run=started.run,
+        plan=started.plan,
+        application=started.application,
+        started_by=started.started_by,
+        started_at=started.started_at,
+        closing=None if last.closed is None else last.closed.closing,
+    )
+    return (*started.history, past)[-MOST_PAST_RUNS:]

@@ -135,19 +135,25 @@ TITLES = {
 }
 
 
-def drift_text(hosts: Sequence[HostDrift], unfinished: Collection[str] = ()) -> "RenderableType":
+def drift_text(
+    hosts: Sequence[HostDrift], unfinished: Collection[str] = (), problems: Sequence[Diagnostic] = ()
+) -> "RenderableType":
     """Show of each difference what is there, and what the manifest wants.
 
     Args:
         hosts: what drifted on each.
         unfinished: names of hosts with an unfinished run: nothing can be planned there before it is finished.
+        problems: why nobody knows what the manifest wants; empty: it was compared.
     """
     parts = [part for host in hosts if host.drifted for part in _host(host)]
     if unfinished:
         parts.append(paragraph(f"A run is unfinished on {', '.join(sorted(unfinished))}: `rarms apply` finishes it."))
-    elif any(drifted.kind is not DriftKind.UNUSED for host in hosts for drifted in host.drifted):
+    elif not problems and any(drifted.kind is not DriftKind.UNUSED for host in hosts for drifted in host.drifted):
         parts.append(paragraph("`rarms plan` shows what would make it as the manifest wants it."))
-    return stack(*parts, paragraph(styled((_summary(hosts), STRONG))))
+    if problems:
+        codes = ", ".join(dict.fromkeys(f"{problem.code} ({problem.summary.lower()})" for problem in problems))
+        parts.append(paragraph(f"The manifest was not compared: {codes}. `rarms plan` tells more."))
+    return stack(*parts, paragraph(styled((_summary(hosts, compared=not problems), STRONG))))
 
 
 def _host(host: HostDrift) -> "Iterator[RenderableType]":
@@ -173,23 +179,25 @@ def _amount_wanted(change: Change | None) -> str:
     return "" if reserved is None else f", {show_processors(reserved)} wanted"
 
 
-def _summary(hosts: Sequence[HostDrift]) -> str:
+def _summary(hosts: Sequence[HostDrift], *, compared: bool) -> str:
     kinds = [drifted.kind for host in hosts for drifted in host.drifted]
     changed = sum(kind.is_of_the_host for kind in kinds)
     waiting = sum(not kind.is_of_the_host and kind is not DriftKind.UNUSED for kind in kinds)
     unused = kinds.count(DriftKind.UNUSED)
     if not changed and not waiting:
         extra = f" {counted(unused, 'partition')} unused." if unused else ""
-        return f"No drift. What rarms wrote is as it was, and as the manifest wants it.{extra}"
+        wanted = ", and as the manifest wants it" if compared else ""
+        return f"No drift. What rarms wrote is as it was{wanted}.{extra}"
     parts = [f"{changed} changed on the host", f"{waiting} not applied yet"]
     return f"Drift: {', '.join(parts)}."
 
 
-def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
-    """The same for programs."""
+def drift_json(application: str, hosts: Sequence[HostDrift], *, compared: bool = True) -> str:
+    """The same for programs; `compared`: whether it is known what the manifest wants."""
     return as_json(
         DriftOutput(
             application=application,
+            compared=compared,
             drifted=tuple(_drift_output(host, drifted) for host in hosts for drifted in host.drifted),
         )
     )

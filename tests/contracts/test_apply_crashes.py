@@ -73,7 +73,7 @@ def apply_again(system: System, folder: Path) -> RunReport:
         finished = finish_unfinished([host], SilentRunReporter(), lambda: False)
         if finished is not None:
             return finished
-        return apply_plan(a_plan(system, host), {host.name: host}, "ann@lab", SilentRunReporter(), lambda: False)
+        return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN, SilentRunReporter(), lambda: False)
 
 
 def settled(folder: Path) -> Path:
@@ -94,7 +94,7 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(t
 
     assert apply_again(SECOND, folder).ending is RunEnding.DONE
     assert not a_plan(SECOND, a_host(folder)).has_changes
-    assert undo(a_host(folder), "ann@lab", SilentRunReporter(), lambda: False).ending is RunEnding.DONE
+    assert undo(a_host(folder), builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
 
     assert as_left(a_host(folder)) == before
     assert dict(a_host(folder).observe().serials) == {"robot": 3}

@@ -22,9 +22,9 @@ def command(session: Session, *, source: ManifestSource, host_selection: HostSel
     hosts = select_hosts(load_manifest(source), host_selection)
     report = look_for_drift(hosts)
     if as_json:
-        session.terminal.data(drift_json(hosts.system.application.name, report.hosts))
+        session.terminal.data(drift_json(hosts.system.application.name, report.hosts, compared=not report.problems))
     else:
-        session.terminal.show(drift_text(report.hosts, report.unfinished))
+        session.terminal.show(drift_text(report.hosts, report.unfinished, report.problems))
     for host, plan in report.unfinished.items():
         session.terminal.tell(
             f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as changed."

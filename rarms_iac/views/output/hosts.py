@@ -29,6 +29,7 @@ class DriftOutput:
     format_version: Format = FORMAT_VERSION
     kind: Literal["drift"] = "drift"
     application: str
+    compared: bool  # with the manifest; false: it has no layout, and only what was changed on the hosts is told
     drifted: tuple[DriftedResourceOutput, ...]
 
 
