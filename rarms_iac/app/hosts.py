@@ -5,7 +5,7 @@ import os
 import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
@@ -45,6 +45,10 @@ class Hosts:
     def folder(self) -> str:
         """The manifest's folder."""
         return self.manifest.folder
+
+    def only(self, *names: str) -> "Hosts":
+        """The same manifest, with these of its hosts."""
+        return replace(self, selection=replace(self.selection, hosts=names))
 
     def state_path(self, host: str) -> str:
         """Where a simulated host's file lies, relative to the folder."""

@@ -1,6 +1,8 @@
 """`rarms` itself: a group that imports a command only when it is called."""
 
+import os
 from importlib import import_module
+from pathlib import Path
 
 import click
 
@@ -10,6 +12,7 @@ from rarms_iac.cli.table import COMMANDS, module_of
 HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
 
 \b
+  rarms            see how things stand, and what to do next
   rarms init       write a first manifest
   rarms validate   check it
   rarms plan       see what would change
@@ -72,14 +75,25 @@ def root_group() -> LazyGroup:
         params=[version, *common_options()],
         no_args_is_help=False,
         invoke_without_command=True,
-        callback=_refuse_no_command,
+        callback=_status_without_command,
     )
 
 
 @click.pass_context
-def _refuse_no_command(context: click.Context) -> None:
-    if context.invoked_subcommand is None:
-        raise click.UsageError("Say what to do, for example `rarms plan`.", context)
+def _status_without_command(context: click.Context) -> int | None:
+    """`rarms` alone shows how the application stands, where there is a manifest."""
+    if context.invoked_subcommand is not None:
+        return None
+    from rarms_iac.app.requests import DEFAULT_MANIFEST
+
+    manifest = Path(os.environ.get("RARMS_MANIFEST") or DEFAULT_MANIFEST)
+    if not manifest.exists():
+        message = f"There is no {manifest} here: `rarms init` writes one, `rarms --help` lists the commands."
+        raise click.UsageError(message, context)
+    command: click.Command = import_module(module_of("status")).command
+    with command.make_context("status", [], parent=context) as status:
+        code: int = command.invoke(status)
+    return code
 
 
 def _version(context: click.Context, _parameter: click.Parameter, value: bool) -> None:

@@ -152,3 +152,82 @@ class ComponentRunOutput:
     kind: Literal["component_run"] = "component_run"
     components: tuple[ComponentResultOutput, ...]
     findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PastRunOutput:
+    """A run on a host."""
+
+    host: str
+    run: Literal["apply", "undo"]
+    plan: str
+    application: str
+    started_by: str
+    started_at: str  # `2026-01-31 12:00:00 UTC`; empty: an older rarms wrote it
+    ending: Literal["done", "abandoned", "unfinished"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryOutput:
+    """`rarms history`: the oldest run of each host first."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["history"] = "history"
+    application: str
+    runs: tuple[PastRunOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionStatusOutput:
+    """A partition that is on a host; its `drift` is `none` where it is as applied and as wanted."""
+
+    name: str
+    components: tuple[str, ...]
+    reserve: int  # per cent of each of its virtual processors
+    processors: int
+    reserved: float  # LPs
+    running: bool
+    stopped_by: Literal["", "stopped", "measuring"]
+    drift: Literal["none", "host_changed", "not_applied", "both", "missing", "removed", "unused"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostStatusOutput:
+    """A host; where there are problems it could not be looked at, and nothing else is known."""
+
+    host: str
+    capacity: float  # LPs that may be promised
+    reserved: float  # LPs
+    unmanaged: float  # LPs that machines of others reserve
+    partitions: tuple[PartitionStatusOutput, ...]
+    not_there: tuple[str, ...]  # addresses that are wanted and not as they should be, or task classes that drifted
+    last_run: PastRunOutput | None
+    problems: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThresholdStatusOutput:
+    """What a component showed last when all ran together; outdated where there are reasons."""
+
+    component: str
+    index: str
+    unit: str | None
+    threshold: str
+    value: float | None
+    met: bool
+    verdict: str
+    outdated: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusOutput:
+    """`rarms status`."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["status"] = "status"
+    application: str
+    hosts: tuple[HostStatusOutput, ...]
+    proofs: tuple[ThresholdStatusOutput, ...]
+    stale: Mapping[str, tuple[str, ...]]  # data log -> what changed since
+    unmeasured: tuple[tuple[str, ...], ...]
+    next_command: str | None  # null: nothing is left to do

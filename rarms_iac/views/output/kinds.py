@@ -7,7 +7,14 @@ from rarms_iac.views.output.common import (
     FmtOutput,
     WrittenOutput,
 )
-from rarms_iac.views.output.hosts import ComponentRunOutput, DoctorOutput, DriftOutput, RunOutput
+from rarms_iac.views.output.hosts import (
+    ComponentRunOutput,
+    DoctorOutput,
+    DriftOutput,
+    HistoryOutput,
+    RunOutput,
+    StatusOutput,
+)
 from rarms_iac.views.output.measuring import (
     ComponentExplanationOutput,
     MeasureOutput,
@@ -23,6 +30,8 @@ Output = (
     | ComponentRunOutput
     | DriftOutput
     | DoctorOutput
+    | StatusOutput
+    | HistoryOutput
     | FindingsOutput
     | FmtOutput
     | WrittenOutput

@@ -1,0 +1,66 @@
+"""Somebody else at a simulated host: changes a partition there as a person with Hyper-V's own tools would."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rarms_iac.app.errors import RequestError
+from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors
+from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitions
+from rarms_iac.diff.readings import resolve
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.operations import Operation, RemovePartition, SetCpu, StartPartition, StopPartition
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.state import PartitionSettings
+from rarms_iac.providers.interface import StepwiseHost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntruderChange:
+    """What somebody else does to a partition; nothing is written into marks or journal."""
+
+    partition: str
+    reserve: int | None = None  # per cent of each virtual processor
+    running: bool | None = None
+    is_removed: bool = False
+
+
+def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:
+    """Change a partition of the application on its simulated host, for `drift` and `plan` to find.
+
+    Args:
+        hosts: the chosen ones; the partition is looked for on them.
+        change: what is done, at once.
+
+    Returns:
+        The name of the host.
+
+    Raises:
+        RequestError: nothing is to be changed, no chosen host has the partition, or its host is not simulated.
+        UseCaseError: the host refuses it or is held (refused or failed).
+    """
+    refuse_unknown_partitions(hosts, [change.partition])
+    (name,) = hosts_with_partition(hosts, change.partition).chosen
+    host = hosts.open(name)
+    if hosts.system.hosts[name].provider is not ProviderKind.SIMULATED or not isinstance(host, StepwiseHost):
+        raise RequestError(f"{name} is a real host: change it with its own tools. `simulate` is for simulated hosts.")
+    scope = Scope(application=hosts.system.application.name, plan="")
+    with hold_hosts((host,), 0), host_errors():
+        (machine,) = resolve(host.observe().partitions, change.partition, scope)
+        operations = list(_operations(change, machine.settings))
+        if not operations:
+            raise RequestError("Say what changes: --reserve PERCENT, --off, --on or --remove.")
+        for operation in operations:
+            host.execute(operation, scope)
+    return name
+
+
+def _operations(change: IntruderChange, now: PartitionSettings) -> Iterator[Operation]:
+    name = change.partition
+    if change.reserve is not None:
+        yield SetCpu(partition=name, reserve=change.reserve, limit=now.limit, weight=now.weight)
+    if change.is_removed or change.running is False:
+        yield StopPartition(partition=name, grace_ms=0)
+    if change.is_removed:
+        yield RemovePartition(partition=name)
+    elif change.running:
+        yield StartPartition(partition=name)

@@ -1,0 +1,220 @@
+"""How an application stands: what is on its hosts, what was proven, what no longer holds, and what to do next."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.app.drift import look_for_drift
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
+from rarms_iac.app.report import NOTHING_MEASURED, report_of_manifest
+from rarms_iac.app.report_model import ComponentProof, Report
+from rarms_iac.diff.drift import DriftKind, ResourceDrift
+from rarms_iac.model.capacity import capacity_of, foreign_claims
+from rarms_iac.model.claims import load_of
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.journal import PastRun, history_of
+from rarms_iac.model.quantities import guaranteed
+from rarms_iac.model.state import State, StoppedBy
+from rarms_iac.model.system import System
+from rarms_iac.model.wording import in_a_row
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.reservations import names_of, rests_on_a_log
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionStatus:
+    """A partition of the application that is on a host."""
+
+    name: str
+    components: tuple[str, ...]  # by the manifest, the most critical first; none: it no longer wants the partition
+    reserve: int  # CR, per cent of each of its virtual processors
+    processors: int
+    running: bool
+    stopped_by: StoppedBy
+    kind: DriftKind | None  # how it drifted; None: it is as it was applied, and as the manifest wants it
+
+    @property
+    def reserved(self) -> Fraction:
+        """What it is guaranteed, in LPs."""
+        return guaranteed(self.reserve, self.processors)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostOverview:
+    """A host, or why it could not be looked at."""
+
+    name: str
+    capacity: Fraction = Fraction(0)  # LPs that may be promised: without what is kept for the host
+    unmanaged: Fraction = Fraction(0)  # LPs that machines of others reserve
+    partitions: tuple[PartitionStatus, ...] = ()  # by name
+    other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
+    history: tuple[PastRun, ...] = ()  # runs there, the oldest first
+    problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
+
+    @property
+    def reserved(self) -> Fraction:
+        """What the application's partitions are guaranteed, in LPs."""
+        return sum((partition.reserved for partition in self.partitions), Fraction(0))
+
+    @property
+    def drift_kinds(self) -> frozenset[DriftKind]:
+        """How what is there or wanted there drifted."""
+        kinds = [partition.kind for partition in self.partitions if partition.kind is not None]
+        return frozenset(kinds) | {drift.kind for drift in self.other_drift}
+
+    @property
+    def unfinished(self) -> PastRun | None:
+        """The run that is under way there, or was killed."""
+        last = self.history[-1] if self.history else None
+        return last if last is not None and last.closing is None else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextCommand:
+    """The command that brings the application on, and why."""
+
+    command: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overview:
+    """How an application stands."""
+
+    application: str
+    hosts: tuple[HostOverview, ...]  # the chosen ones, by name
+    proofs: tuple[ComponentProof, ...]  # the last of each threshold
+    stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would rest on
+    unmeasured: tuple[tuple[str, ...], ...]  # components of a partition that no data log speaks for
+    next_command: NextCommand | None  # None: nothing is left to do
+
+
+def overview_of(hosts: Hosts) -> Overview:
+    """Look at the chosen hosts and at the logs beside the manifest. Changes nothing.
+
+    Args:
+        hosts: one that cannot be looked at is told as such, and the others are told all the same.
+
+    Raises:
+        UseCaseError: a data log cannot be read (negative).
+    """
+    report = _report(hosts)
+    overviews = _host_overviews(hosts)
+    stale = {log.path: log.stale for log in report.measurements if log.stale} if report else {}
+    unmeasured = report.unmeasured if report else tuple(_measured_groups(hosts.system))
+    proofs = report.proofs if report else ()
+    return Overview(
+        application=hosts.system.application.name,
+        hosts=overviews,
+        proofs=proofs,
+        stale=stale,
+        unmeasured=unmeasured,
+        next_command=_next_command(hosts.system, overviews, unmeasured, proofs),
+    )
+
+
+def history_of_hosts(hosts: Hosts) -> Mapping[str, tuple[PastRun, ...]]:
+    """List what was applied and undone on the chosen live hosts, by any application.
+
+    Returns:
+        The runs by host, the oldest first; a host remembers the last `journal.MOST_PAST_RUNS`.
+
+    Raises:
+        UseCaseError: a journal cannot be read.
+    """
+    return {name: history_of(run) for name, run in last_runs(hosts)}
+
+
+def _report(hosts: Hosts) -> Report | None:
+    """What the logs beside the manifest say; None where there are none."""
+    try:
+        return report_of_manifest(hosts.manifest)
+    except UseCaseError as error:
+        if any(problem.code != NOTHING_MEASURED.code for problem in error.diagnostics):
+            raise
+        return None
+
+
+def _measured_groups(system: System) -> Iterator[tuple[str, ...]]:
+    return (names_of(group.members) for group in groups_of(system) if rests_on_a_log(group))
+
+
+def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
+    seen: dict[str, tuple[State, tuple[PastRun, ...]]] = {}
+    problems: dict[str, tuple[Diagnostic, ...]] = {}
+    for name in hosts.chosen:
+        try:
+            host = hosts.only(name)
+            seen[name] = observe_hosts(host)[name], history_of_hosts(host).get(name, ())
+        except UseCaseError as error:
+            problems[name] = error.diagnostics
+    drifts: dict[str, tuple[ResourceDrift, ...]] = {}
+    try:
+        if seen:
+            drifts = {drift.facts.name: drift.drifted for drift in look_for_drift(hosts.only(*seen)).hosts}
+    except UseCaseError as error:
+        problems.update(dict.fromkeys(seen, error.diagnostics))
+    return tuple(
+        HostOverview(name=name, problems=problems[name])
+        if name in problems
+        else _host_overview(hosts.system, name, *seen[name], drifts.get(name, ()))
+        for name in hosts.chosen
+    )
+
+
+def _host_overview(
+    system: System, name: str, state: State, history: tuple[PastRun, ...], drifted: Sequence[ResourceDrift]
+) -> HostOverview:
+    application, components = (
+        system.application.name,
+        {group.name: names_of(group.members) for group in groups_of(system)},
+    )
+    kinds = {
+        drift.address.partition: drift.kind for drift in drifted if drift.address.partition and not drift.address.task
+    }
+    own = [partition for partition in state.of(application).partitions if partition.mark]
+    names = {partition.mark.name for partition in own if partition.mark}
+    return HostOverview(
+        name=name,
+        capacity=capacity_of(system.hosts[name], state.facts).processors,
+        unmanaged=load_of(foreign_claims(state, application)).processors,
+        partitions=tuple(
+            PartitionStatus(
+                name=partition.mark.name,
+                components=components.get(partition.mark.name, ()),
+                reserve=partition.settings.reserve,
+                processors=partition.settings.processors,
+                running=partition.settings.running,
+                stopped_by=partition.mark.stopped_by,
+                kind=kinds.get(partition.mark.name),
+            )
+            for partition in sorted(own, key=lambda partition: partition.mark.name if partition.mark else "")
+            if partition.mark
+        ),
+        other_drift=tuple(drift for drift in drifted if drift.address.task or drift.address.partition not in names),
+        history=history,
+    )
+
+
+def _next_command(
+    system: System,
+    hosts: Sequence[HostOverview],
+    unmeasured: Sequence[tuple[str, ...]],
+    proofs: Sequence[ComponentProof],
+) -> NextCommand | None:
+    unfinished = [host.name for host in hosts if host.unfinished]
+    kinds = {kind for host in hosts for kind in host.drift_kinds}
+    asked = sum(len(component.apt) for component in system.components.values())
+    holding = sum(proof.met and not proof.outdated for proof in proofs)
+    if unfinished:
+        return NextCommand(command="rarms apply", reason=f"finishes the run on {in_a_row(unfinished)}")
+    if unmeasured:
+        return NextCommand(command="rarms measure", reason="finds the reservations that are not measured yet")
+    if any(kind.is_of_the_host for kind in kinds):
+        return NextCommand(command="rarms drift", reason="tells what somebody changed on a host")
+    if kinds - {DriftKind.UNUSED}:
+        return NextCommand(command="rarms plan", reason="shows what is not applied yet")
+    if holding < asked and not any(host.problems for host in hosts):
+        return NextCommand(command="rarms prove", reason="runs all components together, beside their thresholds")
+    return None

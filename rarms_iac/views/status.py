@@ -1,0 +1,198 @@
+"""`rarms status` and `rarms history`: how an application stands, and what was done to its hosts."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.report_model import ComponentProof
+from rarms_iac.app.status import HostOverview, Overview, PartitionStatus
+from rarms_iac.model.journal import PastRun, RunKind
+from rarms_iac.model.quantities import show_percent, show_processors
+from rarms_iac.model.state import StoppedBy
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
+from rarms_iac.views.hosts import TITLES
+from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.hosts import (
+    HistoryOutput,
+    HostStatusOutput,
+    PartitionStatusOutput,
+    PastRunOutput,
+    StatusOutput,
+    ThresholdStatusOutput,
+)
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+BAR = 20
+"""Columns of a bar."""
+
+
+def status_text(overview: Overview) -> "RenderableType":
+    """Show each host with its partitions, then what was proven, what no longer holds, and the next command."""
+    parts = [part for host in overview.hosts for part in _host(host)]
+    if overview.proofs:
+        parts.append(paragraph(_proven(overview.proofs), start="Proven: "))
+    for log, changes in overview.stale.items():
+        parts.append(paragraph(f"{log}: {'; '.join(changes)}", start="Stale: "))
+    if overview.unmeasured:
+        parts.append(
+            paragraph(in_a_row([" with ".join(names) for names in overview.unmeasured]), start="Not measured: ")
+        )
+    if overview.next_command is None:
+        return stack(*parts, paragraph("Nothing is left to do: all is applied, and every threshold was proven."))
+    step = overview.next_command
+    return stack(*parts, paragraph(styled((f"`{step.command}`", STRONG), f" {step.reason}."), start="Next: "))
+
+
+def _host(host: HostOverview) -> "Iterator[RenderableType]":
+    if host.problems:
+        yield styled((f"Host {host.name}", STRONG), " could not be looked at:")
+        yield from (paragraph(f"{problem.detail} {problem.advice}", indent=2) for problem in host.problems)
+        yield ""
+        return
+    used = host.reserved + host.unmanaged
+    share = f"{show_processors(host.reserved)} of {show_processors(host.capacity)} reserved"
+    others = f", {show_processors(host.unmanaged)} by unmanaged machines" if host.unmanaged else ""
+    yield styled((f"Host {host.name}", STRONG), f"  {_bar(float(used), float(host.capacity))}  {share}{others}")
+    if host.partitions:
+        yield table([_row(partition) for partition in host.partitions], wrap=(1, 4), right=(2, 3), indent=2)
+    for drift in host.other_drift:
+        name = str(drift.address).removeprefix("partition/")
+        yield paragraph(styled(f"{name}: ", (TITLES[drift.kind], CHANGED)), indent=2, more=2)
+    if host.history:
+        yield paragraph(styled((f"Last run: {describe_run(host.history[-1])}", DIM)), indent=2, more=2)
+    yield ""
+
+
+def _bar(used: float, capacity: float) -> str:
+    filled = BAR if used >= capacity else round(BAR * used / capacity)
+    return f"[{'#' * filled}{'.' * (BAR - filled)}]"
+
+
+def _row(partition: PartitionStatus) -> tuple[str, ...]:
+    components = partition.components
+    members = f"[{', '.join(components)}]" if components and components != (partition.name,) else ""
+    return (
+        partition.name,
+        members,
+        show_percent(partition.reserve),
+        show_processors(partition.reserved),
+        "; ".join(_remarks(partition)),
+    )
+
+
+def _remarks(partition: PartitionStatus) -> Iterator[str]:
+    match partition.stopped_by:
+        case StoppedBy.USER if not partition.running:
+            yield "stopped by `rarms stop`"
+        case StoppedBy.MEASUREMENT if not partition.running:
+            yield "stopped to measure"
+        case _:
+            yield "running" if partition.running else "off"
+    if partition.kind is not None:
+        yield TITLES[partition.kind]
+
+
+def _proven(proofs: Sequence[ComponentProof]) -> str:
+    """`3 of 4 thresholds hold. speech: missed (2026-11-22T10:12:00Z, on onboard at 20 %).`."""
+    holding = [proof for proof in proofs if proof.met and not proof.outdated]
+    sentences = [f"{len(holding)} of {counted(len(proofs), 'threshold')} held, together with all other components."]
+    for proof in proofs:
+        if proof.outdated:
+            sentences.append(f"{proof.component} is outdated: {'; '.join(proof.outdated)}.")
+        elif not proof.met:
+            sentences.append(
+                f"{proof.component}, {proof.index.name} {proof.threshold}: {proof.verdict} ({proof.note})."
+            )
+    return " ".join(dict.fromkeys(sentences))
+
+
+def describe_run(run: PastRun) -> str:
+    """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
+    when = f", {run.started_at}" if run.started_at else ""
+    return f"{run.run.value} of plan {run.plan}, {_ending(run)}; by {run.started_by}{when}"
+
+
+def history_text(history: Mapping[str, Sequence[PastRun]]) -> "RenderableType":
+    """Show the runs on each host, the last one first; what was taken back is said at the apply."""
+    parts: list[RenderableType] = []
+    for host, runs in history.items():
+        parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
+        rows = [
+            (
+                run.started_at or "no time known",
+                run.run.value,
+                run.plan,
+                run.application,
+                run.started_by,
+                _ending(run, later),
+            )
+            for run, later in _with_later(runs)
+        ]
+        parts.append(table(rows, wrap=(0, 4), indent=2))
+    return stack(*parts)
+
+
+def _with_later(runs: Sequence[PastRun]) -> Iterator[tuple[PastRun, Sequence[PastRun]]]:
+    """The runs, the last one first, each with those after it."""
+    for number in reversed(range(len(runs))):
+        yield runs[number], runs[number + 1 :]
+
+
+def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
+    """How a run ended, or that the one after it took it back."""
+    if run.run is RunKind.APPLY and later and later[0].run is RunKind.UNDO and later[0].plan == run.plan:
+        return "undone"
+    return "unfinished" if run.closing is None else run.closing.value
+
+
+def status_json(overview: Overview) -> str:
+    """The same for programs."""
+    return as_json(
+        StatusOutput(
+            application=overview.application,
+            hosts=tuple(_host_output(host) for host in overview.hosts),
+            proofs=tuple(
+                output_of(ThresholdStatusOutput, proof, index=proof.index.name, unit=proof.index.unit or None)
+                for proof in overview.proofs
+            ),
+            stale=overview.stale,
+            unmeasured=overview.unmeasured,
+            next_command=None if overview.next_command is None else overview.next_command.command,
+        )
+    )
+
+
+def _host_output(host: HostOverview) -> HostStatusOutput:
+    return HostStatusOutput(
+        host=host.name,
+        capacity=float(host.capacity),
+        reserved=float(host.reserved),
+        unmanaged=float(host.unmanaged),
+        partitions=tuple(
+            output_of(
+                PartitionStatusOutput,
+                partition,
+                reserved=float(partition.reserved),
+                stopped_by=partition.stopped_by.value,
+                drift="none" if partition.kind is None else partition.kind.value,
+            )
+            for partition in host.partitions
+        ),
+        not_there=tuple(str(drift.address) for drift in host.other_drift),
+        last_run=past_run_output(host.name, host.history[-1]) if host.history else None,
+        problems=host.problems,
+    )
+
+
+def past_run_output(host: str, run: PastRun) -> PastRunOutput:
+    """A run for programs."""
+    return output_of(PastRunOutput, run, host=host, run=run.run.value, ending=_ending(run))
+
+
+def history_json(application: str, history: Mapping[str, Sequence[PastRun]]) -> str:
+    """The runs for programs, the oldest of each host first."""
+    runs = tuple(past_run_output(host, run) for host, runs in history.items() for run in runs)
+    return as_json(HistoryOutput(application=application, runs=runs))
