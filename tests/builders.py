@@ -18,6 +18,7 @@ from rarms_iac.model.host import (
     ProviderKind,
     SimulatedHost,
 )
+from rarms_iac.model.journal import RunOrigin
 from rarms_iac.model.quantities import (
     Bytes,
     CpuAmount,
@@ -52,6 +53,9 @@ from rarms_iac.model.system import (
     TaskRequest,
     Threshold,
 )
+
+ORIGIN = RunOrigin(by="ann@lab, process 7", at="2026-01-31 12:00:00 UTC")
+"""Who starts runs in tests, and when."""
 
 
 def cpu_amount(text: str) -> CpuAmount:

@@ -26,6 +26,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import Disruption, StartMode
+from rarms_iac.storage.digest import set_of_settings
 from tests.builders import a_host, memory
 
 
@@ -75,10 +76,12 @@ def settings(
 
 
 def partition(of: PartitionSettings | None = None, *, application: str | None = "robot", name: str = "") -> Partition:
-    """A machine with that mark, or with none."""
+    """A machine with that mark, as rarms wrote it, or with none."""
     own = of or settings()
     mark = (
-        Mark(application=application, name=name or own.name, machine="01234567", set="0" * 12) if application else None
+        Mark(application=application, name=name or own.name, machine="01234567", set=set_of_settings(own))
+        if application
+        else None
     )
     state = RunState.RUNNING if own.running else RunState.OFF
     return Partition(settings=own, id=f"id-of-{own.name}", state=state, mark=mark)

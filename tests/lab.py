@@ -16,7 +16,7 @@ from rarms_iac.model.plan import Plan, Scope
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
-from tests.builders import PathPlaces
+from tests.builders import ORIGIN, PathPlaces
 from tests.strategies import Strangers
 
 TODAY = date(2026, 11, 21)
@@ -70,13 +70,13 @@ class Lab:
         return prepared.plan
 
     def apply(self, plan: Plan, should_stop: Callable[[], bool] = never) -> RunReport:
-        return apply_plan(plan, self.hosts, builders.ORIGIN, SilentRunReporter(), should_stop)
+        return apply_plan(plan, self.hosts, ORIGIN, SilentRunReporter(), should_stop)
 
     def finish(self) -> RunReport | None:
         return finish_unfinished(list(self.hosts.values()), SilentRunReporter(), never)
 
     def undo(self, should_stop: Callable[[], bool] = never) -> list[RunReport]:
-        return [undo(host, builders.ORIGIN, SilentRunReporter(), should_stop) for host in self.hosts.values()]
+        return [undo(host, ORIGIN, SilentRunReporter(), should_stop) for host in self.hosts.values()]
 
     def steps_left(self) -> int:
         return sum(len(host.steps) for host in self.plan().hosts)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.hosts import Hosts, observe_hosts, refuse_unfinished
+from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts, refuse_unfinished
 from rarms_iac.app.requests import HostSelection, PlanLimits
 from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES
 from rarms_iac.applying.goals import FIXED
@@ -13,6 +13,7 @@ from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.applying.prepare import Judge, PlanningRequest, prepare
 from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
+from rarms_iac.diff.drift import partitions_after_last_run
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
@@ -59,7 +60,10 @@ def plan(hosts: Hosts, request: PlanRequest = ANY_CHANGE) -> Plan:
     """
     refuse_unfinished(hosts)
     states = observe_hosts(hosts)
-    prepared = prepare(planner_request(hosts, request, states), states)
+    application = hosts.system.application.name
+    after_last_run = {name: partitions_after_last_run(run, application) for name, run in last_runs(hosts)}
+    planning_request = replace(planner_request(hosts, request, states), after_last_run=after_last_run)
+    prepared = prepare(planning_request, states)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
     return prepared.plan

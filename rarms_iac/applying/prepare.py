@@ -58,6 +58,9 @@ class PlanningRequest:
     stop_scope: StopScope = EVERY_PARTITION  # of a stop or start
     remove_disks: bool = False  # of a destroy: also the disks that rarms made
     state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
+    after_last_run: Mapping[str, frozenset[str] | None] = field(
+        default_factory=dict
+    )  # by host, its partitions when its last run ended, where that is known
     judge: Judge = accept_nothing
     reservations: ReservationSource = FIXED
 
@@ -192,6 +195,7 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
         layout=layout,
         observed=goal.observed,
         plan=plan,
+        after_last_run=request.after_last_run.get(goal.name),
     )
     return _HostPart(
         plan=plan,

@@ -27,6 +27,7 @@ from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Measured
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
+from tests.builders import ORIGIN
 from tests.files import copy_files
 from tests.measuring import leave_logs
 
@@ -155,7 +156,7 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
     assert any(part.steps for part in plan.hosts)
 
     with hold(tuple(hosts.values()), "ann@lab", 0):
-        report = apply_plan(plan, hosts, builders.ORIGIN, SilentRunReporter(), lambda: False)
+        report = apply_plan(plan, hosts, ORIGIN, SilentRunReporter(), lambda: False)
 
     assert (report.ending, report.diagnostics) == (RunEnding.DONE, ())
     assert [part.steps for part in _plan(result, hosts, tmp_path).hosts] == [() for _ in hosts]
@@ -187,7 +188,7 @@ def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: P
 
     with hold((host,), "ann@lab", 0):
         apply_plan(
-            _plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, builders.ORIGIN, SilentRunReporter(), lambda: False
+            _plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, ORIGIN, SilentRunReporter(), lambda: False
         )
 
     running = {partition.settings.name: partition.state for partition in host.observe().partitions}

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from rarms_iac.applying.doctor.machines import WIDE_MACHINE
 from rarms_iac.applying.goals import disk_verdicts
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan, settings_after_change
+from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
@@ -27,7 +28,27 @@ DISK_STAYS = Finding(
     code="RARMS254", severity=Severity.WARNING, summary="A virtual disk stays although its removal was asked for"
 )
 VHD = Finding(code="RARMS257", severity=Severity.ERROR, summary="A machine of generation 2 takes no .vhd disk")
+CHANGED_OUTSIDE = Finding(
+    code="RARMS311", severity=Severity.NOTE, summary="Somebody changed the host since rarms wrote it"
+)
 SWITCH = Finding(code="RARMS258", severity=Severity.ERROR, summary="The host has no virtual switch of this name")
+
+
+def review_changes_from_outside(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Tell which differences the plan takes away that did not come from the manifest."""
+    if part.purpose is not Purpose.APPLY:
+        return
+    addresses = {change.address: change for change in part.plan.changes}
+    by_name = {str(address): address for address in addresses}
+    for drift in drift_of_marks(part.observed, part.application, part.after_last_run):
+        address = by_name.get(str(drift.address))
+        if address is not None:
+            yield CHANGED_OUTSIDE.at(
+                addresses[address].reason.place,
+                f"{drift.address} on {part.host}: {drift.message}. This plan makes it as the manifest wants it.",
+                "Find out who did it: `rarms drift` shows what differs, `rarms history` what rarms itself did.",
+                address=str(drift.address),
+            )
 
 
 def review_images_and_switches(part: ReviewedPlan) -> Iterator[Diagnostic]:

@@ -7,6 +7,7 @@ from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.diagnostics import Diagnostic
 
 REVIEWS: tuple[Callable[[ReviewedPlan], Iterator[Diagnostic]], ...] = (
+    changes.review_changes_from_outside,
     changes.review_images_and_switches,
     host_effects.review_script_placement,
     changes.review_restarts,

@@ -22,6 +22,7 @@ class ReviewedPlan:
     observed: State
     plan: HostPlan
     remove_disks: bool = False  # whether that was asked for
+    after_last_run: frozenset[str] | None = None  # partitions there when its last run ended; None: nobody knows
 
     @property
     def application(self) -> str:

@@ -107,8 +107,3 @@ def test_wrong_usage_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
 
     assert answer.code == 64
     assert max(map(len, answer.err.splitlines())) <= 80
-
-
-def test_no_command_at_all_is_wrong_usage() -> None:
-    assert rarms().code == 64
-    assert "rarms plan" in rarms().err

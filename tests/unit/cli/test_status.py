@@ -1,0 +1,130 @@
+"""`rarms status`, `rarms history` and `rarms simulate change`, and what drift and plan say of an intruder."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+
+MANIFEST = """schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard:
+    { provider: simulated, logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 %, memory: 0 B } }
+components:
+  vision: { criticality: 9, memory: 512 MiB, cpu: { reserve: 40 % } }
+  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }
+"""
+MEASURED = """  planner:
+    criticality: 3
+    memory: 512 MiB
+    apt: { mean_response_time: { at_most: 100 ms } }
+    simulation: { work: 5 ms }
+"""
+
+
+@pytest.fixture(autouse=True)
+def _a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+
+
+def test_the_status_names_what_is_missing_then_what_is_there() -> None:
+    before = rarms("status")
+    assert rarms("apply", "--auto-approve").code == 0
+    after = rarms("status")
+
+    assert "0 LP of 1.8 LP reserved" in before.out
+    assert "Next: `rarms plan` shows what is not applied yet." in before.out
+    assert "[#############.......]  1.2 LP of 1.8 LP reserved" in after.out
+    assert "vision 40 % 0.8 LP running" in " ".join(after.out.split())
+    assert "Nothing is left to do" in after.out
+    assert rarms().out == after.out
+
+
+def test_rarms_alone_without_a_manifest_says_how_to_begin() -> None:
+    Path("rarms.yaml").unlink()
+
+    answer = rarms()
+
+    assert answer.code == 64
+    assert "`rarms init` writes one" in answer.err
+
+
+def test_the_status_lists_what_is_not_measured_and_a_host_that_cannot_be_read() -> None:
+    Path("rarms.yaml").write_text(MANIFEST + MEASURED, encoding="utf-8")
+    unmeasured = rarms("status")
+    Path(".rarms/hosts").mkdir(parents=True)
+    Path(".rarms/hosts/onboard.json").write_text("no host", encoding="utf-8")
+    damaged = rarms("status")
+
+    assert "Not measured: planner" in unmeasured.out
+    assert "Next: `rarms measure`" in unmeasured.out
+    assert damaged.code == 0
+    assert "Host onboard could not be looked at:" in damaged.out
+
+
+def test_the_status_for_programs_has_the_partitions_with_their_components() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+
+    (host,) = json.loads(rarms("status", "--json").out)["hosts"]
+
+    assert (host["host"], host["capacity"], host["reserved"]) == ("onboard", 1.8, 1.2)
+    assert [(part["name"], part["components"], part["reserve"], part["drift"]) for part in host["partitions"]] == [
+        ("speech", ["speech"], 20, "none"),
+        ("vision", ["vision"], 40, "none"),
+    ]
+
+
+def test_the_history_tells_applies_and_undos_with_who_and_when() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+    assert rarms("undo", "--auto-approve").code == 0
+    assert rarms("apply", "--auto-approve").code == 0
+
+    runs = json.loads(rarms("history", "--json").out)["runs"]
+    shown = rarms("history").out
+
+    assert [(run["run"], run["ending"]) for run in runs] == [("apply", "done"), ("undo", "done"), ("apply", "done")]
+    assert all(run["started_at"].endswith(" UTC") and "process" in run["started_by"] for run in runs)
+    assert [line.split()[-1] for line in shown.splitlines()[1:]] == ["done", "done", "undone"]
+
+
+def test_an_intruder_is_told_by_drift_and_by_the_plan() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+    assert rarms("simulate", "change", "vision", "--reserve", "11").code == 0
+    assert rarms("simulate", "change", "speech", "--remove").code == 0
+
+    drift, planned = rarms("drift"), json.loads(rarms("plan", "--json").out)
+
+    assert drift.code == 2
+    assert "reserve is 11 %, wanted 40 %" in drift.out
+    outside = [finding["address"] for finding in planned["findings"] if finding["code"] == "RARMS311"]
+    assert sorted(outside) == ["partition/speech", "partition/vision"]
+    assert "Next: `rarms drift`" in rarms("status").out
+
+
+def test_a_change_of_the_manifest_is_not_told_as_one_from_outside() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+    Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "50 %"), encoding="utf-8")
+
+    assert json.loads(rarms("plan", "--json").out)["findings"] == []
+
+
+def test_drift_needs_no_data_logs() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+    Path("rarms.yaml").write_text(MANIFEST + MEASURED, encoding="utf-8")
+    quiet = rarms("drift")
+    assert rarms("simulate", "change", "vision", "--off").code == 0
+    changed = rarms("drift")
+
+    assert (quiet.code, changed.code) == (0, 2)
+    assert "The manifest was not compared: RARMS" in quiet.out
+    assert "vision: changed on the host" in changed.out
+
+
+def test_nothing_is_simulated_for_a_partition_that_is_not_there() -> None:
+    answer = rarms("simulate", "change", "nobody", "--off")
+
+    assert answer.code == 64
+    assert 'robot has no partition "nobody" on onboard.' in answer.err
