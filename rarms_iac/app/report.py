@@ -52,12 +52,14 @@ DRIFTS = {
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
 
-def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Report:
+def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:
     """Read what the data logs beside a manifest show.
 
     Args:
         manifest: The logs lie below its folder, and are compared with what it says now.
         components: Only logs with any of these; none: all.
+        with_candidates: Whether the report has the nodes of the candidate graph, parts before the compounds that
+            consist of them; without predictions, and none where a reservation is not known yet.
 
     Raises:
         RequestError: A name is not in the manifest.
@@ -75,18 +77,10 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Re
     )
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
-    return report
+    return replace(report, candidates=_candidates(manifest)) if with_candidates else report
 
 
-def candidates_for_report(manifest: Manifest) -> tuple[Node, ...]:
-    """Return the nodes of the candidate graph for the report, without predictions.
-
-    Args:
-        manifest: with its data logs beside it.
-
-    Returns:
-        The nodes, parts before the compounds that consist of them; none where a reservation is not known yet.
-    """
+def _candidates(manifest: Manifest) -> tuple[Node, ...]:
     try:
         return candidate_nodes(manifest, predict=False)
     except UseCaseError:

@@ -27,6 +27,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
+from rarms_iac.model.sample_columns import columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
@@ -244,7 +245,7 @@ def _series(running: RunningWork, samples: Mapping[str, list[Sample]], start: _S
     return {
         name: Series(
             component=name,
-            samples=tuple(seen),
+            samples=columns_of(seen),
             elapsed_ms=elapsed,
             cpu_ms=_consumed_since(running.cpu_ms(name), start.cpu_ms[name]),
             unsettled=start.unsettled,

@@ -1,5 +1,6 @@
 """What measuring yields: samples of jobs, a series a component, a setting a reservation (DESIGN section 2)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -43,7 +44,7 @@ class Series:
     """All samples of a component at one setting, in the order in which their jobs ended."""
 
     component: str
-    samples: tuple[Sample, ...]
+    samples: Sequence[Sample]  # `sample_columns.SampleColumns`, wherever there may be many
     elapsed_ms: float
     cpu_ms: float | None = None  # processor time that the component consumed; None: cannot be told here
     unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had

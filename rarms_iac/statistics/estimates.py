@@ -4,16 +4,19 @@ Response times are in ms, shares in per cent, rates a second: the index's own un
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress, repeat
 from math import ceil, inf, sqrt
+from operator import mul
 
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.run import Run
+from rarms_iac.model.sample_columns import SampleColumns, columns_of
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
 from rarms_iac.statistics.errors import FIRST_LOOK, LOOK_ERROR
-from rarms_iac.statistics.samples import deadline_misses, effective_samples, end_ms, response_times, successes
+from rarms_iac.statistics.samples import deadline_misses, effective_samples, ends_ms, response_times, successes
 from rarms_iac.statistics.steady_state import find_steady_series, steady_series
 
 FEWEST_EFFECTIVE = 25
@@ -33,6 +36,14 @@ def estimate(
             usual one holds for all looks at a setting together.
         unseen: Whether jobs of a kind that no sample showed are counted in. False: for a guess, never for a verdict.
     """
+    samples = columns_of(series.samples)
+    return samples.remember(
+        (index, error, unseen, run.deadline, series.elapsed_ms),
+        lambda: _estimate(index, replace(series, samples=samples), run, error, unseen),
+    )
+
+
+def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
     share = percentile_of(index)
     if share is not None:
         return _percentile(response_times(series.samples), float(share) / 100, error)
@@ -104,7 +115,8 @@ def mean_estimate(numbers: Sequence[float], error: float, *, unseen: bool = True
     if unseen and count >= FIRST_LOOK and worth < min(FEWEST_EFFECTIVE, count / 2):
         return NoEstimate(reason=_too_dependent(count, worth))
     deviations = [number - mean for number in numbers]
-    seen = _Moments(mean, sum(d * d for d in deviations) / count, sum(d**3 for d in deviations) / count)
+    squares, cubes = sum(map(mul, deviations, deviations)), sum(map(pow, deviations, repeat(3)))
+    seen = _Moments(mean, squares / count, cubes / count)
     away_above, away_below = (max(mean, *deviations), -mean) if unseen else (0.0, 0.0)
     return Estimate(
         value=mean,
@@ -268,8 +280,9 @@ def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estima
     count = len(series.samples)
     if count < 2 or series.elapsed_ms <= 0.0:
         return NoEstimate(reason=f"{count} jobs ended; a throughput with bounds needs two")
-    jobs = sorted(series.samples, key=end_ms)
-    ends = [end_ms(job) for job in jobs]
+    ends = ends_ms(series.samples)
+    jobs = columns_of(series.samples).take(sorted(range(count), key=ends.__getitem__))
+    ends = sorted(ends)
     times = [later - sooner for sooner, later in zip([0.0, *ends], ends, strict=False)]
     share = share_estimate(successes(jobs), error / 3.0, times)
     time = mean_estimate(times, error / 3.0, unseen=unseen)
@@ -285,9 +298,9 @@ def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estima
     )
 
 
-def _counts_a_success(jobs: Sequence[Sample], error: float, unseen: bool) -> tuple[float, float, float]:
+def _counts_a_success(jobs: SampleColumns, error: float, unseen: bool) -> tuple[float, float, float]:
     """What a success counts, between its bounds; what a job counts by definition is known."""
-    counts = [job.count for job in jobs if job.successful] or [job.count for job in jobs]
+    counts = list(compress(jobs.counts, jobs.successful)) or jobs.counts.tolist()
     mean = sum(counts) / len(counts)
     if all(count == 1.0 for count in counts):
         return 1.0, 1.0, 1.0

@@ -1,10 +1,12 @@
 """The numbers in the samples of a series, and how many independent ones they are worth."""
 
 from collections.abc import Sequence
+from math import inf, isnan
 from operator import mul
 
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.run import Run
+from rarms_iac.model.sample_columns import columns_of
 
 _LONGEST_LAG = 4  # a share of the samples: 1/4
 
@@ -18,7 +20,9 @@ def response_times(samples: Sequence[Sample]) -> list[float]:
     Returns:
         Times in ms, in the same order; jobs without an answer are left out.
     """
-    return [sample.response_ms for sample in samples if sample.response_ms is not None]
+    times = columns_of(samples).response_ms.tolist()
+    # NOTE: their sum tells whether there are jobs without an answer (no number), which is far quicker than to look.
+    return [time for time in times if not isnan(time)] if isnan(sum(times)) else times
 
 
 def successes(samples: Sequence[Sample]) -> list[float]:
@@ -30,7 +34,7 @@ def successes(samples: Sequence[Sample]) -> list[float]:
     Returns:
         1 for a job that succeeded and 0 for every other, in the same order.
     """
-    return [1.0 if sample.successful else 0.0 for sample in samples]
+    return list(map(float, columns_of(samples).successful))
 
 
 def deadline_misses(samples: Sequence[Sample], run: Run) -> list[float]:
@@ -43,20 +47,25 @@ def deadline_misses(samples: Sequence[Sample], run: Run) -> list[float]:
     Returns:
         1 for a job that answered late or not at all and 0 for every other, in the same order.
     """
-    deadline = float("inf") if run.deadline is None else float(run.deadline)
-    return [1.0 if sample.response_ms is None or sample.response_ms > deadline else 0.0 for sample in samples]
+    deadline = inf if run.deadline is None else float(run.deadline)
+    # NOTE: a missing answer is not a number, which is not within any deadline.
+    return [0.0 if time <= deadline else 1.0 for time in columns_of(samples).response_ms]
 
 
-def end_ms(sample: Sample) -> float:
-    """Say when the job was over.
+def ends_ms(samples: Sequence[Sample]) -> list[float]:
+    """Say when each job was over.
 
     Args:
-        sample: a job.
+        samples: in any order.
 
     Returns:
-        Milliseconds since the setting began; for a job without an answer, when it began.
+        Milliseconds since the setting began, in the same order; for a job without an answer, when it began.
     """
-    return sample.began_ms + (sample.response_ms or 0.0)
+    columns = columns_of(samples)
+    return [
+        began + (0.0 if isnan(time) else time)
+        for began, time in zip(columns.began_ms, columns.response_ms, strict=True)
+    ]
 
 
 def failures(series: Series) -> tuple[str, ...]:
@@ -68,7 +77,7 @@ def failures(series: Series) -> tuple[str, ...]:
     Returns:
         A sentence for each failed sample, in order.
     """
-    return tuple(sample.failure for sample in series.samples if sample.failure)
+    return tuple(columns_of(series.samples).failures.values())
 
 
 def effective_samples(values: Sequence[float]) -> float:
@@ -92,19 +101,28 @@ def effective_samples(values: Sequence[float]) -> float:
     variance = sum(map(mul, deviations, deviations))
     if variance <= 1e-18 * max(1.0, mean * mean) * count:
         return float(count)
-    first = sum(map(mul, deviations, deviations[1:])) / variance
-    time = max(_initial_positive(deviations, variance), _first_order(first, count), 1.0)
+    neighbours = sum(map(mul, deviations, deviations[1:]))
+    first = neighbours / variance
+    time = max(_initial_positive(deviations, variance, neighbours), _first_order(first, count), 1.0)
     return max(1.0, count / time)
 
 
-def _initial_positive(deviations: Sequence[float], variance: float) -> float:
-    """The integrated autocorrelation time by pairs of lags (2k, 2k + 1) while their sum is positive and falls."""
-    pairs, last = 0.0, float("inf")
-    for lag in range(0, len(deviations) // _LONGEST_LAG, 2):
+def _initial_positive(deviations: Sequence[float], variance: float, neighbours: float) -> float:
+    """The integrated autocorrelation time by pairs of lags (2k, 2k + 1) while their sum is positive and falls.
+
+    Args:
+        deviations: from their mean.
+        variance: the sum of their squares, which is the product at lag 0.
+        neighbours: the sum of the products at lag 1.
+    """
+    if len(deviations) < _LONGEST_LAG:
+        return -1.0
+    pairs = last = (variance + neighbours) / variance
+    for lag in range(2, len(deviations) // _LONGEST_LAG, 2):
         pair = sum(sum(map(mul, deviations, deviations[shift:])) for shift in (lag, lag + 1)) / variance
         pair = min(pair, last)
         # Noise about zero ends the sum: a smaller sum cannot be distinguished from no correlation.
-        if pair <= 2.0 / len(deviations) ** 0.5 and lag > 0:
+        if pair <= 2.0 / len(deviations) ** 0.5:
             break
         pairs, last = pairs + pair, pair
     return 2.0 * pairs - 1.0

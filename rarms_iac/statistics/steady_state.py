@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import sqrt
+from math import isnan, sqrt
 
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Unsteady
+from rarms_iac.model.sample_columns import columns_of
 from rarms_iac.statistics.samples import response_times
 
 FEWEST = 40
@@ -27,7 +28,10 @@ def find_steady_series(series: Series) -> int | Unsteady:
     Returns:
         As of `find_steady_part`, among the jobs that answered.
     """
-    return Unsteady(reason=series.unsettled) if series.unsettled else find_steady_part(response_times(series.samples))
+    if series.unsettled:
+        return Unsteady(reason=series.unsettled)
+    samples = columns_of(series.samples)
+    return samples.remember("steady from", lambda: find_steady_part(response_times(samples)))
 
 
 def find_steady_part(times: Sequence[float]) -> int | Unsteady:
@@ -81,14 +85,13 @@ def without_warm_up(series: Series, first: int) -> Series:
     """
     if first == 0:
         return series
-    answered = [number for number, sample in enumerate(series.samples) if sample.response_ms is not None]
-    samples = series.samples[answered[first] :]
-    began = samples[0].began_ms
-    return replace(
-        series,
-        samples=tuple(replace(sample, began_ms=sample.began_ms - began) for sample in samples),
-        elapsed_ms=series.elapsed_ms - began,
+    samples = columns_of(series.samples)
+    answered = [number for number, time in enumerate(samples.response_ms) if not isnan(time)]
+    began = samples.began_ms[answered[first]]
+    steady = samples.remember(
+        ("without warm-up", first), lambda: samples.take(range(answered[first], len(samples)), began)
     )
+    return replace(series, samples=steady, elapsed_ms=series.elapsed_ms - began)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,21 +6,22 @@ by a crash: it is dropped, and the next append takes its place. A damaged earlie
 """
 
 import hashlib
+import io
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json
 from rarms_iac.storage.digest import parse_json
-from rarms_iac.storage.reading import LOG_LIMIT, open_regular, read_file
+from rarms_iac.storage.reading import LOG_LIMIT, TooLarge, open_regular
 
 Record = Mapping[str, Json]
 
 LENGTH, CHECKSUM = "length", "checksum"
-_SEAL = re.compile(rb',"length":([0-9]{1,12}),"checksum":"([0-9a-f]{64})"\}\r?')
+_SEAL = re.compile(rb',"length":([0-9]{1,12}),"checksum":"([0-9a-f]{64})"\}\r?\n')
 _SEAL_SPACE = 128  # bytes that a seal takes at most
 _CHUNK = 4096
 
@@ -71,11 +72,19 @@ def read_records(path: Path) -> tuple[dict[str, Json], ...]:
     Raises:
         Damaged: one before the last is not as it was written.
     """
+    return tuple(iterate_records(path))
+
+
+def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
+    """As `read_records`, one after the other: a long log need not be in memory as a whole."""
     try:
-        data = read_file(path, LOG_LIMIT)
+        file = open_regular(path)
     except FileNotFoundError:
-        return ()
-    return records_in(data, path)
+        return
+    with file:
+        if os.fstat(file.fileno()).st_size > LOG_LIMIT:
+            raise TooLarge(path, LOG_LIMIT)
+        yield from _records(file, path)
 
 
 def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
@@ -84,13 +93,7 @@ def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
     Raises:
         Damaged: one before the last is not as it was written.
     """
-    *lines, rest = data.split(b"\n")  # `rest` has no line end: empty, or torn
-    texts = [_text_of(line) for line in lines]
-    last = len(texts) - (0 if rest else 1)
-    for number, text in enumerate(texts):
-        if text is None and number < last:
-            raise Damaged(path, number + 1, "the record is damaged: its length or checksum does not fit its text")
-    return tuple(_object(path, number, text) for number, text in enumerate(texts) if text is not None)
+    return tuple(_records(io.BytesIO(data), path))
 
 
 def read_first(path: Path) -> dict[str, Json] | None:
@@ -101,29 +104,39 @@ def read_first(path: Path) -> dict[str, Json] | None:
     """
     try:
         with open_regular(path) as file:
-            line, more = file.readline(), file.read(1)
+            return next(_records(file, path), None)
     except FileNotFoundError:
         return None
-    text = _text_of(line[:-1]) if line.endswith(b"\n") else None
-    if text is None and more:
-        raise Damaged(path, 1, "the record is damaged: its length or checksum does not fit its text")
-    return None if text is None else _object(path, 0, text)
 
 
 def read_last(path: Path) -> dict[str, Json] | None:
     """The last record alone, whatever stands before it; None where there is none or it is torn."""
     size = path.stat().st_size if path.exists() else 0
     _, line = _last_line(path, size)
-    text = _text_of(line[:-1]) if line.endswith(b"\n") else None
-    return None if text is None else _object(path, 0, text)
+    text = _text_of(line)
+    return None if text is None else _object(path, 1, text)
 
 
 def _checksum(text: bytes) -> bytes:
     return hashlib.sha256(text).hexdigest().encode("ascii")
 
 
+def _records(lines: Iterable[bytes], path: Path) -> Iterator[dict[str, Json]]:
+    """The records of these lines, each with its end, up to a last one that is torn."""
+    torn_at = 0
+    for number, line in enumerate(lines, start=1):
+        if torn_at:
+            raise Damaged(path, torn_at, "the record is damaged: its length or checksum does not fit its text")
+        text = _text_of(line)
+        del line  # a long one need not be in memory twice
+        if text is None:
+            torn_at = number
+        else:
+            yield _object(path, number, text)
+
+
 def _text_of(line: bytes) -> bytes | None:
-    """The object's text without its seal, None where it is not whole."""
+    """The object's text without its seal, None where the line is not whole."""
     tail_at = max(0, len(line) - _SEAL_SPACE)
     found = _SEAL.search(line, tail_at)
     if found is None or found.end() != len(line):
@@ -136,15 +149,14 @@ def _text_of(line: bytes) -> bytes | None:
 def _object(path: Path, number: int, text: bytes) -> dict[str, Json]:
     data = parse_json(text.decode("ascii"))
     if not isinstance(data, dict):
-        raise Damaged(path, number + 1, "the record is no object")
+        raise Damaged(path, number, "the record is no object")
     return data
 
 
 def _sound_size(path: Path, size: int) -> int:
     """How many bytes the file has up to the end of its last whole record."""
     begin, last = _last_line(path, size)
-    whole = last.endswith(b"\n") and _text_of(last[:-1]) is not None
-    return size if whole else begin
+    return begin if _text_of(last) is None else size
 
 
 def _last_line(path: Path, size: int) -> tuple[int, bytes]:

@@ -1,12 +1,10 @@
 """`rarms report`: performance against reservation, as a page, as text, as JSON."""
 
-from dataclasses import replace
-
 import click
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.report import candidates_for_report, report_of_manifest
+from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import tell
@@ -43,22 +41,21 @@ def command(
     """
     if as_text and (out is not None or as_json):
         raise click.UsageError("--text goes without --out and --json.", click.get_current_context())
-    manifest = load_manifest(source)
-    report = report_of_manifest(manifest, components)
+    writes_page = not as_text and (not as_json or out is not None)
+    report = report_of_manifest(load_manifest(source), components, with_candidates=writes_page)
     if as_text:
         from rarms_iac.views.reports.terminal import report_text
 
         session.terminal.show(report_text(report, ascii_only=session.terminal.ascii_only))
-        return ExitCode.DONE
     if as_json:
         from rarms_iac.views.reports.document import report_json
 
         session.terminal.data(report_json(report))
-        if out is None:
-            return ExitCode.DONE
+    if not writes_page:
+        return ExitCode.DONE
     from rarms_iac.views.reports.html import MEGABYTE, as_html, size_warning
 
-    page, file = as_html(replace(report, candidates=candidates_for_report(manifest))), out or DEFAULT_FILE
+    page, file = as_html(report), out or DEFAULT_FILE
     if file == "-":
         session.terminal.data(page.decode("utf-8"))
         return ExitCode.DONE

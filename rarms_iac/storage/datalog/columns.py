@@ -3,11 +3,16 @@
 Times are kept to a tenth of a microsecond. What is usual is left out: a success, a count of one, no failure.
 """
 
+import re
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isnan, nan
+from types import NoneType
 from typing import cast
 
-from rarms_iac.model.measurement import LARGEST_SAMPLE, Sample, Series, Setting
+from rarms_iac.model.measurement import LARGEST_SAMPLE, Series, Setting
+from rarms_iac.model.sample_columns import SampleColumns, columns_of
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_64_bits
 from rarms_iac.storage.datalog.log import Provenance, Recorded
 
@@ -19,7 +24,8 @@ _SERIES = frozenset(
     {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms", "unsuccessful", "count", "failures", "unsettled"}
 )
 _NUMBER: frozenset[type] = frozenset({int, float})
-_ANSWER: frozenset[type] = frozenset({int, float, type(None)})
+_ANSWER: frozenset[type] = frozenset({int, float, NoneType})
+_NUMBER_OF_A_SAMPLE = re.compile("[0-9]{1,12}")
 
 
 def as_recorded(setting: Setting) -> Setting:
@@ -67,34 +73,35 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
 def _rounded_series(series: Series) -> Series:
     return replace(
         series,
-        samples=tuple(map(_rounded, series.samples)),
+        samples=_rounded_samples(columns_of(series.samples)),
         elapsed_ms=round(series.elapsed_ms, DIGITS),
         cpu_ms=None if series.cpu_ms is None else round(series.cpu_ms, DIGITS),
     )
 
 
-def _rounded(sample: Sample) -> Sample:
-    answer = None if sample.response_ms is None else round(sample.response_ms, DIGITS)
-    return replace(sample, began_ms=round(sample.began_ms, DIGITS), response_ms=answer)
+def _rounded_samples(samples: SampleColumns) -> SampleColumns:
+    began, answers = (
+        array("d", [round(time, DIGITS) for time in times]) for times in (samples.began_ms, samples.response_ms)
+    )
+    return replace(samples, began_ms=began, response_ms=answers, known={})
 
 
 def _columns(series: Series) -> dict[str, Json]:
-    samples = series.samples
+    samples = columns_of(series.samples)
     columns: dict[str, Json] = {
         "component": series.component,
         "elapsed_ms": series.elapsed_ms,
         "cpu_ms": series.cpu_ms,
-        "began_ms": [each.began_ms for each in samples],
-        "response_ms": [each.response_ms for each in samples],
+        "began_ms": list(samples.began_ms),
+        "response_ms": [None if isnan(time) else time for time in samples.response_ms],
     }
-    unsuccessful: list[Json] = [at for at, each in enumerate(samples) if not each.successful]
-    failures: dict[str, Json] = {str(at): each.failure for at, each in enumerate(samples) if each.failure}
+    unsuccessful: list[Json] = [at for at, successful in enumerate(samples.successful) if not successful]
     if unsuccessful:
         columns["unsuccessful"] = unsuccessful
-    if any(each.count != 1 for each in samples):
-        columns["count"] = [each.count for each in samples]
-    if failures:
-        columns["failures"] = failures
+    if any(count != 1 for count in samples.counts):
+        columns["count"] = list(samples.counts)
+    if samples.failures:
+        columns["failures"] = {str(at): reason for at, reason in samples.failures.items()}
     if series.unsettled:
         columns["unsettled"] = series.unsettled
     return columns
@@ -106,11 +113,11 @@ def _series(data: Json, path: str) -> Series:
     _fields(data, _SERIES - {"unsuccessful", "count", "failures", "unsettled"}, _SERIES, path)
     # A job may have begun, or been due, before its host had settled and samples counted.
     began = _column(data, "began_ms", _NUMBER, path, least=-LARGEST_SAMPLE)
-    response = _column(data, "response_ms", _ANSWER, path)
-    count = _column(data, "count", _NUMBER, path) if "count" in data else [1.0] * len(began)
-    if not len(began) == len(response) == len(count):
+    response: Sequence[float | None] = _column(data, "response_ms", _ANSWER, path)
+    counts = _column(data, "count", _NUMBER, path) if "count" in data else [1.0] * len(began)
+    if not len(began) == len(response) == len(counts):
         raise NotDecodable(path, "its columns are of different lengths")
-    missed = set(_indexes(data.get("unsuccessful", []), len(began), f"{path}.unsuccessful"))
+    missed = _indexes(data.get("unsuccessful", []), len(began), f"{path}.unsuccessful")
     failures = _failures(data.get("failures", {}), len(began), f"{path}.failures")
     name, elapsed, cpu = data["component"], data["elapsed_ms"], data["cpu_ms"]
     unsettled = data.get("unsettled", "")
@@ -119,15 +126,15 @@ def _series(data: Json, path: str) -> Series:
             raise NotDecodable(f"{path}.{field_name}", "it is no text")
     _check_numbers([elapsed], _NUMBER, f"{path}.elapsed_ms")
     _check_numbers([cpu], _ANSWER, f"{path}.cpu_ms")
-    samples = tuple(
-        Sample(
-            began_ms=start,
-            response_ms=answer,
-            successful=at not in missed,
-            count=float(much),
-            failure=failures.get(at, ""),
-        )
-        for at, (start, answer, much) in enumerate(zip(began, response, count, strict=True))
+    successful = bytearray(b"\1") * len(began)
+    for at in missed:
+        successful[at] = 0
+    samples = SampleColumns(
+        began_ms=array("d", began),
+        response_ms=array("d", [nan if time is None else time for time in response]),
+        successful=bytes(successful),
+        counts=array("d", counts),
+        failures=failures,
     )
     return Series(
         component=cast("str", name),
@@ -165,9 +172,10 @@ def _column(
 
 def _check_numbers(values: Sequence[Json], types: frozenset[type], path: str, least: float = 0.0) -> None:
     """NOTE: checked as a whole, because a log holds many thousand numbers."""
-    if not set(map(type, values)) <= types:
+    found = set(map(type, values))
+    if not found <= types:
         raise NotDecodable(path, "it is or holds what is no number")
-    numbers = cast("Sequence[float]", [value for value in values if value is not None])
+    numbers = cast("Sequence[float]", [value for value in values if value is not None] if NoneType in found else values)
     if numbers and not (min(numbers) >= least and max(numbers) <= LARGEST_SAMPLE):
         raise NotDecodable(path, f"a number is below {least:g} or above {LARGEST_SAMPLE:.0e}")
 
@@ -184,8 +192,8 @@ def _indexes(data: Json, length: int, path: str) -> Sequence[int]:
 def _failures(data: Json, length: int, path: str) -> Mapping[int, str]:
     if not isinstance(data, dict) or not all(type(reason) is str for reason in data.values()):
         raise NotDecodable(path, "it is no object of texts")
-    if not all(key.isascii() and key.isdecimal() for key in data):
+    if not all(_NUMBER_OF_A_SAMPLE.fullmatch(key) for key in data):
         raise NotDecodable(path, "its keys are no numbers of samples")
     found = {int(key): cast("str", message) for key, message in data.items()}
     _indexes(cast("Json", list(found)), length, path)
-    return found
+    return dict(sorted(found.items()))

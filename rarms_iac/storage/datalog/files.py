@@ -1,11 +1,12 @@
 """Data logs as files: read whole, begun anew, or a setting longer."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
+from weakref import WeakValueDictionary
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.append import Damaged, append, read_records
+from rarms_iac.storage.append import Damaged, append, iterate_records
 from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
@@ -70,19 +71,21 @@ def append_to_log(path: Path, value: object) -> None:
     append(path, record)
 
 
-def whole_records(path: Path) -> tuple[dict[str, Json], ...]:
-    """The records of a log, without a last one that a crash tore; none where there is no file.
+def _numbered_records(path: Path) -> Iterator[tuple[int, dict[str, Json]]]:
+    """The lines of a log with their records, without a last one that a crash tore; none where there is no file.
 
     Raises:
         LogUnreadable: the log is damaged, or no log.
         OSError: it cannot be read.
     """
+    line = 0
     try:
-        return read_records(path)
+        for line, record in enumerate(iterate_records(path), start=1):
+            yield line, record
     except Damaged as damage:
         raise LogUnreadable(path, damage.line, damage.message) from None
     except NotDecodable as problem:
-        raise LogUnreadable(path, 1, str(problem)) from None
+        raise LogUnreadable(path, line + 1, str(problem)) from None
 
 
 def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -> tuple[T, ...]:
@@ -93,7 +96,7 @@ def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -
         OSError: it cannot be read.
     """
     values: list[T] = []
-    for line, record in enumerate(whole_records(path), start=1):
+    for line, record in _numbered_records(path):
         try:
             values.append(decode_record(record))
         except NotDecodable as problem:
@@ -104,18 +107,42 @@ def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -
 def read_log(path: Path) -> DataLog | None:
     """The log, without a last line that a crash tore; None where there is no file, or one without a whole header.
 
+    As long as somebody has the log, and the file is the same, it is not read again: a long one takes a second.
+
     Raises:
         LogUnreadable: it is damaged, of another version, or no data log.
         OSError: it cannot be read.
     """
-    records = whole_records(path)
-    if not records:
+    version = _version_of(path)
+    log = None if version is None else _logs_in_use.get(version)
+    if log is None:
+        log = _read_log(path)
+        if log is not None and version is not None and version == _version_of(path):
+            _logs_in_use[version] = log
+    return log
+
+
+_logs_in_use: WeakValueDictionary[Hashable, DataLog] = WeakValueDictionary()
+
+
+def _version_of(path: Path) -> Hashable | None:
+    """What tells a file from every other, and from itself once it was written to; None: there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None  # reading it says why
+    return (path.absolute(), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def _read_log(path: Path) -> DataLog | None:
+    records = _numbered_records(path)
+    _, first = next(records, (0, None))
+    if first is None:
         return None
-    first, *rest = records
     header = _header(path, first)
     recorded: list[Recorded] = []
     remeasurements: dict[int, Remeasurement] = {}
-    for line, record in enumerate(rest, start=2):
+    for line, record in records:
         try:
             if REMEASUREMENT_FIELD in record:
                 remeasurement = _remeasurement_in(record)

@@ -63,7 +63,7 @@ class Remeasurement:
     ended: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class DataLog:
     """All that was measured of components in one partition, against one interfering load, on one platform."""
 

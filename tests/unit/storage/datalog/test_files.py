@@ -48,6 +48,22 @@ def test_what_is_written_reads_back(tmp_path: Path) -> None:
     assert log.settings[1].series[0].samples[0].response_ms == 88.1235
 
 
+def test_a_log_that_somebody_has_is_read_again_only_when_it_was_written_to(tmp_path: Path) -> None:
+    path = a_file(tmp_path, 10)
+    log = read_log(path)
+
+    assert read_log(path) is log
+    append_setting(path, Recorded(setting=a_setting(20), provenance=TAKEN))
+    longer = read_log(path)
+    begin_log(path, a_header())
+    begun_anew = read_log(path)
+
+    assert longer is not None
+    assert [setting.reserve for setting in longer.settings] == [10, 20]
+    assert begun_anew is not None
+    assert begun_anew.settings == ()
+
+
 def test_a_torn_last_setting_is_dropped_and_gives_way(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10, 20)
     path.write_bytes(path.read_bytes()[:-40])
