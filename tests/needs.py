@@ -93,6 +93,7 @@ NEEDS: dict[str, Need] = {
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
     "venv": Need(missing=_no_venv, obtainable=_on_posix),
+    "yaml-language-server": Need(missing=_program("yaml-language-server"), obtainable=_on_linux),
     "windows": Need(missing=lambda: "" if ON_WINDOWS else "this is not Windows", obtainable=lambda: ON_WINDOWS),
     "wine": Need(missing=_program("wine"), obtainable=_on_linux),
 }

@@ -16,6 +16,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import is_name
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.shipped import shipped_text
 
 _BLANK_BYTES = 4096
 """A larger file is not looked into."""
@@ -36,8 +37,14 @@ class FormattedManifest:
         return self.before != self.after.encode()
 
 
-def write_first_manifest(folder: str, name: str | None = None) -> str:
-    """Write a commented manifest that validates and plans as it is; return its path. A blank file gives way.
+SCHEMA_NAME = "rarms.schema.json"
+"""The file beside a manifest that its first line names: what an editor checks it against, also without a network."""
+
+
+def write_first_manifest(folder: str, name: str | None = None) -> tuple[str, ...]:
+    """Write a commented manifest that validates and plans as it is, with its schema; return both paths.
+
+    A blank file gives way to the manifest, and an earlier schema to this version's.
 
     Args:
         folder: where; it is made where it does not exist.
@@ -56,8 +63,10 @@ def write_first_manifest(folder: str, name: str | None = None) -> str:
         raise UseCaseError(Outcome.FAILED, [conflict_finding(path.as_posix())])
     text = initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
-    write_file(str(path), text.encode())
-    return path.as_posix()
+    schema = path.with_name(SCHEMA_NAME)
+    write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())
+    write_file(str(schema), shipped_text("schemas/manifest.json").encode())
+    return path.as_posix(), schema.as_posix()
 
 
 def _is_blank(path: Path) -> bool:

@@ -1,12 +1,15 @@
 """The shape of the whole command line, read from its commands: for completion scripts and the reference."""
 
+import re
 from collections.abc import Iterator
 
 import click
 
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.table import COMMANDS
+from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.completion import CommandShape, OptionShape
+from rarms_iac.views.finding_forms import OutputFormat
 
 HELP_OPTION = OptionShape(flags=("-h", "--help"), help="Show this message and exit.")
 
@@ -32,16 +35,15 @@ def all_commands() -> Iterator[tuple[str, click.Command]]:
 
 
 def _shape(name: str, command: click.Command) -> CommandShape:
+    arguments = [parameter for parameter in command.params if isinstance(parameter, click.Argument)]
+    called = " ".join(f"{argument.name} {argument.metavar}" for argument in arguments)
     return CommandShape(
         name=name,
         help=COMMANDS[name],
         options=(*_options(command), HELP_OPTION),
-        words=tuple(
-            word
-            for parameter in command.params
-            if isinstance(parameter, click.Argument)
-            for word in _choices(parameter)
-        ),
+        words=tuple(word for argument in arguments for word in _choices(argument)),
+        # a partition has the name of its most critical component
+        takes_names=re.search("component|partition", called, re.IGNORECASE) is not None,
     )
 
 
@@ -59,4 +61,9 @@ def _options(command: click.Command) -> tuple[OptionShape, ...]:
 
 
 def _choices(parameter: click.Parameter) -> tuple[str, ...]:
+    match parameter:
+        case click.Argument(metavar="FINDING|COMPONENT"):
+            return known_codes()
+        case click.Option(metavar="FORMAT[=FILE]"):
+            return tuple(OutputFormat)
     return tuple(map(str, parameter.type.choices)) if isinstance(parameter.type, click.Choice) else ()

@@ -27,12 +27,13 @@ class OptionShape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandShape:
-    """A command with its options, and the words that its arguments are chosen from (none: files)."""
+    """A command with its options, and what its arguments are chosen from (nothing: files)."""
 
     name: str
     help: str
     options: tuple[OptionShape, ...] = ()
     words: tuple[str, ...] = ()
+    takes_names: bool = False  # of components: read from the manifest when they are asked for
 
 
 def completion_script(shell: Shell, top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> str:
@@ -49,6 +50,44 @@ def completion_script(shell: Shell, top: Sequence[OptionShape], commands: Sequen
         case _:
             assert_never(shell)
     return "\n".join(lines) + "\n"
+
+
+_BASH_COMPONENTS = r"""_rarms_components() {
+    local file="${RARMS_MANIFEST:-rarms.yaml}" line inside="" indent="" index
+    for ((index = 1; index < COMP_CWORD; index++)); do
+        case "${COMP_WORDS[index]}" in -f|--manifest) file="${COMP_WORDS[index + 1]}" ;; esac
+    done
+    [[ -d "$file" ]] && file="$file/rarms.yaml"
+    [[ -f "$file" && -r "$file" ]] || return
+    while IFS= read -r line; do
+        if [[ "$line" =~ ^[^[:space:]#] ]]; then
+            indent="" inside=""
+            [[ "$line" == components:* ]] && inside=1
+        elif [[ -n "$inside" && "$line" =~ ^([[:space:]]+)([a-z0-9-]+): ]]; then
+            indent="${indent:-${BASH_REMATCH[1]}}"
+            [[ "${BASH_REMATCH[1]}" == "$indent" ]] && printf '%s ' "${BASH_REMATCH[2]}"
+        fi
+    done <"$file"
+}"""
+
+_AWK_COMPONENTS = (
+    r'/^[^ \t#]/ { inside = /^components:/; indent = "" } '
+    r"inside && /^[ \t]+[a-z0-9-]+:/ { match($0, /^[ \t]+/); "
+    r'if (indent == "") indent = RLENGTH; '
+    r'if (RLENGTH == indent) { name = substr($0, RLENGTH + 1); sub(/:.*/, "", name); print name } }'
+)
+
+_POWERSHELL_COMPONENTS = r"""        $file = if ($env:RARMS_MANIFEST) { $env:RARMS_MANIFEST } else { 'rarms.yaml' }
+        if (Test-Path $file -PathType Container) { $file = Join-Path $file 'rarms.yaml' }
+        $inside = $false
+        $indent = ''
+        foreach ($line in @(Get-Content $file -ErrorAction SilentlyContinue)) {
+            if ($line -match '^[^\s#]') { $inside = $line.StartsWith('components:'); $indent = '' }
+            elseif ($inside -and $line -match '^(\s+)([a-z0-9-]+):') {
+                if (-not $indent) { $indent = $Matches[1] }
+                if ($Matches[1] -eq $indent) { $found += $Matches[2] }
+            }
+        }"""
 
 
 def flags_of(options: Sequence[OptionShape]) -> tuple[str, ...]:
@@ -71,8 +110,9 @@ def _bash(top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> Itera
     names = [command.name for command in commands]
     yield "# Completion of rarms for bash, made by: rarms completion bash. It starts no Python."
     yield "# Use it with: source <(rarms completion bash), or save it among the completions of bash."
+    yield _BASH_COMPONENTS
     yield "_rarms() {"
-    yield '    local current="${COMP_WORDS[COMP_CWORD]}" previous="" command="" words="" flags="" index'
+    yield '    local current="${COMP_WORDS[COMP_CWORD]}" previous="" command="" words="" flags="" names="" index'
     yield '    ((COMP_CWORD > 0)) && previous="${COMP_WORDS[COMP_CWORD - 1]}"'
     yield "    for ((index = 1; index < COMP_CWORD; index++)); do"
     yield '        case "${COMP_WORDS[index]}" in'
@@ -91,9 +131,10 @@ def _bash(top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> Itera
     for command in commands:
         yield (
             f'        {command.name}) words="{" ".join(command.words)}"; '
-            f'flags="{" ".join(flags_of(command.options))}" ;;'
+            f'flags="{" ".join(flags_of(command.options))}"{"; names=1" if command.takes_names else ""} ;;'
         )
     yield "    esac"
+    yield '    [[ -n "$names" && "$current" != -* ]] && words+=" $(_rarms_components)"'
     yield '    [[ "$current" == -* ]] && words="$flags"'
     yield '    COMPREPLY=($(compgen -W "$words" -- "$current"))'
     yield "}"
@@ -104,6 +145,12 @@ def _zsh(top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> Iterat
     yield "#compdef rarms"
     yield "# Completion of rarms for zsh, made by: rarms completion zsh. It starts no Python."
     yield "# Use it with: source <(rarms completion zsh), or save it as _rarms in a folder of $fpath."
+    yield "_rarms_names() {"
+    yield '    local file="${opt_args[-f]:-${opt_args[--manifest]:-${RARMS_MANIFEST:-rarms.yaml}}}"'
+    yield '    [[ -d "$file" ]] && file="$file/rarms.yaml"'
+    yield '    compadd -- "$@"'
+    yield f"""    [[ -f "$file" ]] && compadd -- ${{(f)"$(awk {_zsh_quoted(_AWK_COMPONENTS)} "$file")"}}"""
+    yield "}"
     yield "_rarms() {"
     yield "    local -a commands"
     yield "    local context state state_descr line"
@@ -141,6 +188,8 @@ def _zsh_option(option: OptionShape, flag: str) -> str:
 
 
 def _zsh_words(command: CommandShape) -> str:
+    if command.takes_names:
+        return f"*: : _rarms_names {' '.join(command.words)}".rstrip()
     return f"*: :({' '.join(command.words)})" if command.words else "*: :_files"
 
 
@@ -151,6 +200,11 @@ def _zsh_quoted(text: str) -> str:
 def _fish(top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> Iterator[str]:
     yield "# Completion of rarms for fish, made by: rarms completion fish. It starts no Python."
     yield "# Use it with: rarms completion fish | source, or save it as ~/.config/fish/completions/rarms.fish."
+    yield "function __rarms_components"
+    yield "    set -l file (set -q RARMS_MANIFEST; and echo $RARMS_MANIFEST; or echo rarms.yaml)"
+    yield "    test -d $file; and set file $file/rarms.yaml"
+    yield f"    test -f $file; and awk {_fish_quoted(_AWK_COMPONENTS)} $file"
+    yield "end"
     for option in top:
         yield f"complete -c rarms -n __fish_use_subcommand{_fish_option(option)}"
     for command in commands:
@@ -164,6 +218,8 @@ def _fish(top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> Itera
             yield here + _fish_option(option)
         if command.words:
             yield f"{here} -f -a {_fish_quoted(' '.join(command.words))}"
+        if command.takes_names:
+            yield f"{here} -f -a '(__rarms_components)'"
 
 
 def _fish_option(option: OptionShape) -> str:
@@ -191,7 +247,12 @@ def _powershell(top: Sequence[OptionShape], commands: Sequence[CommandShape]) ->
     yield "    $given = @($commandAst.CommandElements | Select-Object -Skip 1 | ForEach-Object { $_.ToString() })"
     yield "    $command = @($given | Where-Object { $_ -ne $wordToComplete -and $words.ContainsKey($_) })"
     yield "    $name = if ($command.Count -gt 0) { $command[0] } else { '' }"
-    yield "    $words[$name] | Where-Object { $_.StartsWith($wordToComplete) } | ForEach-Object {"
+    yield f"    $names = {_powershell_list([command.name for command in commands if command.takes_names])}"
+    yield "    $found = @()"
+    yield "    if ($names -contains $name) {"
+    yield from _POWERSHELL_COMPONENTS.splitlines()
+    yield "    }"
+    yield "    @($words[$name]) + $found | Where-Object { $_.StartsWith($wordToComplete) } | ForEach-Object {"
     yield "        [System.Management.Automation.CompletionResult]::new($_, $_, 'ParameterValue', $_)"
     yield "    }"
     yield "}"

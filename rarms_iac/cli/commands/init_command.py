@@ -18,12 +18,12 @@ def command(session: Session, *, folder: str, name: str | None, as_json: bool) -
     """Write a commented rarms.yaml into FOLDER (default: here) that validates and plans as it is.
 
     It describes two components on a simulated host, which needs nothing installed. A FOLDER that is not
-    there is made; a manifest that is there stays.
+    there is made; a manifest that is there stays. rarms.schema.json beside it is what editors check it against.
     """
-    path = write_first_manifest(folder, name)
+    paths = write_first_manifest(folder, name)
     if as_json:
-        session.terminal.data(to_json(WrittenOutput(files=(path,))))
+        session.terminal.data(to_json(WrittenOutput(files=paths)))
     else:
-        session.terminal.talk(f"Wrote {path}.")
+        session.terminal.talk(f"Wrote {paths[0]}, and {paths[1]} for your editor.")
         session.terminal.tell("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
     return ExitCode.DONE

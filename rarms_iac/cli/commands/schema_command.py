@@ -6,15 +6,15 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.storage.shipped import shipped_text
 
-SCHEMAS = ("manifest", "plan", "snapshot", "output", "datalog")
+SCHEMAS = ("manifest", "overlay", "plan", "snapshot", "output", "datalog")
 
 
 @rarms_command("schema")
 @click.argument(
-    "name", type=click.Choice(SCHEMAS), default="manifest", metavar="[manifest|plan|snapshot|output|datalog]"
+    "name", type=click.Choice(SCHEMAS), default="manifest", metavar="[manifest|overlay|plan|snapshot|output|datalog]"
 )
 def command(session: Session, *, name: str) -> ExitCode:
-    """Print a JSON Schema: of the manifest, a plan file, a snapshot, what --json prints, or a line of a data log.
+    """Print a JSON Schema: of a manifest, an overlay, a plan, a snapshot, what --json prints, or a line of a data log.
 
     An editor that knows the manifest's schema completes keys and shows what each is for.
     """

@@ -47,14 +47,18 @@ def quantity_error(kinds: tuple[Unit, ...], *, positive: bool = False, also: str
     return PydanticCustomError("rarms_quantity", "not a quantity", {**facts, "also": also})
 
 
-def quantity_schema(*kinds: Unit, positive: bool = False) -> dict[str, Any]:
-    """The JSON Schema of such a text."""
-    units = "|".join(units_of(*kinds))
+def quantity_schema(*kinds: Unit, positive: bool = False, also: str = "") -> dict[str, Any]:
+    """The JSON Schema of such a text; `errorMessage` is what editors show instead of the pattern."""
+    units = units_of(*kinds)
     some = r"(?=[0-9.]*[1-9])" if positive else ""
+    examples = [also] * bool(also) + [_EXAMPLES[kind] for kind in kinds]
+    number = f"{also and f'`{also}` or '}a number{' above 0' if positive else ''}"
     return {
         "type": "string",
-        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({units})$",
-        "examples": [_EXAMPLES[kind] for kind in kinds],
+        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({'|'.join(units)})$",
+        "errorMessage": f"Write {number} with one of the units {', '.join(units)}, as in "
+        f"{' or '.join(f'`{example}`' for example in examples)}.",
+        "examples": examples,
     }
 
 
@@ -129,10 +133,15 @@ def _read_reserve(value: Any) -> Any:
         raise quantity_error(_CPU, also="measured") from None
 
 
+def _reserve_schema() -> dict[str, Any]:
+    quantity = quantity_schema(*_CPU, also="measured")
+    return {"anyOf": [{"const": "measured", "errorMessage": quantity["errorMessage"]}, quantity]}
+
+
 Reserve = Annotated[
     CpuAmount | Measured,
     PlainValidator(_read_reserve),
-    WithJsonSchema({"anyOf": [{"const": "measured"}, quantity_schema(*_CPU)]}),
+    WithJsonSchema(_reserve_schema()),
 ]
 
 

@@ -4,8 +4,9 @@ import json
 import re
 from collections.abc import Iterator
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
+from rarms_iac.manifest.document.fields import FORMS
 from rarms_iac.manifest.document.manifest import ManifestDocument
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -16,6 +17,80 @@ def manifest_schema() -> dict[str, Any]:
     """The schema that `schemas/manifest.json` holds; callers do not change it."""
     made: dict[str, Any] = _tidied(ManifestDocument.model_json_schema(by_alias=True))
     return {"$schema": _DIALECT, **made}
+
+
+_REPLACED_WHOLE = frozenset({"samples", "until"})
+"""Fields that an overlay replaces as a whole, like each index of `apt`: in them nothing may be missing or null."""
+
+
+@cache
+def overlay_schema() -> dict[str, Any]:
+    """The schema that `schemas/overlay.json` holds: of a manifest whose keys may be absent, or null to remove them."""
+    whole = manifest_schema()
+    made: dict[str, Any] = _relaxed({key: value for key, value in whole.items() if key != "$defs"})
+    blocks = {name: _relaxed(block) for name, block in whole["$defs"].items()}
+    originals = {f"Whole{name}": _renamed(block) for name, block in whole["$defs"].items()}
+    title = "Overlay of a rarms manifest: only what differs from it."
+    return {**made, "description": title, "$defs": _reachable(made, {**blocks, **originals})}
+
+
+def _relaxed(schema: Any) -> Any:
+    """Without what must be there, and with null wherever a key may be removed."""
+    if isinstance(schema, list):
+        return [_relaxed(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    made = {key: _relaxed(value) for key, value in schema.items() if key not in {"required", "allOf", "properties"}}
+    alternatives = made.pop("oneOf", [])
+    if any(set(alternative) != set() for alternative in alternatives):
+        made["anyOf"] = alternatives
+    made.pop("discriminator", None)
+    if "properties" in schema:
+        made["properties"] = {key: _or_null(_overlaid(key, value)) for key, value in schema["properties"].items()}
+    if isinstance(made.get("additionalProperties"), dict):
+        made["additionalProperties"] = _or_null(made["additionalProperties"])
+    return made
+
+
+def _overlaid(key: str, schema: dict[str, Any]) -> dict[str, Any]:
+    """A field of this name in an overlay."""
+    if key in _REPLACED_WHOLE:
+        return cast(dict[str, Any], _renamed(schema))
+    if key == "apt":
+        indexes = {
+            keyword: {name: _or_null(index) for name, index in schema[keyword].items()}
+            for keyword in ("properties", "patternProperties")
+        }
+        return {**schema, **indexes}
+    return cast(dict[str, Any], _relaxed(schema))
+
+
+def _renamed(schema: Any) -> Any:
+    """The same with references to the blocks of a whole manifest."""
+    if isinstance(schema, list):
+        return [_renamed(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    made = {key: _renamed(value) for key, value in schema.items()}
+    if isinstance(made.get("$ref"), str):
+        made["$ref"] = made["$ref"].replace("#/$defs/", "#/$defs/Whole")
+    made.pop("discriminator", None)
+    return made
+
+
+def _or_null(schema: dict[str, Any]) -> dict[str, Any]:
+    outside = {key: value for key, value in schema.items() if key in {"description", "errorMessage"}}
+    return {**outside, "anyOf": [schema, {"type": "null"}]}
+
+
+def _reachable(schema: dict[str, Any], blocks: dict[str, Any]) -> dict[str, Any]:
+    """The blocks that the schema leads to, by name."""
+    names, waiting = set[str](), [schema]
+    while waiting:
+        found = set(re.findall(r'"#/\$defs/(\w+)"', json.dumps(waiting.pop()))) - names
+        names |= found
+        waiting += [blocks[name] for name in found]
+    return {name: blocks[name] for name in sorted(names)}
 
 
 def as_text(schema: dict[str, Any]) -> str:
@@ -38,6 +113,8 @@ def _tidied(node: Any) -> Any:
     pattern = tidied.get("pattern")
     if isinstance(pattern, str):
         tidied["pattern"] = _to_the_very_end(pattern)
+        if pattern in FORMS:
+            tidied["errorMessage"] = FORMS[pattern][1]
     return tidied
 
 

@@ -1,3 +1,4 @@
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -6,6 +7,7 @@ import pytest
 
 from rarms_iac.cli.shape import command_shapes
 from rarms_iac.cli.table import COMMANDS
+from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.completion import Shell
 from tests.unit.cli.running import rarms
 
@@ -30,6 +32,32 @@ def test_the_bash_script_completes_commands_options_and_choices() -> None:
     assert complete("--ver") == ["--version"]
     assert complete("schema", "--de") == ["--debug"]
     assert complete("completion", "po") == ["powershell"]
+    assert complete("validate", "--output", "s") == ["sarif"]
+    assert complete("explain", "RARMS01") == [code for code in known_codes() if code.startswith("RARMS01")]
+
+
+@needs_bash
+def test_the_bash_script_completes_the_components_of_the_manifest(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(
+        "hosts:\n  onboard: {}\ncomponents:\n    # the eyes\n    vision:\n        criticality: 3\n    video: {}\n"
+        "partitions:\n  vault: {}\n",
+        encoding="utf-8",
+        newline="\n",
+    )
+
+    for names in (("-f", str(tmp_path)), ("--manifest", str(tmp_path / "rarms.yaml"))):
+        assert complete("measure", *names, "v") == ["vision", "video"]
+    assert complete("measure", "-f", str(tmp_path / "none"), "v") == []
+
+
+@pytest.mark.needs("linux")
+def test_what_zsh_and_fish_read_components_with_finds_the_same() -> None:
+    program = re.search(r"awk '(.*)' \"\$file\"", rarms("completion", "zsh").out)
+    manifest = Path(__file__).parents[3] / "manifests" / "delivery-robot" / "rarms.yaml"
+
+    assert program is not None
+    shown = subprocess.run(["awk", program[1], str(manifest)], capture_output=True, text=True, check=True)
+    assert shown.stdout.split() == ["face-detection", "speech-recognition", "path-planning", "video-streaming"]
 
 
 @needs_bash

@@ -9,7 +9,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from rarms_iac.manifest.document.schema import as_text, manifest_schema
+from rarms_iac.manifest.document.schema import as_text, manifest_schema, overlay_schema
 from rarms_iac.manifest.load import load
 from rarms_iac.manifest.text.reading import read_text
 from tests.unit.manifest.examples import EVERYTHING, no_checks
@@ -99,3 +99,34 @@ def test_a_case_that_can_be_read_is_judged_alike(path: Path) -> None:
     else:
         assert told
         assert not wrong
+
+
+def test_the_committed_schema_of_overlays_is_the_generated_one() -> None:
+    committed = (SCHEMAS / "overlay.json").read_text(encoding="utf-8")
+
+    assert committed == as_text(overlay_schema()), "run scripts/generate"
+
+
+OVERLAY = jsonschema.Draft202012Validator(overlay_schema())
+
+
+@pytest.mark.parametrize("file", sorted(SCHEMAS.parent.glob("manifests/*/*.yaml")), ids=lambda file: file.stem)
+def test_manifests_and_overlays_are_overlays_of_some_manifest(file: Path) -> None:
+    assert list(OVERLAY.iter_errors(read_text(file.read_bytes(), file.name, ".").value)) == []
+
+
+@pytest.mark.parametrize(
+    ("overlay", "right"),
+    [
+        ("components: { arm: null, door: { memory: null, task: null } }", True),
+        ("components: { arm: { apt: { mean_response_time: null, jitter: { at_most: 5 ms } } } }", True),
+        ("hosts: { cell: { hyperv: { switch: north } } }", True),
+        ("interference: { browsers: { instances: 3 } }", True),
+        ("components: { arm: { apt: { jitter: {} } } }", False),
+        ("components: { arm: { run: { samples: { from: pattern } } } }", False),
+        ("components: { arm: { criticalty: 3 } }", False),
+        ("components: { arm: { memory: 3 } }", False),
+    ],
+)
+def test_an_overlay_may_lack_and_remove_but_not_misspell(overlay: str, *, right: bool) -> None:
+    assert OVERLAY.is_valid(read_text(overlay.encode(), "robot-7.yaml", ".").value) is right
