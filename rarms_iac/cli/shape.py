@@ -61,9 +61,8 @@ def _options(command: click.Command) -> tuple[OptionShape, ...]:
 
 
 def _choices(parameter: click.Parameter) -> tuple[str, ...]:
-    match parameter:
-        case click.Argument(metavar="FINDING|COMPONENT"):
-            return known_codes()
-        case click.Option(metavar="FORMAT[=FILE]"):
-            return tuple(OutputFormat)
+    if parameter.metavar == "FINDING|COMPONENT":
+        return known_codes()
+    if parameter.metavar == "FORMAT[=FILE]":
+        return tuple(OutputFormat)
     return tuple(map(str, parameter.type.choices)) if isinstance(parameter.type, click.Choice) else ()
