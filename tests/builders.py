@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from rarms_iac.model.capacity import Capacity
+from rarms_iac.model.claims import ANY_THREAD, CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import (
     Connect,
@@ -210,6 +212,12 @@ def a_host(
         settings=settings or own[provider],
         system_responsiveness=system_responsiveness,
     )
+
+
+def a_capacity(logical_processors: int, sharing: CoreSharing = ANY_THREAD) -> Capacity:
+    """All of so many logical processors, and no memory to speak of."""
+    whole = LogicalProcessors(Fraction(logical_processors))
+    return Capacity(logical_processors=logical_processors, processors=whole, memory=Bytes(100), sharing=sharing)
 
 
 def a_partition(

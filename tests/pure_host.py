@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff.readings import readings
+from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -123,7 +124,7 @@ class PureHost:
             checkpoints=Checkpoints.PRODUCTION,
             running=False,
         )
-        machine = Partition(settings=settings, id=f"{self.made:08x}-made")
+        machine = Partition(settings=settings, id=f"{self.made:08x}-made", sharing=core_sharing(self.state.facts))
         self.state = replace(self.state, partitions=(*self.state.partitions, machine))
 
     def _put(self, changed: Partition) -> None:

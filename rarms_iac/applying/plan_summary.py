@@ -35,20 +35,20 @@ def totals_of(
     others = list(foreign_claims(observed, application))
     for change in changes:
         match change:
-            case Adopt(before=Partition(claims_resources=True, settings=settings)):
-                others.remove(settings.claim)
+            case Adopt(before=Partition(claims_resources=True) as before):
+                others.remove(before.claim)
             case Release(before=Partition() as before):
                 claims.pop(change.address.partition, None)
-                others += [before.settings.claim] if before.claims_resources else []
+                others += [before.claim] if before.claims_resources else []
             case _:
                 pass
     removed = {change.address.partition for change in changes if isinstance(change, Delete)}
     resting = {
-        partition.mark.name: partition.settings.claim
+        partition.mark.name: partition.claim
         for partition in observed.of(application).partitions
         if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and partition.mark.name not in removed
     }
-    layout = resting | {partition.settings.name: partition.settings.claim for partition in desired.partitions}
+    layout = resting | {partition.settings.name: partition.claim for partition in desired.partitions}
     idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
     own, foreign = load_of(claims.values()), load_of(others)
     return Totals(

@@ -28,7 +28,7 @@ def claim_of(partition: Partition | None) -> Claim:
     """
     if partition is None or not (partition.settings.running or partition.state in _ACTIVE):
         return NO_CLAIM
-    return partition.settings.claim
+    return partition.claim
 
 
 def within(claim: Claim, limit: Claim) -> bool:

@@ -29,7 +29,11 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
     for partition in state.partitions:
         if partition.mark is not None and partition.mark.application == application:
             attached = sorted(disk.path for disk in state.disks if disk.machine == partition.id)
-            parts[f"partition/{partition.mark.name}"] = {**partition_readings(partition), "disks": attached}
+            parts[f"partition/{partition.mark.name}"] = {
+                **partition_readings(partition),
+                "disks": attached,
+                "takes": partition.claim.processors,
+            }
         else:
             parts[f"machine {partition.settings.name} ({partition.id})"] = _claims_on_host(partition)
     guests: dict[str, dict[str, object]] = {}
@@ -75,6 +79,7 @@ def _claims_on_host(partition: Partition) -> dict[str, object]:
     return {
         "claims": partition.claims_resources,
         "processors": settings.processors,
+        "takes": partition.claim.processors,
         "reserve": settings.reserve,
         "limit": settings.limit,
         "memory": settings.memory,

@@ -85,7 +85,7 @@ class _Walk:
         self.claims = {_machine_key(key): claim_of(partition) for key, partition in self.budget.managed.items()}
         everything = (*self.budget.foreign, *self.claims.values())
         self.start = self.now = load_of(everything)
-        self.packed_at_start = packs(everything, self.budget.capacity.logical_processors)
+        self.packed_at_start = packs(everything, self.budget.capacity)
 
     def run_releasing_steps(self) -> None:
         """Every step that takes nothing, as far as each change's own order lets it."""
@@ -151,7 +151,7 @@ class _Walk:
         if load.memory > capacity.memory and load.memory > self.start.memory:
             return False
         claims = {**self.claims, _key(step): step.claim_after}
-        return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity.logical_processors)
+        return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity)
 
     def _make_room(self, waiting: list[int]) -> Deadlock | None:
         """Stop the least critical running partition that waits; the deadlock where there is none, or none may stop."""

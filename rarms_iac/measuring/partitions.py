@@ -64,7 +64,7 @@ def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
     """Add up what this host has to give: partitions of the application count while they run, all claims as always."""
     return MeasuringBudget(
         capacity=capacity_of(host, state.facts),
-        claims=tuple(partition.settings.claim for partition in state.partitions if _counts(partition, application)),
+        claims=tuple(partition.claim for partition in state.partitions if _counts(partition, application)),
     )
 
 
@@ -110,7 +110,7 @@ def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: 
     Returns:
         Whole per cent of each of P2's own processors; None: the host cannot give P1 so much.
     """
-    p1 = Claim(processors=setup.processors, reserve=reserve, memory=setup.memory)
+    p1 = budget.capacity.sharing.claim(setup.processors, reserve, setup.memory)
     memory = memory_for_load(budget, setup)
     p2 = Claim(processors=budget.capacity.logical_processors, reserve=0, memory=max(0, memory))
     if not fits(budget.capacity, (*budget.claims, p1, p2)):

@@ -1,12 +1,12 @@
 """Whether promises fit a host: processors in sum, virtual processors onto logical ones, memory (DESIGN section 3)."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import accumulate
 
-from rarms_iac.model.claims import WHOLE, Claim, load_of
-from rarms_iac.model.host import Host
+from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing, load_of
+from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
 from rarms_iac.model.state import HostFacts, State
 
@@ -24,12 +24,43 @@ class Capacity:
     logical_processors: int
     processors: LogicalProcessors  # that may be promised; at most the logical ones
     memory: Bytes  # that may be promised
+    sharing: CoreSharing = ANY_THREAD  # of a machine that is made there
+
+    @property
+    def cores(self) -> int:
+        """What virtual processors are laid onto: what two machines never have at once."""
+        return self.logical_processors // self.sharing.threads
+
+
+SERVER_2019 = 17763
+"""The build from which servers have the core scheduler, and new machines SMT, unless somebody said otherwise."""
+
+SMT_THREADS = 2
+
+
+def core_sharing(facts: HostFacts, threads_per_core: int | None = None) -> CoreSharing:
+    """Work out how a machine takes cores.
+
+    Under the core scheduler with SMT, one that has no SMT itself leaves the other thread of each of its cores idle. A
+    server that does not tell its scheduler is taken to have the one that its Windows comes with (FACTS 2).
+
+    Args:
+        facts: the host.
+        threads_per_core: the machine's HwThreadCountPerCore, 0: as the host; None: it is made now.
+    """
+    is_default = facts.os_build >= SERVER_2019
+    is_core = facts.scheduler is SchedulerType.CORE
+    is_core |= facts.scheduler is SchedulerType.UNKNOWN and is_default and not facts.client
+    if not (facts.smt and is_core):
+        return ANY_THREAD
+    used = int(not is_default) if threads_per_core is None else threads_per_core
+    return CoreSharing(threads=SMT_THREADS, used=min(used or SMT_THREADS, SMT_THREADS))
 
 
 def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
     """The claims of machines of others: those that run, start, or start by themselves."""
     return tuple(
-        partition.settings.claim
+        partition.claim
         for partition in state.partitions
         if partition.claims_resources and (partition.mark is None or partition.mark.application != application)
     )
@@ -45,6 +76,7 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
         logical_processors=processors,
         processors=LogicalProcessors(max(Fraction(0), processors - withheld)),
         memory=Bytes(max(0, memory - host.keep_for_host.memory)),
+        sharing=ANY_THREAD if facts is None else core_sharing(facts),
     )
 
 
@@ -70,18 +102,18 @@ def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = N
     load = load_of(together)
     if load.percent > WHOLE * capacity.processors or load.memory > capacity.memory:
         return False
-    return packed(together, capacity.logical_processors, effort)
+    return packed(together, capacity, effort)
 
 
-def packs(claims: Iterable[Claim], logical_processors: int) -> bool:
-    """Whether every reserved virtual processor finds a logical one that has so much left (FACTS 1.2).
+def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
+    """Whether every reserved virtual processor finds a logical one, or a core, that has so much left (FACTS 1.2).
 
     Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is not made.
     """
-    return packed(claims, logical_processors) is True
+    return packed(claims, capacity) is True
 
 
-def packed(claims: Iterable[Claim], logical_processors: int, effort: Effort | None = None) -> bool | None:
+def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = None) -> bool | None:
     """The same; None: the exact search gave up, so that neither is known.
 
     It takes `SEARCH_NODES` steps at most, and where an effort is given, no more than that has left.
@@ -89,22 +121,30 @@ def packed(claims: Iterable[Claim], logical_processors: int, effort: Effort | No
     A reserve is not guaranteed to a partition of more virtual processors than the host has logical ones, so such a
     one does not pack.
     """
-    reserved = [claim for claim in claims if claim.reserve and claim.processors]
-    if any(claim.processors > logical_processors for claim in reserved):
+    reserved, bins = _by_core(claims, capacity), capacity.cores
+    if any(claim.processors > bins for claim in reserved):
         return False
-    if load_of(reserved).percent > WHOLE * logical_processors:
+    if load_of(reserved).percent > WHOLE * bins:
         return False
-    if packs_by_size(reserved, logical_processors):
+    if _spread(reserved, bins):
         return True
-    return _search(_sizes(reserved), logical_processors, effort or Effort(SEARCH_NODES))
+    return _search(_sizes(reserved), bins, effort or Effort(SEARCH_NODES))
 
 
-def packs_by_size(claims: Iterable[Claim], logical_processors: int) -> bool:
+def packs_by_size(claims: Iterable[Claim], capacity: Capacity) -> bool:
     """Whether first fit, the largest first, finds a place for each, as scripts for Hyper-V ask before each promise.
 
     Partitions that are as wide as the host are laid over all of it before. Where it finds none there may yet be one.
     """
-    return _spread([claim for claim in claims if claim.reserve and claim.processors], logical_processors)
+    return _spread(_by_core(claims, capacity), capacity.cores)
+
+
+def _by_core(claims: Iterable[Claim], capacity: Capacity) -> list[Claim]:
+    """The claims that reserve anything, with the cores that they take for their processors."""
+    reserved, threads = [claim for claim in claims if claim.reserve and claim.processors], capacity.sharing.threads
+    if threads == 1:
+        return reserved
+    return [replace(claim, processors=-(-claim.processors // threads)) for claim in reserved]
 
 
 def _spread(claims: list[Claim], bins: int) -> bool:

@@ -12,11 +12,12 @@ WHOLE = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """The promise of a host to a partition: virtual processors with so many per cent of each, and bytes of memory."""
+    """The promise of a host to a partition: logical processors with so many per cent of each, and bytes of memory."""
 
-    processors: int = 0
+    processors: int = 0  # one for each virtual processor; with `CoreSharing`, all of the cores that these take
     reserve: int = 0  # whole per cent of each
     memory: int = 0  # bytes
+    idle: int = 0  # of the logical processors, that stand idle beside a virtual processor of the partition
 
     def is_less_than(self, after: "Claim") -> bool:
         """Whether `after` promises more processor time or memory than this."""
@@ -25,6 +26,32 @@ class Claim:
             or after.memory > self.memory
             or (after.reserve > self.reserve and after.processors > 0)
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoreSharing:
+    """How a machine's virtual processors take cores that never run two machines at once (FACTS 2).
+
+    Both are 1 where each logical processor may run another machine: without SMT, or under another scheduler.
+    """
+
+    threads: int = 1  # logical processors of a core
+    used: int = 1  # of these, that run virtual processors of the machine
+
+    def claim(self, processors: int, reserve: int, memory: int) -> Claim:
+        """Make the claim of a machine.
+
+        Args:
+            processors: virtual ones.
+            reserve: whole per cent of each.
+            memory: bytes.
+        """
+        taken = -(-processors // self.used) * self.threads
+        return Claim(processors=taken, reserve=reserve, memory=memory, idle=taken - processors)
+
+
+ANY_THREAD = CoreSharing()
+"""Each logical processor may run another machine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

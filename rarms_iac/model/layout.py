@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import StartMode
 
@@ -37,11 +37,12 @@ class PlacedPartition:
     making: Making = Making()
     why_limit: str = ""
     why_weight: str = ""
+    sharing: CoreSharing = ANY_THREAD
 
     @property
     def claim(self) -> Claim:
         """Its claim on its host while it runs."""
-        return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
+        return self.sharing.claim(self.processors, self.reserve, self.memory)
 
     @property
     def reserved(self) -> LogicalProcessors:

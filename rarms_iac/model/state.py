@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 
@@ -102,11 +102,6 @@ class PartitionSettings:
     checkpoints: Checkpoints
     running: bool
 
-    @property
-    def claim(self) -> Claim:
-        """The partition's claim while it runs, whether or not it runs now."""
-        return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
-
 
 class StoppedBy(StrEnum):
     """Who stopped a partition that is wanted running, as its mark says it; a value is the word in the mark."""
@@ -143,6 +138,12 @@ class Partition:
     other_notes: str = ""  # the lines of the notes that are the user's
     foreign_mark: str = ""  # why a line that looks like our mark does not count (a finding); empty: there is none
     checkpoints: int = 0  # how many were taken of it and are still there
+    sharing: CoreSharing = ANY_THREAD
+
+    @property
+    def claim(self) -> Claim:
+        """The partition's claim while it runs, whether or not it runs now."""
+        return self.sharing.claim(self.settings.processors, self.settings.reserve, self.settings.memory)
 
     @property
     def claims_resources(self) -> bool:

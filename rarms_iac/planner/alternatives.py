@@ -65,7 +65,7 @@ def _elsewhere(group: Group, chosen: ChosenPlace, host: Host, reservations: Rese
     answer = size(group, host, reservations)
     if isinstance(answer, Cause):
         return Elsewhere(host=host.name, reserved=None, message=answer.message.rstrip("."))
-    there = replace(answer, host=host.name)
+    there = replace(answer, host=host.name, sharing=chosen.view(host).sharing(answer.name))
     layout = chosen.layout
     message = _without_layout(chosen, there) if layout is None else "; ".join(_compared(chosen, layout, there, host))
     return Elsewhere(host=host.name, reserved=there.reserved, message=message)

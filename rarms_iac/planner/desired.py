@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, Making, PlacedPartition
@@ -130,7 +131,7 @@ def _wanted(partition: PlacedPartition, there: Partition | None, application: st
         checkpoints=Checkpoints.DISABLED,
         running=running,
     )
-    wanted = _marked(settings, application, partition.name, there.id if there else "")
+    wanted = _marked(settings, application, partition.name, there, partition.sharing)
     stays_stopped = stopped_by is StoppedBy.USER and there is not None and not there.settings.running
     return _stopped(wanted) if stays_stopped else wanted
 
@@ -151,13 +152,20 @@ def _stopped_unwanted(there: Partition) -> Partition:
     assert there.mark is not None
     name = there.mark.name
     settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING)
-    return _marked(settings, there.mark.application, name, there.id)
+    return _marked(settings, there.mark.application, name, there, there.sharing)
 
 
-def _marked(settings: PartitionSettings, application: str, name: str, machine: str) -> Partition:
-    mark = Mark(application=application, name=name, machine=machine[:8], set=set_of_settings(settings))
-    state = RunState.RUNNING if settings.running else RunState.OFF
-    return Partition(settings=settings, id=machine, state=state, mark=mark)
+def _marked(
+    settings: PartitionSettings, application: str, name: str, there: Partition | None, sharing: CoreSharing
+) -> Partition:
+    machine = there.id if there else ""
+    return Partition(
+        settings=settings,
+        id=machine,
+        state=RunState.RUNNING if settings.running else RunState.OFF,
+        mark=Mark(application=application, name=name, machine=machine[:8], set=set_of_settings(settings)),
+        sharing=there.sharing if there else sharing,
+    )
 
 
 def _tasks(

@@ -1,10 +1,10 @@
 """The packing problem, made of manifest and hosts; and its answer, turned into a layout."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
-from rarms_iac.model.capacity import capacity_of, foreign_claims
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.capacity import capacity_of, core_sharing, foreign_claims
+from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.state import HostFacts, State
@@ -23,7 +23,12 @@ class HostView:
 
     facts: HostFacts | None = None
     claims: tuple[Claim, ...] = ()  # of unmanaged machines
-    present: frozenset[str] = frozenset()  # our partitions that are there now
+    present: Mapping[str, CoreSharing] = field(default_factory=dict)  # our partitions that are there now
+
+    def sharing(self, partition: str) -> CoreSharing:
+        """Return how a partition takes cores there: as its machine does, or as one that is made."""
+        made = ANY_THREAD if self.facts is None else core_sharing(self.facts)
+        return self.present.get(partition, made)
 
 
 def host_view(state: State, application: str) -> HostView:
@@ -39,7 +44,9 @@ def host_view(state: State, application: str) -> HostView:
     return HostView(
         facts=state.facts,
         claims=foreign_claims(state, application),
-        present=frozenset(partition.mark.name for partition in state.of(application).partitions if partition.mark),
+        present={
+            partition.mark.name: partition.sharing for partition in state.of(application).partitions if partition.mark
+        },
     )
 
 
@@ -56,6 +63,7 @@ class Problem:
     items: tuple[Item, ...]
     bins: tuple[Bin, ...]
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
+    views: Mapping[str, HostView]
 
 
 def problem_of(
@@ -82,7 +90,7 @@ def problem_of(
     blocked: dict[str, tuple[Cause, ...]] = {}
     for group in groups:
         kinds = alike_in_logs if rests_on_a_log(group) else alike
-        claims[group.name], blocked[group.name] = _claims(group, system, kinds, reservations)
+        claims[group.name], blocked[group.name] = _claims(group, system, kinds, reservations, views)
     return Problem(
         system=system,
         groups=groups,
@@ -95,6 +103,7 @@ def problem_of(
         ),
         bins=tuple(_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
         current_hosts=current_hosts,
+        views=views,
     )
 
 
@@ -121,7 +130,11 @@ def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[st
 
 
 def _claims(
-    group: Group, system: System, kinds: Mapping[str, tuple[Host, ...]], reservations: ReservationSource
+    group: Group,
+    system: System,
+    kinds: Mapping[str, tuple[Host, ...]],
+    reservations: ReservationSource,
+    views: Mapping[str, HostView],
 ) -> tuple[Mapping[str, Claim], tuple[Cause, ...]]:
     """The group's claim on each host that all its members may run on, or why it cannot be there."""
     limits = [member.hosts for member in group.members if member.hosts is not None]
@@ -135,7 +148,8 @@ def _claims(
         if isinstance(answer, Cause):
             causes.append(answer)
         else:
-            found.update(dict.fromkeys(allowed, answer.claim))
+            sharings = {name: views.get(name, HostView()).sharing(group.name) for name in allowed}
+            found.update({name: replace(answer, sharing=sharing).claim for name, sharing in sharings.items()})
     return dict(sorted(found.items())), tuple(causes)
 
 
@@ -214,7 +228,7 @@ def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
     for name, host in packing.host_of.items():
         answer = size(groups[name], problem.system.hosts[host], problem.reservations)
         assert isinstance(answer, PlacedPartition), "a partition is only placed where it can be"
-        placed.append(answer)
+        placed.append(replace(answer, sharing=problem.views.get(host, HostView()).sharing(name)))
     return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
 
 

@@ -115,7 +115,7 @@ def fits(step: Step) -> str:
         "Test-Capacity",
         Name=literal(at.partition),
         **_machine(at.machine),
-        Processors=literal(claim.processors),
+        Processors=literal(claim.processors - claim.idle),
         Reserve=literal(claim.reserve),
         Memory=literal(claim.memory),
     )

@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import floor
 
+from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition
 from rarms_iac.model.plan import HostPlan, Plan, Readings, Scope, Step, UndoLevel
-from rarms_iac.model.quantities import in_processors
 from rarms_iac.powershell.calls import ScriptPiece, creation_undo_piece, fits, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
@@ -193,15 +193,17 @@ def _machine_of_guest(host_plan: HostPlan, inside: str, steps: Iterable[_Numbere
 def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
     """The facts of the run that a script and its undo have in common."""
     host, facts = host_plan.host, host_plan.facts
-    reserved = in_processors(host.keep_for_host.processor, host.logical_processors)
+    capacity = capacity_of(host, facts)
     return {
         "plan": literal(plan.id),
         "application": literal(plan.application),
         "serial": literal(host_plan.serial),
         "computer": literal(facts.computer_name),
         "logical_processors": literal(facts.logical_processors),
-        "percent": literal(max(0, floor(100 * (facts.logical_processors - reserved)))),
-        "memory": literal(max(0, facts.memory - host.keep_for_host.memory)),
+        "cores": literal(capacity.cores),
+        "threads_per_core": literal(capacity.sharing.threads),
+        "percent": literal(max(0, floor(100 * capacity.processors))),
+        "memory": literal(capacity.memory),
     }
 
 

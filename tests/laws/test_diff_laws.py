@@ -11,6 +11,7 @@ from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import OrderedSteps
 from rarms_iac.model.capacity import foreign_claims, packs
 from rarms_iac.model.claims import load_of
+from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Step, UndoLevel
@@ -85,6 +86,7 @@ def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st
     first = data.draw(systems())
     host = next(iter(first.hosts.values()))
     start = empty_state(host, others)
+    start = replace(start, facts=replace(start.facts, scheduler=SchedulerType.CORE, smt=data.draw(st.booleans())))
     possible(first, start)
     middle = applied(first, start)
     second = data.draw(systems(host))
@@ -108,7 +110,7 @@ def never_more(state: State, start: State, budget: StepBudget) -> None:
     most, load = load_of(before), load_of(now)
     assert load.percent <= 100 * budget.capacity.processors or load.percent <= most.percent
     assert load.memory <= max(budget.capacity.memory, most.memory)
-    assert packs(now, budget.capacity.logical_processors) or not packs(before, budget.capacity.logical_processors)
+    assert packs(now, budget.capacity) or not packs(before, budget.capacity)
 
 
 @given(st.data(), systems())

@@ -91,7 +91,7 @@ def _binary(node: Node) -> Expression:
             return lambda scope: truth(a(scope)) or truth(b(scope))
         case "-band":
             return lambda scope: operators.band(a(scope), b(scope))
-        case "+" | "-" | "*":
+        case "+" | "-" | "*" | "/":
             return lambda scope: operators.arithmetic(word, a(scope), b(scope))
         case "-f":
             return lambda scope: operators.format_with(a(scope), b(scope))

@@ -25,12 +25,16 @@ from tests.twin.values import (
 
 
 def arithmetic(operator: str, left: Value, right: Value) -> Value:
-    """`+`, `-` and `*`."""
+    """`+`, `-`, `*`, and `/` without a rest."""
     if operator == "+":
         return _sum(left, right)
     if operator == "*" and isinstance(left, list):
         return left * number(right)
     a, b = number(left), number(right)
+    if operator == "/":
+        if a % b:
+            raise Unsupported("a quotient with a rest, which is a double")
+        return sized(a // b, left, right)
     return sized(a - b if operator == "-" else a * b, left, right)
 
 

@@ -10,9 +10,10 @@ import pytest
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.storage.append import records_in
+from tests.builders import a_component
 from tests.effort import examples
-from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
-from tests.twin.cells import Prepared, a_stranger, everything, fresh
+from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
+from tests.twin.cells import Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
 from tests.twin.host import Vm, WindowsHost
 from tests.twin.observing import JOURNAL, PROFILE, document_of
 from tests.twin.run import Ran, put, run
@@ -401,6 +402,23 @@ def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> No
     del host.vms[greedy.id]
     finished = again(host, prepared)
     assert finished.code == 0, finished.says
+
+
+def test_a_machine_without_smt_that_came_after_the_plan_takes_whole_cores_from_it() -> None:
+    host = a_windows(scheduler=3, processors=[{"name": "a processor", "cores": 2, "logical": 4}])
+    system = a_cell_system(a_component("vision", reserve="1.2 LP", processors=2))
+    plan = Cell(system, host).plan()
+    threads = a_stranger(threads_per_core="0", processors=2, reserve=30)
+    host.vms[threads.id] = threads
+    alone = a_stranger("alone", 2, threads_per_core="1", processors=1, reserve=80)
+    host.vms[alone.id] = alone
+
+    assert apply(host.copy(), plan).code == 0
+    threads.threads_per_core = "1"
+    ran = apply(host, plan)
+
+    assert ran.code == 1, ran.says
+    assert "cannot keep this promise" in ran.says
 
 
 def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None:

@@ -105,8 +105,8 @@ def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
             CORE_SCHEDULER,
             f"{host.name} has SMT and the core scheduler: a core is never shared between machines, and the virtual "
             "processor of a machine without SMT of its own takes both its threads.",
-            "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2); where "
-            "they do not, count each of their processors twice against the host.",
+            "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2). Plans "
+            "count whole cores.",
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.applying.doctor.machines import WIDE_MACHINE
 from rarms_iac.applying.goals import disk_verdicts
-from rarms_iac.applying.review.reviewed_plan import ReviewedPlan, settings_after_change
+from rarms_iac.applying.review.reviewed_plan import ReviewedPlan, partition_after_change
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
@@ -229,8 +229,8 @@ def review_width(part: ReviewedPlan) -> Iterator[Diagnostic]:
     """A partition wider than its host waits for itself, and no reserve is guaranteed to it (FACTS 1.2)."""
     available = part.observed.facts.logical_processors
     for change in part.plan.changes:
-        after = settings_after_change(change)
-        if after is not None and after.processors > available:
+        partition = partition_after_change(change)
+        if partition is not None and (after := partition.settings).processors > available:
             yield WIDE_MACHINE.at(
                 change.reason.place,
                 f'"{after.name}" is to have {after.processors} virtual processors, and {part.host} has '

@@ -4,13 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
-from rarms_iac.model.capacity import foreign_claims, packs_by_size
+from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
+from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Purpose
+from rarms_iac.model.quantities import LogicalProcessors, show_processors
 from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
+from rarms_iac.model.wording import in_a_row
 
 UNMANAGED_GETS_LESS = Finding(
     code="RARMS223", severity=Severity.WARNING, summary="A machine that is not managed gets less"
@@ -20,6 +23,29 @@ NO_SCRIPT_PLACEMENT = Finding(
     code="RARMS259", severity=Severity.ERROR, summary="A script would find no place for its promises"
 )
 
+SMT_COSTS = Finding(
+    code="RARMS231", severity=Severity.NOTE, summary="Logical processors stand idle beside partitions with a reserve"
+)
+
+
+def review_smt(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Under the core scheduler with SMT a core never runs two machines, so that some reserve more than they can use."""
+    costs = {
+        partition.settings.name: Fraction(partition.claim.idle * partition.claim.reserve, WHOLE)
+        for partition in part.partitions_after()
+        if partition.claim.idle * partition.claim.reserve
+    }
+    if part.plan.changes and costs:
+        names = in_a_row([f"{name} ({show_processors(LogicalProcessors(cost))})" for name, cost in costs.items()])
+        yield SMT_COSTS.at(
+            None,
+            f"The core scheduler of {part.host} runs one machine on a core at a time. What is reserved for {names} "
+            "keeps so much idle beside it, because the number of virtual processors is odd, or the machine has no SMT "
+            "itself.",
+            "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
+            address=f"host/{part.host}",
+        )
+
 
 def review_script_placement(part: ReviewedPlan) -> Iterator[Diagnostic]:
     """Hyper-V scripts place the largest reserve first, a simpler rule than the planner's.
@@ -28,9 +54,9 @@ def review_script_placement(part: ReviewedPlan) -> Iterator[Diagnostic]:
     """
     if part.plan.host.provider is not ProviderKind.HYPERV or not part.plan.changes:
         return
-    managed = [settings.claim for settings in part.settings_after() if settings.running]
+    managed = [partition.claim for partition in part.partitions_after() if partition.settings.running]
     claims = (*foreign_claims(part.observed, part.application), *managed)
-    if managed and not packs_by_size(claims, part.observed.facts.logical_processors):
+    if managed and not packs_by_size(claims, capacity_of(part.plan.host, part.observed.facts)):
         yield NO_SCRIPT_PLACEMENT.at(
             None,
             f"On {part.host} the virtual processors fit only if they are placed cleverly. A script places "
@@ -55,7 +81,7 @@ def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
     managed_before = (partition.settings for partition in part.observed.of(part.application).partitions)
     others = [machine.settings for machine in unmanaged]
     before = [*others, *(settings for settings in managed_before if settings.running)]
-    after = [*others, *(settings for settings in part.settings_after() if settings.running)]
+    after = [*others, *(each.settings for each in part.partitions_after() if each.settings.running)]
     available = part.observed.facts.logical_processors
     losers = []
     for machine in unmanaged:

@@ -10,6 +10,7 @@ REVIEWS: tuple[Callable[[ReviewedPlan], Iterator[Diagnostic]], ...] = (
     changes.review_changes_from_outside,
     changes.review_images_and_switches,
     host_effects.review_script_placement,
+    host_effects.review_smt,
     changes.review_restarts,
     changes.review_memory,
     changes.review_raised_limits,

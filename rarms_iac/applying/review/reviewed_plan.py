@@ -7,7 +7,7 @@ from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Upda
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.state import Partition, PartitionSettings, State
+from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import System
 
 
@@ -38,28 +38,28 @@ class ReviewedPlan:
         """Whether the machine carries a mark of this application."""
         return machine.mark is not None and machine.mark.application == self.application
 
-    def settings_after(self) -> tuple[PartitionSettings, ...]:
-        """The settings of this application's partitions on the host once the plan is applied, by name."""
-        settings: dict[str, PartitionSettings] = {}
+    def partitions_after(self) -> tuple[Partition, ...]:
+        """This application's partitions on the host once the plan is applied, by name."""
+        partitions: dict[str, Partition] = {}
         names: dict[str, str] = {}  # by machine id
         for partition in self.observed.of(self.application).partitions:
             if partition.mark:
-                settings[partition.mark.name] = partition.settings
+                partitions[partition.mark.name] = partition
                 names[partition.id] = partition.mark.name
         for change in self.plan.changes:
             if change.address.partition and not change.address.task:
-                settings.pop(names.get(change.address.machine, change.address.partition), None)
+                partitions.pop(names.get(change.address.machine, change.address.partition), None)
         for change in self.plan.changes:
-            if after := settings_after_change(change):
-                settings[change.address.partition] = after
-        return tuple(after for _, after in sorted(settings.items()))
+            if after := partition_after_change(change):
+                partitions[change.address.partition] = after
+        return tuple(after for _, after in sorted(partitions.items()))
 
 
-def settings_after_change(change: Change) -> PartitionSettings | None:
-    """A partition's settings after its change; None where it is removed or released, or where it is no partition."""
+def partition_after_change(change: Change) -> Partition | None:
+    """A partition after its change; None where it is removed or released, or where it is no partition."""
     match change:
         case Create(after=after) | Update(after=after) | Adopt(after=after):
-            return after.settings if isinstance(after, Partition) else None
+            return after if isinstance(after, Partition) else None
         case Delete() | Release():
             return None
         case _:

@@ -4,8 +4,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
+from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.layout import Cause, Infeasible
-from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent
+from rarms_iac.model.quantities import (
+    LogicalProcessors,
+    show_bytes,
+    show_lp_percent,
+    show_percent,
+    show_processors,
+)
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
@@ -62,7 +69,7 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
             finding, message = (
                 findings.PACKING,
                 f"{names} cannot share {hosts}: each virtual processor needs its whole reserve on one of the "
-                f"{_logical_processors(conflict.bins[0])}, and there is no way to place them.",
+                f"{_places(conflict.bins[0])}, and there is no way to place them.",
             )
         case _:
             finding, message = (
@@ -70,7 +77,23 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
                 f"{names} cannot share {hosts}: together these have enough, but each partition needs room on one of "
                 "them.",
             )
+    if conflict.lacking != "memory":
+        message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code)
+
+
+def _describe_smt(conflict: Conflict, host: Bin) -> str:
+    """What it costs there that a core never runs two machines; empty where it costs nothing."""
+    claims = [*host.foreign_claims, *(item.claims[host.name] for item in conflict.items if host.name in item.claims)]
+    idle = Fraction(sum(claim.idle * claim.reserve for claim in claims), WHOLE)
+    if not idle:
+        return ""
+    return (
+        f" The core scheduler of {host.name} runs one machine on a core at a time: of its "
+        f"{_logical_processors(host)}, {number(host.capacity.cores)} cores, {show_processors(LogicalProcessors(idle))} "
+        "would stand idle beside machines with an odd number of virtual processors or without SMT of their own. Even "
+        "numbers of `processors`, and HwThreadCountPerCore 0, avoid that."
+    )
 
 
 def _processors_exceed(conflict: Conflict) -> str:
@@ -120,6 +143,11 @@ def _have(conflict: Conflict, free: str) -> str:
 def _logical_processors(host: Bin) -> str:
     many = host.capacity.logical_processors
     return f"{number(many)} logical processor{'' if many == 1 else 's'}"
+
+
+def _places(host: Bin) -> str:
+    """What virtual processors are laid onto: `two logical processors`, `four cores`."""
+    return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -79,7 +79,7 @@ class _RemainingCapacity:
 
     def __init__(self, host: Bin) -> None:
         self.free = free_in(host)
-        self._logical_processors = host.capacity.logical_processors
+        self._capacity = host.capacity
         self._claims = list(host.foreign_claims)
 
     def take(self, claim: Claim) -> bool:
@@ -88,7 +88,7 @@ class _RemainingCapacity:
         if free.percent < 0 or free.memory < 0:
             return False
         claims = [*self._claims, claim]
-        if not packs_by_size(claims, self._logical_processors):
+        if not packs_by_size(claims, self._capacity):
             return False
         self.free, self._claims = free, claims
         return True

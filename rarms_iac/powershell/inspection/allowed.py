@@ -124,13 +124,14 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains Cores
     Create CreateDirectory Delete Detail Dispose Equals Exception Flush GetBytes GetFolderPath GetOwner GetString
     GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost MachineName Memory
     FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number OpenOrCreate Ordinal
     PSChildName PSObject Percent Plan Position Processors
     Properties Read ReadAllBytes ReadAllText ReleaseMutex Replace Run ScriptLineNumber Serial Set SetLength
-    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ToLowerInvariant ToString Total Undo
+    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString
+    Total Undo
     UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number
     plan record run serials set status touched
     """
@@ -138,7 +139,7 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
 
 _READING_OPERATORS = words(", = += -band -ccontains -ceq -clike -cne -eq -f -ne -not -or -and + - * . :: |")
 _CHANGING_OPERATORS = _READING_OPERATORS | words(
-    "-= ++ -cmatch -cnotcontains -creplace -gt -join -le -lt -notcontains -replace -split"
+    "-= / ++ -cmatch -cnotcontains -creplace -gt -join -le -lt -notcontains -replace -split"
 )
 
 _GIVEN = words("$_ $args $true $false $null $env:OS $env:ProgramData")

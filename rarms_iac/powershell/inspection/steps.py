@@ -24,8 +24,8 @@ STEP = Finding(
 _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
 
 _RUN_KEYS = words("""
-    Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Percent Memory AcceptScheduler
-    Guard
+    Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Cores ThreadsPerCore
+    Percent Memory AcceptScheduler Guard
     """)
 _STEP_KEYS = words("Number Address Action Needs Read Before After Set")
 _EXTRA_KEYS = ("Undoes", "Lost", "Fits")
@@ -122,7 +122,7 @@ def _template_run(node: "Node", table: Mapping[str, "Node"]) -> dict[str, str]:
         raise _OtherForm(node, f"the table lacks or adds {', '.join(sorted(_RUN_KEYS ^ table.keys()))}")
     guest = text_of(inner(table["Guest"])) != "''"
     facts = ("kind", "plan", "application", "serial", "total", "undo", "undo_digest", "guest", "computer")
-    more = ("logical_processors", "percent", "memory", "accept_scheduler")
+    more = ("logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
     return {**dict.fromkeys((*facts, *more), _HARMLESS), "guard": "Assert-Guest" if guest else "Assert-VmHost"}
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
+from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
@@ -75,7 +76,7 @@ def to_state(observation: HostObservation, name: str) -> State:
     facts = facts_of(observation, name)
     return State(
         facts=facts,
-        partitions=partitions_of(observation) if facts.rights is Rights.PROVEN else (),
+        partitions=partitions_of(observation, facts) if facts.rights is Rights.PROVEN else (),
         tasks=tasks_of(observation),
         serials=serials_of(observation),
         responsiveness=responsiveness_of(observation),
@@ -136,15 +137,15 @@ def rights_of(observation: HostObservation) -> Rights:
     return Rights.MISSING
 
 
-def partitions_of(observation: HostObservation) -> tuple[Partition, ...]:
-    """The machines by name, then id, with the marks that count.
+def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Partition, ...]:
+    """The machines of the host with these facts by name, then id, with the marks that count.
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
     machines = sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id))
     readings = read_marks({machine.id: machine.notes for machine in machines})
-    return tuple(_partition(machine, readings[machine.id]) for machine in machines)
+    return tuple(_partition(machine, readings[machine.id], facts) for machine in machines)
 
 
 def disks_of(observation: HostObservation) -> tuple[Disk, ...]:
@@ -214,7 +215,7 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(machine: ObservedMachine, readings: MarkReading) -> Partition:
+def _partition(machine: ObservedMachine, readings: MarkReading, facts: HostFacts) -> Partition:
     state = run_state(machine.state)
     settings = PartitionSettings(
         name=machine.name,
@@ -238,6 +239,7 @@ def _partition(machine: ObservedMachine, readings: MarkReading) -> Partition:
         other_notes=readings.other_notes,
         foreign_mark=readings.foreign,
         checkpoints=machine.checkpoint_count,
+        sharing=core_sharing(facts, int(machine.threads_per_core) if machine.threads_per_core.isdecimal() else 1),
     )
 
 

@@ -238,10 +238,12 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
             ),
             advice="give it fewer processors, or no reserve",
         )
-    sizes = Counter({settings.reserve: settings.processors})
-    for other in _others_with_resources(machine, content):
-        sizes[other.settings.reserve] += other.settings.processors
-    if packs(sizes, facts.logical_processors):
+    # Under the core scheduler two threads of a core never run two machines (FACTS 2).
+    threads = 2 if facts.smt and facts.scheduler is SchedulerType.CORE else 1
+    sizes: Counter[int] = Counter()
+    for running in (machine, *_others_with_resources(machine, content)):
+        sizes[running.settings.reserve] += -(-running.settings.processors // threads)
+    if packs(sizes, facts.logical_processors // threads):
         return None
     return Refusal(
         message=(

@@ -1,13 +1,16 @@
 from fractions import Fraction
 from itertools import product
+from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.model.capacity import Capacity, capacity_of, fits, packs
-from rarms_iac.model.claims import Claim
+from rarms_iac.model.capacity import SERVER_2019, Capacity, capacity_of, core_sharing, fits, packs
+from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, load_of
+from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
-from tests.builders import a_host
+from tests.builders import a_capacity, a_host
 from tests.strategies import facts_for
 
 
@@ -16,24 +19,24 @@ def claim(reserve: int, processors: int = 1, memory: int = 0) -> Claim:
 
 
 def test_a_virtual_processor_needs_its_whole_reserve_on_one_logical_one() -> None:
-    assert not packs([claim(60), claim(60), claim(60)], 2)
-    assert packs([claim(60), claim(60), claim(40, 2)], 2)
+    assert not packs([claim(60), claim(60), claim(60)], a_capacity(2))
+    assert packs([claim(60), claim(60), claim(40, 2)], a_capacity(2))
 
 
 def test_a_packing_that_first_fit_misses_is_found() -> None:
-    assert packs([claim(size) for size in (44, 43, 39, 37, 19, 18)], 2)
+    assert packs([claim(size) for size in (44, 43, 39, 37, 19, 18)], a_capacity(2))
 
 
 def test_what_leaves_nothing_over_is_found_without_trying_the_same_twice() -> None:
     sizes = (52, 44, 43, 39, 34, 31, 26, 23, 21, 17, 16, 13, 12, 11, 9, 9)
     assert sum(sizes) == 400
 
-    assert packs([claim(size) for size in sizes], 4)
+    assert packs([claim(size) for size in sizes], a_capacity(4))
 
 
 def test_a_reserve_on_more_processors_than_there_are_does_not_hold() -> None:
-    assert not packs([claim(1, 3)], 2)
-    assert packs([claim(0, 3)], 2)
+    assert not packs([claim(1, 3)], a_capacity(2))
+    assert packs([claim(0, 3)], a_capacity(2))
 
 
 def test_what_is_kept_for_the_host_counts_against_the_sum() -> None:
@@ -53,6 +56,39 @@ def test_the_smaller_of_manifest_and_fact_counts() -> None:
     assert capacity_of(host, None).processors == 3
 
 
+SMT = {"smt": True, "scheduler": SchedulerType.CORE}
+
+
+@pytest.mark.parametrize(
+    ("facts", "threads_per_core", "sharing"),
+    [
+        (SMT, None, CoreSharing(threads=2, used=2)),
+        (SMT, 0, CoreSharing(threads=2, used=2)),
+        (SMT, 1, CoreSharing(threads=2, used=1)),
+        (SMT, 4, CoreSharing(threads=2, used=2)),
+        (SMT | {"os_build": SERVER_2019 - 1}, None, CoreSharing(threads=2, used=1)),
+        (SMT | {"scheduler": SchedulerType.UNKNOWN}, 1, CoreSharing(threads=2, used=1)),
+        (SMT | {"scheduler": SchedulerType.UNKNOWN, "os_build": SERVER_2019 - 1}, 1, ANY_THREAD),
+        (SMT | {"scheduler": SchedulerType.CLASSIC}, 1, ANY_THREAD),
+        (SMT | {"smt": False}, 1, ANY_THREAD),
+    ],
+)
+def test_how_a_machine_takes_cores(facts: dict[str, Any], threads_per_core: int | None, sharing: CoreSharing) -> None:
+    assert core_sharing(facts_for(a_host(logical_processors=8), **facts), threads_per_core) == sharing
+
+
+def test_a_core_never_runs_two_machines_under_the_core_scheduler_with_smt() -> None:
+    narrow = CoreSharing(threads=2, used=2)
+    seven = [narrow.claim(1, 95, 0)] * 7
+
+    assert load_of(seven).percent == 7 * 2 * 95
+    assert all(each.idle == 1 for each in seven)
+    assert not fits(a_capacity(8, narrow), seven)
+    assert fits(a_capacity(8, narrow), seven[:4])
+    assert fits(a_capacity(8, narrow), [narrow.claim(2, 95, 0)] * 4)
+    assert not packs([CoreSharing(threads=2, used=1).claim(5, 10, 0)], a_capacity(8, narrow))
+
+
 @given(st.lists(st.integers(1, 100), max_size=6), st.integers(1, 3))
 def test_packing_agrees_with_trying_every_way(sizes: list[int], processors: int) -> None:
     ways = product(range(processors), repeat=len(sizes))
@@ -61,4 +97,4 @@ def test_packing_agrees_with_trying_every_way(sizes: list[int], processors: int)
         for way in ways
     )
 
-    assert packs([claim(size) for size in sizes], processors) is possible
+    assert packs([claim(size) for size in sizes], a_capacity(processors)) is possible

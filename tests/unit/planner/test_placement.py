@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.layout import Layout, Placement
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -27,7 +28,7 @@ def planned(
     max_disruption: Disruption = Disruption.REMOVAL,
 ) -> Planning:
     views = {
-        f"host{number}": HostView(present=frozenset(name for name, at in running.items() if at == f"host{number}"))
+        f"host{number}": HostView(present={name: ANY_THREAD for name, at in running.items() if at == f"host{number}"})
         for number in range(hosts)
     }
     return plan_layout(system_of(shares, hosts), FixedReservations(), views, PLACES, max_disruption=max_disruption)

@@ -236,7 +236,7 @@ def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
         purpose=Purpose.APPLY,
         layout=None,
         observed=State(facts=facts(logical_processors=8), partitions=()),
-        plan=replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV)),
+        plan=replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)),
     )
     return [one for one in told(list(review_plan(part))) if one[0] == "RARMS259"]
 

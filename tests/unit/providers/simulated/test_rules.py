@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rarms_iac.model.capacity import packs as planned_packs
 from rarms_iac.model.claims import Claim
 from rarms_iac.providers.simulated.rules import CAPACITY, packs
+from tests.builders import a_capacity
 
 
 def fits_somehow(sizes: list[int], processors: int) -> bool:
@@ -53,5 +54,5 @@ def test_what_the_planner_promises_fits(claims: list[tuple[int, int]], processor
     for count, reserve in claims:
         sizes[reserve] += count
 
-    if planned_packs([Claim(processors=count, reserve=reserve) for count, reserve in claims], processors):
+    if planned_packs([Claim(processors=count, reserve=reserve) for count, reserve in claims], a_capacity(processors)):
         assert packs(sizes, processors)
