@@ -15,7 +15,6 @@ from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.measuring.strategies import Answering, apts_of
-from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
@@ -30,7 +29,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Item, NoPacking, Packing, cost, free_in
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
-from rarms_iac.planner.problem import Problem, host_view, problem_of
+from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.curves import curves_of, holds
@@ -96,10 +95,13 @@ class TuningSubject:
         if coi in self.cois:
             return next(each for each in self.problem.items if each.name == coi.name)
         memory = sum(self.system.components[name].memory for name in coi.members)
-        claim = Claim(processors=coi.processors, reserve=coi.reserve, memory=memory)
         homes, now = self._homes(coi.members), self.problem.current_hosts.get(coi.name)
         # The partition of that name stays where it runs, as the others do.
-        return Item(name=coi.name, claims=dict.fromkeys((now,) if now in homes else homes, claim))
+        views = {name: self.problem.views.get(name, HostView()) for name in ((now,) if now in homes else homes)}
+        claims = {
+            name: view.sharing(coi.name).claim(coi.processors, coi.reserve, memory) for name, view in views.items()
+        }
+        return Item(name=coi.name, claims=claims)
 
     def _homes(self, members: Members) -> tuple[str, ...]:
         """The chosen hosts that all of these components may run on."""
