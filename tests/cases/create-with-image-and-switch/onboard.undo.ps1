@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c89c854923c0, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         ed7c5d384a7c, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop, disks: what the runtime and these steps call
 # Not undone   the disk made from D:\images\base.vhdx stays
@@ -700,7 +700,7 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'c89c854923c0'
+        Plan = 'ed7c5d384a7c'
         Application = 'robot'
         Serial = 0
         Total = 2
@@ -710,6 +710,8 @@ try {
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false
@@ -743,7 +745,7 @@ try {
         Action = 'undo: make a machine of generation 2 with 1 GiB'
         Needs = @('partition/vision')
         Undoes = 0
-        Read = { Read-MadePartition -Name 'vision' -Disk (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx') }
+        Read = { Read-MadePartition -Name 'vision' -Disk (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx') }
         Before = @{ 'added' = ''; 'exists' = $true }
         After = @{ 'exists' = $false }
         Set = {

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         d1ce2a9f5b44, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         518ef04e1590, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop, disks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -699,7 +699,7 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'd1ce2a9f5b44'
+        Plan = '518ef04e1590'
         Application = 'robot'
         Serial = 0
         Total = 2
@@ -709,6 +709,8 @@ try {
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c70286cea6b7, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         a5ef2d3dbcd9, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,7 +614,7 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'c70286cea6b7'
+        Plan = 'a5ef2d3dbcd9'
         Application = 'robot'
         Serial = 1
         Total = 1
@@ -624,6 +624,8 @@ try {
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

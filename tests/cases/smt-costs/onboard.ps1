@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         274b0f93990a, manifest f0ed3a264425, rarms 0.1.0
+# Plan         92f841cb8b9c, manifest f0ed3a264425, rarms 0.1.0
 # Steps        27
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -670,12 +670,12 @@ function Get-CoreCount {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '274b0f93990a'
+        Plan = '92f841cb8b9c'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '159ea3bd036a5cee7797ae3b24df7b091ad4bd06838a06dc111790b2e8c5ff81'
+        UndoDigest = '5df28ffc0785cad19610b4568332c5990a28b3deaf363cc61dfc24448741549e'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -700,7 +700,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'mapping.rarms-274b0f93990a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'mapping.rarms-92f841cb8b9c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
@@ -839,7 +839,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-274b0f93990a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-92f841cb8b9c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
@@ -978,7 +978,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-274b0f93990a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-92f841cb8b9c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         274b0f93990a, manifest f0ed3a264425, rarms 0.1.0
+# Plan         92f841cb8b9c, manifest f0ed3a264425, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, disks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -699,7 +699,7 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '274b0f93990a'
+        Plan = '92f841cb8b9c'
         Application = 'robot'
         Serial = 0
         Total = 6

@@ -3,7 +3,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         87d7fa10f043, manifest 7785495c2f80, rarms 0.1.0
+# Plan         7465976da193, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
@@ -667,7 +667,7 @@ function Restore-TaskClass {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '87d7fa10f043'
+        Plan = '7465976da193'
         Application = 'robot'
         Serial = 0
         Total = 1
@@ -677,6 +677,8 @@ try {
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         071da508fd95, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         1490fa912015, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,7 +626,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '071da508fd95'
+        Plan = '1490fa912015'
         Application = 'robot'
         Serial = 1
         Total = 4
@@ -636,6 +636,8 @@ try {
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false
