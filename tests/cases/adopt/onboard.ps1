@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         a4640da85c0e, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         ede934439406, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,16 +614,18 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a4640da85c0e'
+        Plan = 'ede934439406'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '48bceadd1407fc2bfc5603b44dc7c8c4627d7d88431b8641c08a6393ff80ac6e'
+        UndoDigest = 'fe46c30a0c42859cfc94cb01f0846c0702f705ba1c8e5b076d4b2bc6ed0c1dae'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

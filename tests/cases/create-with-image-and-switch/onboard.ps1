@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c89c854923c0, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         ed7c5d384a7c, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Parts        lock, journal, host, machines, capacity, disks: what the runtime and these steps call
 # Not undone   the disk made from D:\images\base.vhdx stays
@@ -618,33 +618,35 @@ function ConvertTo-Word {
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
     param([string] $Name, [string] $Machine = '', [long] $Processors, [long] $Reserve, [long] $Memory)
-    $claims = @(@{ Processors = $Processors; Reserve = $Reserve; Memory = $Memory })
-    $own = @(foreach ($vm in @(Find-Machine -Name $Name -Machine $Machine)) { [string] $vm.Id })
+    $own = Get-Machine -Name $Name -Machine $Machine
+    $cores = Get-CoreCount -Vm $own -Processors $Processors
+    $claims = @(@{ Cores = $cores; Reserve = $Reserve; Memory = $Memory })
     foreach ($vm in @(Hyper-V\Get-VM)) {
-        if ($own -ccontains [string] $vm.Id) { continue }
+        if ([string] $vm.Id -ceq [string] $own.Id) { continue }
         $ours = (Get-Mark -Vm $vm).Application -ceq $script:Definition.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
         $itself = -not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing'
         if (-not ($active -or $itself)) { continue }
         $cpu = Hyper-V\Get-VMProcessor -VM $vm
         $startup = [long] (Hyper-V\Get-VMMemory -VM $vm).Startup
-        $claims += @{ Processors = [long] $cpu.Count; Reserve = [long] $cpu.Reserve; Memory = $startup }
+        $cores = Get-CoreCount -Vm $vm -Processors $cpu.Count
+        $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve; Memory = $startup }
     }
     $percent = [long] 0
     $bytes = [long] 0
-    $free = @(100) * $script:Definition.LogicalProcessors
+    $free = @(100) * $script:Definition.Cores
     foreach ($one in $claims) {
-        $percent += $one.Processors * $one.Reserve
+        $percent += $one.Cores * $script:Definition.ThreadsPerCore * $one.Reserve
         $bytes += $one.Memory
-        if ($one.Reserve -gt 0 -and $one.Processors -gt $free.Count) { return $false }
+        if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
     }
     if ($percent -gt $script:Definition.Percent -or $bytes -gt $script:Definition.Memory) { return $false }
-    # Machines as wide as the host lie on every processor; of the others the largest go first, each to the first place.
+    # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()
     foreach ($one in $claims) {
-        if ($one.Processors -eq $free.Count) { $wide += $one.Reserve }
-        else { $sizes += @($one.Reserve) * $one.Processors }
+        if ($one.Cores -eq $free.Count) { $wide += $one.Reserve }
+        else { $sizes += @($one.Reserve) * $one.Cores }
     }
     for ($at = 0; $at -lt $free.Count; $at++) { $free[$at] -= $wide }
     foreach ($size in @($sizes | Sort-Object -Descending)) {
@@ -654,6 +656,16 @@ function Test-Capacity {
         $free[$at] -= $size
     }
     $wide -le 100
+}
+
+function Get-CoreCount {
+    # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
+    param($Vm, [long] $Processors)
+    if ($script:Definition.ThreadsPerCore -eq 1) { return $Processors }
+    $own = (Hyper-V\Get-VMProcessor -VM $Vm).PSObject.Properties['HwThreadCountPerCore']
+    # Without SMT of its own, it leaves the other thread of each core idle.
+    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
+    ($Processors + ($Processors -band 1)) / 2
 }
 # --- end of the part capacity ------------------------------------------------------------------
 # --- part disks: the same bytes in every script that carries it --------------------------------
@@ -727,16 +739,18 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c89c854923c0'
+        Plan = 'ed7c5d384a7c'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '659256050bf8314b129ceb57135f701a186eee35c0e4f4b07d8e057e6f403adf'
+        UndoDigest = '29772c42b4ce70455f73eda424b4fa0241fe8d5eab9125656d1827ece21749c8'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false
@@ -756,7 +770,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-c89c854923c0' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-ed7c5d384a7c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
@@ -787,11 +801,11 @@ try {
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx') -Parent 'D:\images\base.vhdx' }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx') -Parent 'D:\images\base.vhdx' }
         Before = @{ 'exists' = $false }
         After = @{ 'child' = $true; 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
@@ -809,7 +823,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-c89c854923c0.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx')
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         59be93094692, manifest d692ce1616c2, rarms 0.1.0
+# Plan         590c1d7eaca4, manifest d692ce1616c2, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -772,16 +772,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '59be93094692'
+        Plan = '590c1d7eaca4'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '76b5e2990718a2c54fc8e595d268de3f5c56151b6dd1c584ed617442741885e2'
+        UndoDigest = '91481f9076ab3df611cefcd166a602b391ed1fd254353377944984ea48fc6e20'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

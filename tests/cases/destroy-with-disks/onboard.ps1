@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         cf3b9e93fc78, manifest d692ce1616c2, rarms 0.1.0
+# Plan         05e15ebc31de, manifest d692ce1616c2, rarms 0.1.0
 # Steps        7
 # Parts        lock, journal, host, machines, stop, disks, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -842,16 +842,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'cf3b9e93fc78'
+        Plan = '05e15ebc31de'
         Application = 'robot'
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6cde91df3a762779a47b5093f2279d5ee78d8bc30a36443101eda07ca801b857'
+        UndoDigest = '970768befb843fa09b93966edf2ad4276509333b8a42e56ca0b76029192f6346'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

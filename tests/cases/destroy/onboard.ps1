@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         e2ce5077bdd4, manifest ecb1b47be5b8, rarms 0.1.0
+# Plan         5a14cb8bcfba, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -772,16 +772,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'e2ce5077bdd4'
+        Plan = '5a14cb8bcfba'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e485ce8a9b14e93c9bfaace9b24a1c86ee927bb4594830e66504653038a296f3'
+        UndoDigest = 'deb440b53b41845ff9b91524e2615b023bfc1807679409721014d1e140535c93'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

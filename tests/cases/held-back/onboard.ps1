@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         d3fec47cfe33, manifest 07e858a72e54, rarms 0.1.0
+# Plan         9b8c1e4301c6, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,16 +614,18 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd3fec47cfe33'
+        Plan = '9b8c1e4301c6'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '59d1194a3ccfed7297234cbb38405865da0f13b052cbbba440446d425c18d969'
+        UndoDigest = 'ef09a7780bb133a5834c1874e40710b4f8cabd14c9734a864b7e75329b8d377c'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c70286cea6b7, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         a5ef2d3dbcd9, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,16 +614,18 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c70286cea6b7'
+        Plan = 'a5ef2d3dbcd9'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9d45b76ba191616869d32371e02a0eba89750fc882e91c7d663eb7780f9abfdc'
+        UndoDigest = '4a51f2413e80aa2e23e56016c5be00708d6b68a7e21684189d95546b5a02493a'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         275a38a29cbe, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         b4bb255e5536, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -633,16 +633,18 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '275a38a29cbe'
+        Plan = 'b4bb255e5536'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd7ed11bfa8340f364ec659efa3761681cafef8e1bdbc4ee1e5e0caf1add054e0'
+        UndoDigest = '9a029fc21770fcc366bc0c907853395c9ce90b5bcde524ee63d2bad875986336'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

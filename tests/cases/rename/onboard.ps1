@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         b46f0cbe7280, manifest 6c594f432f20, rarms 0.1.0
+# Plan         9d2c6b23cadc, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,16 +614,18 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'b46f0cbe7280'
+        Plan = '9d2c6b23cadc'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b5c26e4bd5ce2368896a003570730c35eefce48d40683c73cf4340e2dcc5017f'
+        UndoDigest = '9763136a53921080186b0d3f15afa0dc468695e6702a0a3f68000b831b23a54a'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

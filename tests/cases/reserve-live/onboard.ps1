@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         8863086ef848, manifest 83441c1046fd, rarms 0.1.0
+# Plan         4865b2725de0, manifest 83441c1046fd, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -614,16 +614,18 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '8863086ef848'
+        Plan = '4865b2725de0'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'cc8d11cd03480b67f43ca063eae69d6de79a7cd00f3b453f2de67eeaf75b5bbd'
+        UndoDigest = 'ea60205fff4d91ea163e784a08bd6f54f26ced2b88b44a22d1d7a71eaa037c51'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -675,8 +675,8 @@ try {
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5df28ffc0785cad19610b4568332c5990a28b3deaf363cc61dfc24448741549e'
-        Guest = $false
+        UndoDigest = '4e80d38bf327e9fbb8aab96bc68b7ab7f571ae0aa787ce660de42523250785a8'
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 8

@@ -705,7 +705,7 @@ try {
         Total = 6
         Undo = ''
         UndoDigest = ''
-        Guest = $false
+        Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 8

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         129b4f241b2e, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         67b0913a71ae, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -617,33 +617,35 @@ function ConvertTo-Word {
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
     param([string] $Name, [string] $Machine = '', [long] $Processors, [long] $Reserve, [long] $Memory)
-    $claims = @(@{ Processors = $Processors; Reserve = $Reserve; Memory = $Memory })
-    $own = @(foreach ($vm in @(Find-Machine -Name $Name -Machine $Machine)) { [string] $vm.Id })
+    $own = Get-Machine -Name $Name -Machine $Machine
+    $cores = Get-CoreCount -Vm $own -Processors $Processors
+    $claims = @(@{ Cores = $cores; Reserve = $Reserve; Memory = $Memory })
     foreach ($vm in @(Hyper-V\Get-VM)) {
-        if ($own -ccontains [string] $vm.Id) { continue }
+        if ([string] $vm.Id -ceq [string] $own.Id) { continue }
         $ours = (Get-Mark -Vm $vm).Application -ceq $script:Definition.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
         $itself = -not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing'
         if (-not ($active -or $itself)) { continue }
         $cpu = Hyper-V\Get-VMProcessor -VM $vm
         $startup = [long] (Hyper-V\Get-VMMemory -VM $vm).Startup
-        $claims += @{ Processors = [long] $cpu.Count; Reserve = [long] $cpu.Reserve; Memory = $startup }
+        $cores = Get-CoreCount -Vm $vm -Processors $cpu.Count
+        $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve; Memory = $startup }
     }
     $percent = [long] 0
     $bytes = [long] 0
-    $free = @(100) * $script:Definition.LogicalProcessors
+    $free = @(100) * $script:Definition.Cores
     foreach ($one in $claims) {
-        $percent += $one.Processors * $one.Reserve
+        $percent += $one.Cores * $script:Definition.ThreadsPerCore * $one.Reserve
         $bytes += $one.Memory
-        if ($one.Reserve -gt 0 -and $one.Processors -gt $free.Count) { return $false }
+        if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
     }
     if ($percent -gt $script:Definition.Percent -or $bytes -gt $script:Definition.Memory) { return $false }
-    # Machines as wide as the host lie on every processor; of the others the largest go first, each to the first place.
+    # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()
     foreach ($one in $claims) {
-        if ($one.Processors -eq $free.Count) { $wide += $one.Reserve }
-        else { $sizes += @($one.Reserve) * $one.Processors }
+        if ($one.Cores -eq $free.Count) { $wide += $one.Reserve }
+        else { $sizes += @($one.Reserve) * $one.Cores }
     }
     for ($at = 0; $at -lt $free.Count; $at++) { $free[$at] -= $wide }
     foreach ($size in @($sizes | Sort-Object -Descending)) {
@@ -654,20 +656,32 @@ function Test-Capacity {
     }
     $wide -le 100
 }
+
+function Get-CoreCount {
+    # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
+    param($Vm, [long] $Processors)
+    if ($script:Definition.ThreadsPerCore -eq 1) { return $Processors }
+    $own = (Hyper-V\Get-VMProcessor -VM $Vm).PSObject.Properties['HwThreadCountPerCore']
+    # Without SMT of its own, it leaves the other thread of each core idle.
+    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
+    ($Processors + ($Processors -band 1)) / 2
+}
 # --- end of the part capacity ------------------------------------------------------------------
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '129b4f241b2e'
+        Plan = '67b0913a71ae'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '8aa7a5eab758a9f532d06736fb05c0e0929103bed805a87371df4d80dddc6879'
+        UndoDigest = '7d519447bfb13cc7a1362cf8fa324aa04205ec0ba9552fd42e5536546dcde23a'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false
@@ -686,7 +700,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-129b4f241b2e' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-67b0913a71ae' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -825,7 +839,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-129b4f241b2e' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-67b0913a71ae' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -964,7 +978,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-129b4f241b2e' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-67b0913a71ae' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c72673a8449f, manifest ebb8198705b8, rarms 0.1.0
+# Plan         caa70e667615, manifest ebb8198705b8, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -632,16 +632,18 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c72673a8449f'
+        Plan = 'caa70e667615'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a0df942389ae4ded3f24bd4cdd1557ca244951a27f6ac9f79a07641f5d719053'
+        UndoDigest = 'c4dae5174c3e3ff8a10c8fa8d2458d483f2c66a06074e26adbbccce85ca6d3b9'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -3,7 +3,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         87d7fa10f043, manifest 7785495c2f80, rarms 0.1.0
+# Plan         7465976da193, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
@@ -667,16 +667,18 @@ function Restore-TaskClass {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '87d7fa10f043'
+        Plan = '7465976da193'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '841e4ac1cade55624e7a5622e7b5d6941b07ce7d84df35e4cf2d5f1b9b76921e'
+        UndoDigest = '71b5ff3cb3bed4ef72b6237289efe3eb101dc0f6e20007c138c67a488828e7c4'
         Guest = 'vision'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

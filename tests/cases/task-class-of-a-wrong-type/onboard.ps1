@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         071da508fd95, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         1490fa912015, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,16 +626,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '071da508fd95'
+        Plan = '1490fa912015'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '33c589c06a480b82276bb3bfbb784783e45251de24a9fd18d12cba6ce645bfe3'
+        UndoDigest = '1e0b24f7b7efb244174e171a781692320dd773905c155136922fddd9937f494d'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         04d9aa11ecaf, manifest a9326d298f28, rarms 0.1.0
+# Plan         7bebae403f02, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,16 +626,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '04d9aa11ecaf'
+        Plan = '7bebae403f02'
         Application = 'robot'
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '65255ad3a224b446a7b11d88d193ef939ac18ef44db56fe12018cc52ecfc0a4d'
+        UndoDigest = '0411a95bbc8476960a39e9848310d6c93c09d4da975b432cd93b372ca92124f7'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c02679adf194, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         776cebcd7ea2, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,16 +626,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c02679adf194'
+        Plan = '776cebcd7ea2'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5d2b6c5e526707b421bda166b445f2e1d248afd88043a6304aa36242cd6ddf15'
+        UndoDigest = 'f9a147255807b9fee7de60bc8418833649a45f0113941367f209e370a72d9d03'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

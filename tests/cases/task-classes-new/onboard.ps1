@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         735b6f42b2bb, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         ba3bfc82a68e, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -626,16 +626,18 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '735b6f42b2bb'
+        Plan = 'ba3bfc82a68e'
         Application = 'robot'
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'db5ddd912e81740917407d040bb74728482cd6f9db71b5a057e55ded383a0323'
+        UndoDigest = '9ea36232e304cbe1e0e06057935e0e77d5ccb290b24c4fa83c37646bda8178d0'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         dc38089a6021, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         092a4d93b1fc, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -632,16 +632,18 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'dc38089a6021'
+        Plan = '092a4d93b1fc'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '2ca58b2202e25156cadd55ed275c0fd4618a6d0c6fd11e79327fcde70735359f'
+        UndoDigest = 'a280294f313ce4e8dbc539e5834662c2c79228b08fc165f0d81e06b4250a20d0'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
+        Cores = 4
+        ThreadsPerCore = 1
         Percent = 360
         Memory = 7516192768
         AcceptScheduler = $false
