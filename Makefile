@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint test-windows generated figures bench clean
+.PHONY: help demo test test-long lint test-windows generated figures pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -33,6 +33,12 @@ generated: $(TESTS) ## Write what is made from the code: schemas, references, th
 
 figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers beside them
 	@scripts/figures
+
+pictures: $(RUNS) ## The tutorial's pictures of a terminal, from its commands
+	@$(VENV)/bin/python -m scripts.pictures
+
+docs: $(TESTS) ## The rendered documentation, in .cache/site; fails at links that lead nowhere
+	@$(VENV)/bin/zensical build --strict
 
 bench: $(TESTS) ## All benchmarks, as ratios measured in one run
 	@scripts/bench

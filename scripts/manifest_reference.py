@@ -14,7 +14,7 @@ _INTRODUCTION = """\
 # The manifest
 
 `rarms.yaml` describes what runs, how well it must perform, and on which machines. This page is made from the program's
-own description of the format (`rarms schema` prints the same for editors). [manifests/](../manifests/README.md) has
+own description of the format (`rarms schema` prints the same for editors). `manifests/` has
 whole examples, and `rarms init` writes a first manifest.
 
 - Keys are snake_case. Things have their names as keys of maps, never in lists.

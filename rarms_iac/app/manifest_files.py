@@ -8,7 +8,7 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, conflict_finding
 from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
-from rarms_iac.manifest.init import initial_manifest, name_from
+from rarms_iac.manifest.init import initial_manifest, name_from, tutorial_manifest
 from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path
 from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import ParsedText, read
@@ -41,7 +41,7 @@ SCHEMA_NAME = "rarms.schema.json"
 """The file beside a manifest that its first line names: what an editor checks it against, also without a network."""
 
 
-def write_first_manifest(folder: str, name: str | None = None) -> tuple[str, ...]:
+def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool = False) -> tuple[str, ...]:
     """Write a commented manifest that validates and plans as it is, with its schema; return both paths.
 
     A blank file gives way to the manifest, and an earlier schema to this version's.
@@ -49,6 +49,7 @@ def write_first_manifest(folder: str, name: str | None = None) -> tuple[str, ...
     Args:
         folder: where; it is made where it does not exist.
         name: the application's; None: as the folder is called.
+        tutorial: whether it is the manifest of the tutorial, which has a name of its own.
 
     Raises:
         RequestError: the name cannot be an application's.
@@ -61,7 +62,7 @@ def write_first_manifest(folder: str, name: str | None = None) -> tuple[str, ...
     path = Path(folder) / DEFAULT_NAME
     if (path.exists() or path.is_symlink()) and not _is_blank(path):
         raise UseCaseError(Outcome.FAILED, [conflict_finding(path.as_posix())])
-    text = initial_manifest(name or name_from(path.resolve().parent.name))
+    text = tutorial_manifest() if tutorial else initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
     schema = path.with_name(SCHEMA_NAME)
     write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())

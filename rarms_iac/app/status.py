@@ -168,7 +168,7 @@ def _host_overview(
 ) -> HostOverview:
     application, components = (
         system.application.name,
-        {group.name: names_of(group.members) for group in groups_of(system)},
+        {group.name: tuple(member.name for member in group.members) for group in groups_of(system)},
     )
     kinds = {
         drift.address.partition: drift.kind for drift in drifted if drift.address.partition and not drift.address.task

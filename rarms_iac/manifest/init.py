@@ -16,6 +16,11 @@ def initial_manifest(name: str) -> str:
     return set_value(template, ("application", "name"), name)
 
 
+def tutorial_manifest() -> str:
+    """The manifest of docs/tutorial.md: three components that need more than there is, until two of them share."""
+    return shipped_text("templates/init/tutorial.yaml")
+
+
 def name_from(folder: str) -> str:
     """The name of a folder as an application may be called: `My Robot (2)` -> `my-robot-2`."""
     name = re.sub(r"[^a-z0-9]+", "-", folder.lower()).strip("-")[:_LONGEST].strip("-")

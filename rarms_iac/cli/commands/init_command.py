@@ -13,14 +13,15 @@ from rarms_iac.views.output.common import WrittenOutput
 @rarms_command("init")
 @click.argument("folder", default=".")
 @click.option("--name", help="The application's name. [default: as the folder]")
+@click.option("--tutorial", is_flag=True, help="The manifest of the tutorial: what it asks for does not fit at first.")
 @json_option
-def command(session: Session, *, folder: str, name: str | None, as_json: bool) -> ExitCode:
+def command(session: Session, *, folder: str, name: str | None, tutorial: bool, as_json: bool) -> ExitCode:
     """Write a commented rarms.yaml into FOLDER (default: here) that validates and plans as it is.
 
     It describes two components on a simulated host, which needs nothing installed. A FOLDER that is not
     there is made; a manifest that is there stays. rarms.schema.json beside it is what editors check it against.
     """
-    paths = write_first_manifest(folder, name)
+    paths = write_first_manifest(folder, name, tutorial=tutorial)
     if as_json:
         session.terminal.data(to_json(WrittenOutput(files=paths)))
     else:
