@@ -136,6 +136,8 @@ def disruption_of_task(inside: str) -> Disruption:
 def can_change_now(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
     """Whether the machine is in a state from which rarms can do the change: off, running, or saved and live.
 
+    What a saved machine is given, it gets once it runs: so it must be wanted running.
+
     Args:
         before: the partition as observed.
         after: the settings that it is to have.
@@ -146,6 +148,7 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
         case RunState.OFF | RunState.RUNNING:
             return True
         case RunState.SAVED:
-            return not off_needed
+            gets = changed_facets(before.settings, after) & {Facet.CPU, Facet.MEMORY}
+            return not off_needed and (after.running or not gets)
         case RunState.PAUSED | RunState.BUSY | RunState.CRITICAL:
             return not off_needed and after.running == before.settings.running

@@ -1,6 +1,7 @@
 """The steps of a partition's change.
 
-Order of an update: mark's name, stop, what gives back, what takes more, start/stop actions, name, mark, start. A
+Order of an update: mark's name, stop, what gives back, what takes more, start/stop actions, name, mark, start. Only a
+saved machine is started before it gets anything, because Hyper-V changes none of these settings while it is saved. A
 creation marks right after it makes the machine; see `create_partition`. The mark comes after the values, because a host
 that was left half-way must not look as if it had everything that was written.
 """
@@ -127,6 +128,8 @@ def update_partition(
     builder.now = _with_mark_name(before, address.partition)
     if before.settings.running and (off or not after.settings.running):
         yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it is not to run")
+    if before.state is RunState.SAVED and after.settings.running:
+        yield start_step(builder, "a saved machine takes its settings only once it runs")
     for facet in sorted(changed & _VALUES, key=lambda facet: (_takes_more(facet, before, after), _ORDER.index(facet))):
         yield facet_step(builder, facet, before.settings, after.settings)
     if Facet.NAME in changed:

@@ -264,11 +264,12 @@ def describe_stop(grace: int) -> str:
     return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
 
 
-def start_step(builder: StepBuilder) -> Step:
-    """Start the machine, the last of its steps.
+def start_step(builder: StepBuilder, why: str = "after all that it is to have is set") -> Step:
+    """Start the machine, the last of its steps where it is not saved.
 
     Args:
         builder: of the machine as it is at this step; it goes on with a running one.
+        why: the comment of the step.
 
     Returns:
         The step; its undo stops the machine. A machine that was saved is left off by the undo, not saved again.
@@ -279,7 +280,7 @@ def start_step(builder: StepBuilder) -> Step:
         StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
         replace(builder.now, settings=replace(builder.now.settings, running=True), state=RunState.RUNNING),
         ("running", "state"),
-        "after all that it is to have is set",
+        why,
         lost="" if was_off else "it is turned off, not saved again",
     )
     # What was saved cannot be so again: its undo leaves it off, and asks no more than that.

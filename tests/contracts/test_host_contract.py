@@ -765,7 +765,12 @@ def test_neither_running_nor_off_is_not_off(tmp_path: Path, state: RunState) -> 
     for operation in (SetProcessors(partition="vision", processors=1), SetMemory(partition="vision", memory=32 * MIB)):
         with refused(host, f"is {state.value}, and .* while it is off"):
             do(host, operation)
-    do(host, SetCpu(partition="vision", reserve=10, limit=20, weight=30))
+    cpu = SetCpu(partition="vision", reserve=10, limit=20, weight=30)
+    if state is RunState.SAVED:
+        with refused(host, "is saved, and its reserve can only change while it is off"):
+            do(host, cpu)
+    else:
+        do(host, cpu)
 
 
 @pytest.mark.parametrize("state", [RunState.PAUSED, RunState.SAVED])

@@ -183,6 +183,8 @@ def set_processor(scope: Scope, given: Given) -> Value:
         _off(vm, "the processor count", "SetVMProcessor")
         if not 1 <= wanted["processors"] <= MOST_PROCESSORS[vm.generation]:
             raise refuse("Failed to modify device 'Processor'.", "SetVMProcessor", "InvalidParameter")
+    if vm.state == "Saved":
+        _off(vm, "the processor", "SetVMProcessor")
     reserve, limit = wanted.get("reserve", vm.reserve), wanted.get("limit", vm.limit)
     weight = wanted.get("weight", vm.weight)
     if not 0 <= reserve <= limit <= 100 or not 1 <= weight <= 10_000:

@@ -143,6 +143,8 @@ def refuse_change(
             return _refuse_running(machine, "its processor count") or _refuse_settings(
                 replace(machine.settings, processors=processors)
             )
+        case SetCpu() if machine.state is RunState.SAVED:
+            return _refuse_running(machine, "its reserve")
         case SetCpu(reserve=reserve, limit=limit, weight=weight):
             return _refuse_settings(replace(machine.settings, reserve=reserve, limit=limit, weight=weight))
         case SetMemory():

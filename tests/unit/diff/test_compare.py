@@ -201,6 +201,8 @@ def test_a_saved_machine_is_not_thrown_out_of_its_state() -> None:
 
     assert [type(change) for change in difference(robot(), saved).changes] == [Update]  # it is started again
     assert codes(difference(robot(components=[a_component(processors=1)]), saved).findings) == ["RARMS155"]
+    by_hand = robot(components=[a_component(reserve="1 %")], partitions=[a_partition(start=StartMode.MANUAL)])
+    assert codes(difference(by_hand, saved).findings) == ["RARMS155"]
 
 
 def shipped(name: str) -> TaskClass:
