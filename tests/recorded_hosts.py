@@ -36,5 +36,5 @@ def recorded(name: str, **probes: Any) -> HostObservation:
 
 def unread(name: str, *probes: str, status: str = "absent") -> HostObservation:
     """The observation, with some probes absent or denied."""
-    gone: dict[str, Any] = {key: {"status": status, "error": "Gone", "says": "it is gone"} for key in probes}
+    gone: dict[str, Any] = {key: {"status": status, "error": "Gone", "message": "it is gone"} for key in probes}
     return observation_of({**document(name), **gone})

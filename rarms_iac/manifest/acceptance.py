@@ -21,23 +21,23 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
     """Report what is wrong with the acceptances themselves; `today` is a day in UTC."""
     for acceptance in policy.accept.values():
         page = finding_page(acceptance.code)
-        where = ("policy", "accept", acceptance.code)
+        path = ("policy", "accept", acceptance.code)
         if page is None:
             yield UNKNOWN.at(
-                places.key(*where),
+                places.key(*path),
                 f"There is no finding {acceptance.code}.{suggestion(acceptance.code, known_codes())}",
                 "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
             )
         elif not may_be_accepted(page):
             yield REFUSED.at(
-                places.key(*where),
+                places.key(*path),
                 f"{acceptance.code} has the severity {severity_line(page)}: only warnings can be accepted, "
                 "and errors whose page says so.",
                 f"Remove the acceptance; `rarms explain {acceptance.code}` shows how to correct its cause.",
             )
         elif has_expired(acceptance, today):
             yield EXPIRED.at(
-                places.value(*where, "until"),
+                places.value(*path, "until"),
                 f"{acceptance.code} was accepted until {acceptance.until}, but today is {today} (UTC). "
                 "The finding is shown again.",
                 "Correct its cause, or check the reason again and set a later day.",
@@ -64,12 +64,12 @@ def apply_acceptances(
     """
     valid = {acceptance.code: acceptance for acceptance in policy.accept.values() if is_in_force(acceptance, today)}
     accepted = tuple(diagnostic for diagnostic in diagnostics if _covers(valid.get(diagnostic.code), diagnostic))
-    kept = [diagnostic for diagnostic in diagnostics if not _covers(valid.get(diagnostic.code), diagnostic)]
+    shown = [diagnostic for diagnostic in diagnostics if not _covers(valid.get(diagnostic.code), diagnostic)]
     used = {(diagnostic.code, diagnostic.address) for diagnostic in accepted}
     for acceptance in valid.values():
         if codes is None or acceptance.code in codes:
-            kept += _unused(acceptance, used, places)
-    return in_order(kept), accepted
+            shown += _unused(acceptance, used, places)
+    return in_order(shown), accepted
 
 
 def is_in_force(acceptance: Acceptance, today: date) -> bool:

@@ -89,7 +89,7 @@ def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
 class Effort:
     """Steps that searches for places may still take together: a count, so that equal inputs have equal answers."""
 
-    left: int
+    steps: int
 
 
 def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = None) -> bool | None:
@@ -179,7 +179,7 @@ def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
         return True
     waiting = [*accumulate(reversed(sizes), initial=0)][::-1]  # by number: what is still to be placed
     failed = set[tuple[int, ...]]()  # what was left, whose sum tells the number
-    allowed = nodes = min(SEARCH_NODES, effort.left)
+    allowed = nodes = min(SEARCH_NODES, effort.steps)
 
     def place(number: int, free: tuple[int, ...]) -> bool:
         nonlocal nodes
@@ -205,7 +205,7 @@ def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
     if len(sizes) > SEARCHED_UP_TO:
         return None
     found = place(0, (WHOLE,) * bins)
-    effort.left -= allowed - max(0, nodes)
+    effort.steps -= allowed - max(0, nodes)
     if found:
         return True
     return False if nodes >= 0 else None

@@ -180,10 +180,10 @@ def _task_calls(step: Step, operation: operations.TaskOperation) -> tuple[str, .
     task = {"Task": literal(operation.task)}
     match operation:
         case operations.WriteTaskClass(values=values):
-            kept = {name.lower() for name in values}
+            wanted = {name.lower() for name in values}
             unwanted = sorted(name.removeprefix(VALUE) for name in step.before if name.startswith(VALUE))
             gone = [
-                call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name.lower() not in kept
+                call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name.lower() not in wanted
             ]
             return (*task_value_calls(operation.task, values), *gone)
         case operations.RemoveTaskClass() if operation.task == SYSTEM_RESPONSIVENESS:

@@ -36,7 +36,7 @@ function Read-Probe {
         $denied = @('PermissionDenied', 'SecurityError') -ccontains $category
         $denied = $denied -or $id -clike 'AccessDenied*' -or $id -clike '*UnauthorizedAccess*' -or $id -clike '*0x80041003*'
         $status = if ($denied) { 'denied' } else { 'absent' }
-        [ordered] @{ status = $status; error = $id; says = [string] $_.Exception.Message }
+        [ordered] @{ status = $status; error = $id; message = [string] $_.Exception.Message }
     }
 }
 
@@ -175,7 +175,7 @@ $document = [ordered] @{
             else {
                 $script:Unread += [ordered] @{
                     id = ([string] $vm.Id).ToLowerInvariant(); name = [string] $vm.Name; error = $found['error']
-                    says = $found['says']
+                    message = $found['message']
                 }
             }
         }

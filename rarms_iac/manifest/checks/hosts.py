@@ -34,16 +34,16 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
     for host in system.hosts.values():
         here = [component for component in on_host if host in may_run_on(system, component)]
         memory = sum(component.memory for component in here)
-        kept = []
+        lacks = []
         if here and in_processors(host.keep_for_host.processor, host.logical_processors) == 0:
-            kept.append("no processor time")
+            lacks.append("no processor time")
         if here and host.keep_for_host.memory < memory:
-            kept.append(f"{show_bytes(host.keep_for_host.memory)} of the {show_bytes(memory)} that they need")
-        if kept:
+            lacks.append(f"{show_bytes(host.keep_for_host.memory)} of the {show_bytes(memory)} that they need")
+        if lacks:
             yield Violation(
                 path=("hosts", host.name, "keep_for_host"),
                 detail=f'{list_names(component.name for component in here)} may run on "{host.name}" itself, but '
-                f"`keep_for_host` keeps {' and '.join(kept)}. Partitions may get all the rest.",
+                f"`keep_for_host` keeps {' and '.join(lacks)}. Partitions may get all the rest.",
                 advice=f"Write `keep_for_host: {{ processor: ..., memory: {show_bytes(memory)} }}` with what they "
                 "need.",
             )

@@ -171,14 +171,14 @@ def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
     if not node.flow or node.has_comments:
         return None
     parts = []
-    left = room - 2  # given up as soon as nothing is left: the bottom of a deep nest is not written once a level
+    columns = room - 2  # given up as soon as nothing is left: the bottom of a deep nest is not written once a level
     for entry in _ordered(node, shape):
-        part = _inline(entry.value, _inner(entry, shape), left)
+        part = _inline(entry.value, _inner(entry, shape), columns)
         if part is None:
             return None
         parts.append(f"{_key(entry.key, flow=True)} {part}" if entry.key else part)
-        left -= len(parts[-1]) + 2
-        if left < -4:
+        columns -= len(parts[-1]) + 2
+        if columns < -4:
             return None
     text = ", ".join(parts)
     text = f"{{ {text} }}" if node.is_mapping else f"[{text}]"

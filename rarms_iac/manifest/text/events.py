@@ -162,20 +162,20 @@ class _Pass:
         if event.tag is not None:
             self.refuse(event, "tags (!name)", "Remove the tag: a field knows its own type.")
 
-    def refuse(self, event: Any, what: str, advice: str) -> None:
-        if self.is_shown_enough(what):
+    def refuse(self, event: Any, refused: str, advice: str) -> None:
+        if self.is_shown_enough(refused):
             return
         self.values.problems.append(
             NOT_ALLOWED.at(
                 place_at(event.start_mark, self.file),
-                f"rarms does not read {what}.",
+                f"rarms does not read {refused}.",
                 advice,
             )
         )
 
-    def is_shown_enough(self, what: str) -> bool:
-        self.counts[what] = self.counts.get(what, 0) + 1
-        return self.counts[what] > _MOST
+    def is_shown_enough(self, refused: str) -> bool:
+        self.counts[refused] = self.counts.get(refused, 0) + 1
+        return self.counts[refused] > _MOST
 
     def path(self) -> tuple[str | int, ...]:
         inner = [len(container) if key is _NO_KEY else key for container, key in self.stack[1:]]

@@ -1,7 +1,7 @@
 """Where the curve of an index probably crosses its threshold, read off the settings so far.
 
-The level of a response is taken for a + b / CR, and b for the CPU time that a job consumed: so one setting foretells
-the crossing of a component that needs a processor, and two that enclose it are interpolated.
+A response time is taken for a + b / CR, and b (the work, in ms times per cent) for the CPU time that a job consumed: so
+one setting foretells the crossing of a component that needs a processor, and two that enclose it are interpolated.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,18 +15,18 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.samples import response_times
 
-_WORK_ALONE = 1.03  # a level up to so many times the work's is that of the work: CPU time is known about so well
+_WORK_ALONE = 1.03  # a time up to so many times the work's is that of the work: CPU time is known about so well
 _STEEPEST = 4.0  # times as steep as pure work; what falls steeper between two settings is a cliff
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Point:
-    """One index of one member at one setting, as a level that falls as the CR rises."""
+    """One index of one member at one setting, as a time that falls as the CR rises."""
 
-    reserve: int
-    level: float  # ms, or ms a success
-    doubt: float  # half of the band
-    work: float | None  # what level times CR would be if a job only used one processor for its CPU time; None: unknown
+    reserve: int  # CR in per cent
+    time_ms: float  # of throughput: the time to a success
+    half_band_ms: float  # from the estimate to the end of its band
+    work: float | None  # ms times per cent: `time_ms * reserve` of jobs that only compute on one processor; or unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,41 +50,42 @@ def crossings_of(history: Sequence[SearchTrial], goal: Goal, failed: int, passed
         One for each index of which the settings tell anything.
     """
     for member in goal.members:
-        seen = {
+        measured = {
             trial.reserve: series
             for trial in sorted(history, key=lambda trial: trial.reserve)
             for series in trial.setting.series
             if series.component == member.name and series.samples
         }
         for index, threshold in member.apt.items():
-            seen_as, target = _level_wanted(seen, member, index, threshold)
-            points = [point for reserve, series in seen.items() for point in _points(reserve, series, member, seen_as)]
-            left = [point for point in points if point.reserve <= failed]
-            right = [point for point in points if point.reserve >= passed]
+            read_as, target = _time_wanted(measured, member, index, threshold)
+            found = (_point(reserve, series, member, read_as) for reserve, series in measured.items())
+            points = [point for point in found if point is not None]
+            failing = [point for point in points if point.reserve <= failed]
+            passing = [point for point in points if point.reserve >= passed]
             work = _work(points, goal.processors)
             if target is None or not points:
                 continue
             crossing = (
-                _between(left[-1], right[0], target, work)
-                if left and right
-                else _beyond(left[::-1] or right, target, work)
+                _between(failing[-1], passing[0], target, work)
+                if failing and passing
+                else _beyond(failing[::-1] or passing, target, work)
             )
             if crossing is not None and failed < crossing.at < min(passed + 1, NOTHING_PASSED):
                 yield crossing
 
 
-def _between(left: _Point, right: _Point, target: float, work: float | None) -> Crossing | None:
+def _between(failing: _Point, passing: _Point, target: float, work: float | None) -> Crossing | None:
     """Interpolate: half-way between what a + b / CR gives and what a power of the CR gives; never below the work."""
-    if not left.level > target >= right.level:
+    if not failing.time_ms > target >= passing.time_ms:
         return None
-    smooth = left.level <= right.level * (1.0 + _STEEPEST * (right.reserve / left.reserve - 1.0))
+    smooth = failing.time_ms <= passing.time_ms * (1.0 + _STEEPEST * (passing.reserve / failing.reserve - 1.0))
     least = 0.0 if work is None else work / target
-    if left.level * left.reserve <= _WORK_ALONE * (work or 0.0):
+    if failing.time_ms * failing.reserve <= _WORK_ALONE * (work or 0.0):
         return Crossing(at=least, smooth=smooth)
-    part = (target - right.level) / (left.level - right.level)
-    hyperbola = 1.0 / (part / left.reserve + (1.0 - part) / right.reserve)
-    power = right.reserve * (left.reserve / right.reserve) ** (
-        log(target / right.level) / log(left.level / right.level)
+    part = (target - passing.time_ms) / (failing.time_ms - passing.time_ms)
+    hyperbola = 1.0 / (part / failing.reserve + (1.0 - part) / passing.reserve)
+    power = passing.reserve * (failing.reserve / passing.reserve) ** (
+        log(target / passing.time_ms) / log(failing.time_ms / passing.time_ms)
     )
     return Crossing(at=max((hyperbola + power) / 2, least / _WORK_ALONE), smooth=smooth)
 
@@ -93,36 +94,36 @@ def _beyond(points: Sequence[_Point], target: float, work: float | None) -> Cros
     """Extrapolate by a + b / CR from the points of one side, nearest first; b is the work until two points tell."""
     near, slope = points[0], work
     for other in points[1:2]:
-        if abs(other.level - near.level) > other.doubt + near.doubt:
-            slope = (other.level - near.level) / (1.0 / other.reserve - 1.0 / near.reserve)
-        elif near.level <= target and work is not None:
+        if abs(other.time_ms - near.time_ms) > other.half_band_ms + near.half_band_ms:
+            slope = (other.time_ms - near.time_ms) / (1.0 / other.reserve - 1.0 / near.reserve)
+        elif near.time_ms <= target and work is not None:
             return Crossing(at=work / target, smooth=False)  # a floor: it ends where the work begins
         else:
             return None
-    inverse = 1.0 / near.reserve + (target - near.level) / slope if slope else 0.0
+    inverse = 1.0 / near.reserve + (target - near.time_ms) / slope if slope else 0.0
     return Crossing(at=1.0 / inverse, smooth=False) if inverse > 0.0 else None
 
 
 def _work(points: Sequence[_Point], processors: int) -> float | None:
     """The work on as few processors as all settings allow: no response has time for more."""
-    known = [(point.work, point.level * point.reserve) for point in points if point.work is not None]
+    known = [(point.work, point.time_ms * point.reserve) for point in points if point.work is not None]
     counts = [n for n in range(1, processors + 1) if all(work / n <= _WORK_ALONE * room for work, room in known)]
     return sum(work for work, _ in known) / len(known) / counts[0] if known and counts else None
 
 
-def _level_wanted(
-    seen: Mapping[int, Series], member: Member, index: str, threshold: Threshold
+def _time_wanted(
+    measured: Mapping[int, Series], member: Member, index: str, threshold: Threshold
 ) -> tuple[str, float | None]:
-    """The index to look at and the level that it must fall to; None: nothing tells."""
+    """The index to look at and the time (ms) that it must fall to; None: nothing tells."""
     match index, threshold:
         case "success_rate", AtLeast(value=share):
-            samples = [sample for series in seen.values() for sample in series.samples if sample.response_ms]
+            samples = [sample for series in measured.values() for sample in series.samples if sample.response_ms]
             slowest = max((sample.response_ms or 0.0 for sample in samples if sample.successful), default=0.0)
             quickest = min((sample.response_ms or inf for sample in samples if not sample.successful), default=inf)
             limit = sqrt(slowest * quickest) if slowest and quickest < inf else None
-            return "mean_response_time", limit and limit / _multiple(seen, float(share) / 100)
+            return "mean_response_time", limit and limit / _multiple(measured, float(share) / 100)
         case "deadline_miss_rate", AtMost(value=share) if member.run.deadline is not None:
-            return "mean_response_time", float(member.run.deadline) / _multiple(seen, 1.0 - float(share) / 100)
+            return "mean_response_time", float(member.run.deadline) / _multiple(measured, 1.0 - float(share) / 100)
         case "throughput", AtLeast(value=limit) if limit > 0:
             return index, 1000.0 / float(limit)
         case _, AtMost(value=limit) if limit > 0:
@@ -130,27 +131,27 @@ def _level_wanted(
     return index, None
 
 
-def _multiple(seen: Mapping[int, Series], share: float) -> float:
+def _multiple(measured: Mapping[int, Series], share: float) -> float:
     """The multiple of the mean within which this share of jobs answers: about the same at every setting."""
     scaled = [
         time * len(times) / sum(times)
-        for series in seen.values()
+        for series in measured.values()
         if (times := response_times(series.samples))
         for time in times
     ]
     return sorted(scaled)[round(share * (len(scaled) - 1))] if scaled else inf
 
 
-def _points(reserve: int, series: Series, member: Member, index: str) -> Iterator[_Point]:
-    """The setting as a point; none where it gives no estimate.
+def _point(reserve: int, series: Series, member: Member, index: str) -> _Point | None:
+    """The setting as a point; None where it gives no estimate.
 
     Of response times only the time counts in which there is a job; a throughput has also what a periodic one waits.
     """
-    seen = estimate(index, series, member.run)
-    if not isinstance(seen, Estimate) or seen.value <= 0.0:
-        return
-    level = 1000.0 / seen.value if index == "throughput" else seen.value
-    doubt = level * (min(seen.upper, 1.1 * seen.value) / seen.value - 1.0)
+    estimated = estimate(index, series, member.run)
+    if not isinstance(estimated, Estimate) or estimated.value <= 0.0:
+        return None
+    time_ms = 1000.0 / estimated.value if index == "throughput" else estimated.value
+    half_band_ms = time_ms * (min(estimated.upper, 1.1 * estimated.value) / estimated.value - 1.0)
     busy_ms = 0.0 if index == "throughput" else sum(response_times(series.samples))
-    used = 100 * series.cpu_ms / (busy_ms or series.elapsed_ms) if series.cpu_ms else None
-    yield _Point(reserve=reserve, level=level, doubt=doubt, work=used and level * used)
+    cpu_share = 100 * series.cpu_ms / (busy_ms or series.elapsed_ms) if series.cpu_ms else None
+    return _Point(reserve=reserve, time_ms=time_ms, half_band_ms=half_band_ms, work=cpu_share and time_ms * cpu_share)

@@ -94,17 +94,17 @@ _LOOKED_AT = {
 
 
 def _unread(observation: HostObservation) -> Iterator[tuple[str, str]]:
-    for what, name in _LOOKED_AT.items():
+    for title, name in _LOOKED_AT.items():
         probe = getattr(observation, name)
         if isinstance(probe, UnreadProbe):
             why = "denied" if probe.denied else "absent"
-            yield what, f"{why} ({probe.error})" if probe.error else why
+            yield title, f"{why} ({probe.error})" if probe.error else why
     yield from _unread_machines(observation)
 
 
 def _unread_machines(observation: HostObservation) -> Iterator[tuple[str, str]]:
     for machine in or_else(observation.unread_machines, ()):
-        yield f"machine {quoted(machine.name)} ({machine.id})", f"{quoted(machine.says)} ({machine.error})"
+        yield f"machine {quoted(machine.name)} ({machine.id})", f"{quoted(machine.message)} ({machine.error})"
 
 
 _REGISTRY = {"its task classes": "tasks", r"its records in HKLM\SOFTWARE\rarms": "records"}
@@ -122,13 +122,13 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
     Returns:
         None where all was read; also where the caller has no right to see machines, which is a finding of its own.
     """
-    probes = {what: getattr(observation, name) for what, name in (_REGISTRY if guest else _OF_HOST).items()}
-    unread = {what: f"{quoted(probe.message)} ({probe.error})" for what, probe in probes.items() if is_unread(probe)}
+    probes = {title: getattr(observation, name) for title, name in (_REGISTRY if guest else _OF_HOST).items()}
+    unread = {title: f"{quoted(probe.message)} ({probe.error})" for title, probe in probes.items() if is_unread(probe)}
     if not guest:
         unread |= dict(_unread_machines(observation))
     if not unread or (not guest and rights_of(observation) is Rights.MISSING):
         return None
-    message = "not everything could be read: " + "; ".join(f"{what}: {why}" for what, why in unread.items())
+    message = "not everything could be read: " + "; ".join(f"{title}: {why}" for title, why in unread.items())
     return HostFailed(host, message, "see to it as an administrator of that Windows, then look again")
 
 

@@ -5,7 +5,7 @@ that is not there at all counts as absent: an older script did not look.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
 from rarms_iac.model.wording import quoted
@@ -131,7 +131,7 @@ class UnreadMachine:
     id: str
     name: str
     error: str  # PowerShell's id of the error
-    says: str  # its message, in the host's language
+    message: str = field(metadata={"formerly": "says"})  # its message, in the host's language
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -306,7 +306,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
         case "absent" | "denied" as status:
             rest = {key: value for key, value in probe.items() if key != "status"}
             answer = _decoded(_NoAnswer, rest, name)
-            return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.says)
+            return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.message)
         case other:
             raise NotDecodable(
                 f"{name}.status", f"{quoted(other)} is none of value, absent, denied, with what belongs to it"
@@ -316,7 +316,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NoAnswer:
     error: str
-    says: str
+    message: str = field(metadata={"formerly": "says"})
 
 
 def _decoded(hint: Any, data: Json, path: str) -> Any:

@@ -106,7 +106,7 @@ def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Pa
 @pytest.mark.parametrize("probe", ["journal", "tasks", "records"])
 def test_what_was_denied_is_refused_as_a_live_host_refuses_it(cell: Path, probe: str) -> None:
     answer = json.loads((cell / "host.json").read_bytes())
-    answer[probe] = {"status": "denied", "error": "PermissionDenied", "says": "Access is denied."}
+    answer[probe] = {"status": "denied", "error": "PermissionDenied", "message": "Access is denied."}
     (cell / "host.json").write_bytes(json.dumps(answer).encode())
 
     ran = plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / "plan"))
@@ -117,7 +117,7 @@ def test_what_was_denied_is_refused_as_a_live_host_refuses_it(cell: Path, probe:
 
 
 def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path) -> None:
-    lost = {"id": "0" * 36, "name": "database", "error": "InvalidState,GetVMMemory", "says": "Its storage is gone."}
+    lost = {"id": "0" * 36, "name": "database", "error": "InvalidState,GetVMMemory", "message": "Its storage is gone."}
     snapshot = f"cell={bent(cell, unread_machines=[lost])}"
 
     ran, examined = plan(cell, "--snapshot", snapshot), rarms("doctor", "-f", str(cell), "--snapshot", snapshot)
@@ -130,7 +130,7 @@ def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path
 
 def test_a_guest_whose_records_were_denied_is_refused(cell: Path) -> None:
     answer = document("inside-a-guest")
-    answer["records"] = {"status": "denied", "error": "PermissionDenied", "says": "Access is denied."}
+    answer["records"] = {"status": "denied", "error": "PermissionDenied", "message": "Access is denied."}
     (cell / "inside.json").write_bytes(json.dumps(answer).encode())
     inside = f"cell.guest.torch-motion={cell / 'inside.json'}"
 
