@@ -1,4 +1,4 @@
-"""House rules that no linter knows: each class name has one meaning, names say what they hold, one reader.
+"""House rules that no linter knows: each class name has one meaning, names are nouns, contracts are whole, one reader.
 
 Prints each breach as `file:line: what is wrong` and exits 1 where there is one.
 """
@@ -21,14 +21,26 @@ MAY_READ = {
 }
 """Who opens files, and why; DESIGN section 4: one reader, two writers, and files of the kernel in their provider."""
 
+EMPTY_NAMES = frozenset(
+    {"one", "says", "left", "kept", "where", "what", "standing", "told", "_told", "not_told", "_not_told"}
+    | {"_where", "ours", "not_ours", "these"}
+)
+"""Names of parameters, variables, fields and functions, in small letters, that do not say what they hold."""
+
+WITH_CONTRACTS = ("statistics/",)  # to come: app/, planner/, diff/, providers/interface.py
+"""Where every public function and method says all of what it takes, gives back and raises."""
+
 
 def breaches(package: Path) -> Iterator[str]:
     """Everything below the package that breaks a rule."""
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(package.rglob("*.py"))}
     yield from _classes_of_two_meanings(trees)
     for path, tree in trees.items():
+        module = path.relative_to(package).as_posix()
         yield from _names_that_say_nothing(path, tree)
-        if path.relative_to(package).as_posix() not in MAY_READ:
+        if module.startswith(WITH_CONTRACTS):
+            yield from _contracts_in_part(path, tree)
+        if module not in MAY_READ:
             yield from _other_readers(path, tree)
 
 
@@ -44,12 +56,66 @@ def _classes_of_two_meanings(trees: dict[Path, ast.Module]) -> Iterator[str]:
 
 
 def _names_that_say_nothing(path: Path, tree: ast.Module) -> Iterator[str]:
+    for line, name in _bound_names(tree):
+        if name.lower() in EMPTY_NAMES:
+            yield f"{path.as_posix()}:{line}: `{name}` does not say what it holds: use the noun"
+
+
+def _bound_names(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Names of variables, fields, parameters, functions, classes and imports, with their lines."""
     for node in ast.walk(tree):
         match node:
-            case ast.Name(id="one", ctx=ast.Store()) | ast.arg(arg="one"):
-                yield f"{path.as_posix()}:{node.lineno}: `one` does not say what it holds: use the noun"
+            case ast.Name(id=name, ctx=ast.Store()) | ast.arg(arg=name) | ast.alias(asname=str(name)):
+                yield node.lineno, name
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                yield node.lineno, name
+            case ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)):
+                yield node.lineno, name
             case _:
                 pass
+
+
+def _contracts_in_part(path: Path, tree: ast.Module) -> Iterator[str]:
+    for function in _public_functions(tree):
+        if missing := list(_missing_sections(function)):
+            yield f"{path.as_posix()}:{function.lineno}: {function.name}: its docstring has no {', '.join(missing)}"
+
+
+def _public_functions(scope: ast.Module | ast.ClassDef) -> Iterator[ast.FunctionDef]:
+    """Functions of a module and methods of its public classes; no properties, and nothing private."""
+    for node in scope.body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from _public_functions(node)
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            decorators = {ast.unparse(decorator).rpartition(".")[2] for decorator in node.decorator_list}
+            if not decorators & {"property", "cached_property", "overload"}:
+                yield node
+
+
+def _missing_sections(function: ast.FunctionDef) -> Iterator[str]:
+    """The sections that its docstring lacks; ruff (D417) sees to it that `Args` names every parameter.
+
+    What implements a protocol may refer to its contract (See `X.method`). Of a function without parameters a summary
+    that begins with `Return` or `Whether` tells what comes back.
+    """
+    text = ast.get_docstring(function) or ""
+    if text.startswith("See `"):
+        return
+    parameters = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+    takes = [parameter.arg for parameter in parameters if parameter.arg not in {"self", "cls"}]
+    if (takes or function.args.vararg) and "Args:" not in text:
+        yield "Args"
+    gives = function.returns is not None and ast.unparse(function.returns) not in {"None", "NoReturn"}
+    is_told = "Returns:" in text or "Yields:" in text or (not takes and text.startswith(("Return", "Whether")))
+    if gives and not is_told:
+        yield "Returns"
+    if "Raises:" not in text and any(_raises_something(node) for node in ast.walk(function)):
+        yield "Raises"
+
+
+def _raises_something(node: ast.AST) -> bool:
+    """Whether it makes an exception; a bare `raise` lets one pass, and `AssertionError` tells of our own mistake."""
+    return isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and "AssertionError" not in ast.unparse(node)
 
 
 def _other_readers(path: Path, tree: ast.Module) -> Iterator[str]:

@@ -10,7 +10,7 @@ from rarms_iac.storage.digest import set_of_settings
 
 NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")
 TAKEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="The machine or the partition is taken already")
-NOT_OURS = Finding(
+NOT_MANAGED = Finding(
     code="RARMS197", severity=Severity.ERROR, summary="This partition is not managed by this application"
 )
 
@@ -63,7 +63,7 @@ def releasing(state: State, application: str, name: str, place: Place | None) ->
         return None  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
         known = ", ".join(sorted(managed)) or "none"
-        return NOT_OURS.at(
+        return NOT_MANAGED.at(
             place,
             f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "
             f"these do: {known}.{suggestion(name, managed)}",

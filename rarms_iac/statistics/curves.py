@@ -41,13 +41,17 @@ class Curve:
     inconclusive: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
 
     def value_at(self, reserve: float) -> Point | None:
-        """Look the curve up; None: outside of what was measured.
+        """Look the curve up.
 
         Between two measured reservations it is straight, where none between them was inconclusive; otherwise its safe
         side has no bound there.
 
         Args:
             reserve: CR, 1..100 per cent of the partition's own VPs.
+
+        Returns:
+            The point, with the safe side unbounded where a setting between its neighbours was inconclusive; None
+                outside of what was measured.
         """
         for below, above in zip(self.points, self.points[1:], strict=False):
             if below.reserve <= reserve <= above.reserve:
@@ -59,7 +63,15 @@ class Curve:
         return lone[0] if lone else None
 
     def safe_value_at(self, reserve: float) -> float | None:
-        """Look up the safe side of the band, which a reservation rests on; None: outside of what was measured."""
+        """Look up the safe side of the band, which a reservation rests on.
+
+        Args:
+            reserve: as of `value_at`.
+
+        Returns:
+            The upper bound where smaller is better, otherwise the lower one, in the index's unit; None outside of
+                what was measured.
+        """
         point = self.value_at(reserve)
         if point is None:
             return None
@@ -86,6 +98,9 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
         index: A name of `model/indexes`.
         run: The component's; says the deadline.
         error: The probability, 0..1, that the truth is beyond the band, on each side, at a look at a measured point.
+
+    Returns:
+        The curve, its points by ascending reserve, made monotone; without points where no setting gave an estimate.
     """
     measured: dict[int, list[Estimate]] = {}
     inconclusive: set[int] = set()
@@ -135,6 +150,9 @@ def curves_of(
         settings: Of all components.
         runs: By component; every one that has thresholds.
         apts: By component, then by index.
+
+    Returns:
+        A pair for each threshold, in the order of `apts`.
     """
     return tuple(
         (curve_of(settings, component, index, runs[component]), threshold)
@@ -191,6 +209,9 @@ def tightest_threshold(curve: Curve, reserve: int) -> Threshold | None:
 
 def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:
     """Find the highest measured CR at which a threshold is missed for sure: on the good side of the band, too.
+
+    Args:
+        apts: each threshold with the curve of its index.
 
     Returns:
         Per cent; 0: nowhere. Between it and the least reserve that holds lies the noise.

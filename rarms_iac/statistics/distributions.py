@@ -16,6 +16,9 @@ def normal_quantile(probability: float) -> float:
     Args:
         probability: between 0 and 1, neither of them.
 
+    Returns:
+        The value, in standard deviations from the mean.
+
     Raises:
         statistics.StatisticsError: the probability is not between 0 and 1.
     """

@@ -80,8 +80,8 @@ def describe_extreme(beyond: float) -> str:
 ERRORS_EXPLAINED: Final = (
     f"What is said of measured numbers is {describe_error()}: that a reserve is enough, that a threshold is missed, "
     "and what is proven of all components of a host together. A bound (from, to) has the truth beyond it as rarely. "
-    "Jobs of a kind that no sample showed are counted in, taking up to twice the mean time, or as long as the "
-    "longest seen. Of a maximum or minimum "
-    "nothing more is said than what was seen so far, and the share of jobs that may lie beyond it."
+    "Jobs of a kind that no sample showed are counted in, taking up to twice the mean time, or as long as the longest "
+    "seen. Of a maximum or minimum nothing more is said than what was seen so far, and the share of jobs that may lie "
+    "beyond it."
 )
 """The same words in the terminal, in the report and in the documentation."""

@@ -3,6 +3,7 @@
 Response times are in ms, shares in per cent, rates a second: the index's own unit, as in an APT.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress, repeat
@@ -35,6 +36,10 @@ def estimate(
         error: The probability, 0..1, that the truth is above the upper bound, and likewise below the lower one. The
             usual one holds for all looks at a setting together.
         unseen: Whether jobs of a kind that no sample showed are counted in. False: for a guess, never for a verdict.
+
+    Returns:
+        The estimate with its bounds, in the index's unit; or why there is none: too few jobs, or too dependent on
+            one another. The same question is worked out once.
     """
     samples = columns_of(series.samples)
     return samples.remember(
@@ -104,7 +109,8 @@ def mean_estimate(numbers: Sequence[float], error: float, *, unseen: bool = True
         unseen: whether that job is added.
 
     Returns:
-        The estimate in the numbers' unit; or the reason why there is none: too few, or all of them 0.
+        The estimate in the numbers' unit; or the reason why there is none: too few, all of them 0, or too dependent on
+            one another (worth fewer than `FEWEST_EFFECTIVE`) for bounds.
     """
     count = len(numbers)
     if count < 2:
@@ -174,37 +180,27 @@ def _percentile(times: Sequence[float], share: float, error: float) -> Estimate 
     return Estimate(
         value=value,
         lower=ordered[ceil(lower * count) - 1] if lower > 0.0 else -inf,
-        upper=ordered[ceil(upper * count) - 1] if upper < 1.0 else inf,
+        upper=ordered[ceil(upper * count) - 1] if upper <= 1.0 else inf,
         samples=count,
         effective_samples=worth,
     )
 
 
 def _rank_bounds(share: float, worth: float, error: float) -> tuple[float, float]:
-    """Ranks, as shares of all samples, that enclose the percentile; 0 or 1 where so few samples have none.
+    """Ranks, as shares of all samples, that enclose the percentile; 0 or above 1 where so few samples have none.
 
     The r-th of n ordered samples has a share of the distribution below it that is Beta(r, n + 1 - r): the least r
     whose share is above the percentile's, and the greatest whose share is below it, each but for half the error.
     """
     whole = max(1, int(worth))
-    upper, lower = whole + 1, 0
-    low, high = 1, whole + 1
-    while low < high:
-        rank = (low + high) // 2
-        if rank <= whole and beta_quantile(error / 2, rank, whole + 1 - rank) < share:
-            low = rank + 1
-        else:
-            high = rank
-    upper = low
-    low, high = 0, whole
-    while low < high:
-        rank = (low + high + 1) // 2
-        if beta_quantile(1.0 - error / 2, rank, whole + 1 - rank) <= share:
-            low = rank
-        else:
-            high = rank - 1
-    lower = low
-    return lower / whole, upper / whole if upper <= whole else 1.0
+
+    def below(error: float, rank: int) -> float:
+        return beta_quantile(error, rank, whole + 1 - rank)
+
+    ranks = range(1, whole + 1)
+    lower = bisect_left(ranks, True, key=lambda rank: below(1.0 - error / 2, rank) > share)
+    upper = 1 + bisect_left(ranks, True, key=lambda rank: below(error / 2, rank) >= share)
+    return lower / whole, upper / whole
 
 
 def _mean_response_time(series: Series, _run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:

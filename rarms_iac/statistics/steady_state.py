@@ -35,11 +35,14 @@ def find_steady_series(series: Series) -> int | Unsteady:
 
 
 def find_steady_part(times: Sequence[float]) -> int | Unsteady:
-    """Find where response times, in ms and in order, begin to be steady.
+    """Find where response times begin to be steady.
+
+    Args:
+        times: in ms, in the order in which their jobs ended.
 
     Returns:
         The number, from 0, of the first steady one: what is before it is warm-up, at most a quarter of all. Fewer
-        than `FEWEST` are taken as steady.
+            than `FEWEST` are taken as steady. `Unsteady` where no such part is left.
     """
     first = 0
     while True:

@@ -43,6 +43,10 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
         apt: Thresholds by index.
         run: The component's; says how many samples may fail, and the deadline.
         error: The probability, 0..1, with which `Met`, and with which `Missed`, may be wrong.
+
+    Returns:
+        `TooManyFailures` before `Unsteady` before what the indexes say: `Met`, `Missed`, or inconclusive between
+            them.
     """
     failed = failures(series)
     if len(failed) > run.failures:
@@ -74,6 +78,9 @@ def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, member
         apt: thresholds by index.
         run: the component's.
         members: components of the setting, which share the error of saying that one of them misses.
+
+    Returns:
+        As of `judge`.
     """
     verdict = judge(series, apt, run, error=LOOK_ERROR)
     if members > 1 and isinstance(verdict, Missed):

@@ -188,7 +188,7 @@ def test_a_run_that_was_killed_anywhere_is_finished_by_the_next(fault: str) -> N
     assert calls() > 20
 
     for number in range(calls()):
-        guest = a_guest(**{fault: number})
+        guest = a_guest().copy(**{fault: number})
         assert run(guest, SCRIPT).code != 0, f"{fault} {number}"
         guest = guest.copy()
 

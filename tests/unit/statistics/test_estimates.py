@@ -74,6 +74,17 @@ def test_a_high_percentile_of_few_samples_has_no_upper_bound() -> None:
     assert (few.value, few.upper) == (49.0, inf)
 
 
+@pytest.mark.parametrize(("count", "bounds"), [(9, (-inf, inf)), (10, (1.0, 9.0))])
+def test_the_extremes_bound_a_median_once_all_jobs_on_one_side_of_it_are_rarer_than_the_error(
+    count: int, bounds: tuple[float, float]
+) -> None:
+    times = [float(number if number % 2 else count - 1 - number) for number in range(count)]  # neighbours on both sides
+
+    median = found("p50_response_time", a_series(times), error=0.001)  # 0.5 ** 10 is less, and 0.5 ** 9 is more
+
+    assert (median.lower, median.upper) == bounds
+
+
 def test_a_maximum_says_which_share_of_jobs_may_be_longer() -> None:
     longest = found("maximum_response_time", a_series(noisy(3, 100.0, count=299)))
 
