@@ -189,6 +189,11 @@ def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
     return difference(_outline_in(path, script), _outline_of(script))
 
 
+def compare_scripts(old: PlanScript, new: PlanScript) -> ScriptDifference:
+    """How a script of a plan differs, step by step, from one of another plan."""
+    return difference(_outline_of(old), _outline_of(new))
+
+
 def observe_script() -> str:
     """`observe.ps1`: what looks at a Hyper-V host or into a guest, and changes nothing.
 

@@ -194,7 +194,7 @@ def output_option(function: F) -> F:
             "--output",
             metavar="FORMAT[=FILE]",
             multiple=True,
-            help="How findings are written: text, json, sarif, junit, github; repeatable, each to a place of its own.",
+            help="How: text, json, sarif, junit, github, markdown; repeatable, each to a place of its own.",
         ),
         json_option,
     )

@@ -7,9 +7,9 @@ alone imports rich.
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, assert_never
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
@@ -33,6 +33,7 @@ class OutputFormat(StrEnum):
     SARIF = "sarif"
     JUNIT = "junit"
     GITHUB = "github"
+    MARKDOWN = "markdown"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,13 +96,42 @@ def findings_as(
         case OutputFormat.SARIF:
             from rarms_iac.storage.finding_pages import finding_page
 
-            return as_sarif(diagnostics, page=finding_page, accepted=accepted)
+            return as_sarif(in_repository(diagnostics), page=finding_page, accepted=in_repository(accepted))
         case OutputFormat.JUNIT:
-            return as_junit(diagnostics, accepted=accepted)
+            return as_junit(in_repository(diagnostics), accepted=in_repository(accepted))
         case OutputFormat.GITHUB:
-            return as_github(diagnostics)
+            return as_github(in_repository(diagnostics))
+        case OutputFormat.MARKDOWN:
+            from rarms_iac.views.pull_request import findings_markdown
+
+            return findings_markdown(diagnostics)
         case _:
             assert_never(form)
+
+
+def in_repository(diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """The findings with their files named from the root of the git repository that rarms was started in.
+
+    Services that show findings beside files know files by these names. Outside of a repository they stay as they are.
+    """
+    here = Path.cwd()
+    root = next((folder for folder in (here, *here.parents) if (folder / ".git").exists()), None)
+    if root is None:
+        return tuple(diagnostics)
+
+    def moved(place: Place) -> Place:
+        file = Path(os.path.normpath(here / place.file))
+        inside = file.is_relative_to(root) and not place.file.startswith("<")
+        return replace(place, file=file.relative_to(root).as_posix()) if inside else place
+
+    return tuple(
+        replace(
+            diagnostic,
+            place=None if diagnostic.place is None else moved(diagnostic.place),
+            related=tuple(replace(other, place=moved(other.place)) for other in diagnostic.related),
+        )
+        for diagnostic in diagnostics
+    )
 
 
 def findings_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:

@@ -1,0 +1,375 @@
+"""A plan as the comment of a pull request: risk first, then before and after, then what changed in logs and scripts.
+
+Everything in it may come from a stranger's manifest: each piece of text is escaped for Markdown and HTML. A comment
+holds 65,536 characters; each part has its share of that, and says what it leaves out.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from html import escape
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.pull_request import AptHeadroom, LogUse, PlanReview
+from rarms_iac.model.changes import Change, Create, Delete, Update
+from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
+from rarms_iac.model.indexes import index_named, show_threshold, show_value
+from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
+from rarms_iac.model.plan import HostPlan, Plan, UndoLevel
+from rarms_iac.model.quantities import guaranteed, show_bytes, show_milliseconds, show_percent, show_processors
+from rarms_iac.model.state import Partition, PartitionSettings
+from rarms_iac.model.system import Disruption
+from rarms_iac.model.wording import counted
+from rarms_iac.views.changes import describe_disruption, symbol
+from rarms_iac.views.console import UNLIMITED, render, visible
+from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
+from rarms_iac.views.plan import plan_text, summary
+from rarms_iac.views.plan_json import plan_json
+from rarms_iac.views.scripts import difference_text
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+LONGEST_COMMENT = 65_536
+"""Characters that GitHub takes."""
+
+_LONGEST_TEXT = 500
+"""Characters that are shown of one name, message or title."""
+
+_RISKS, _FINDINGS, _TABLE, _SCRIPTS, _STEPS, _LOGS = 10_000, 8_000, 10_000, 10_000, 6_000, 3_000
+"""Characters of the parts; together with heads and ends they stay below the longest comment."""
+
+
+def plan_as(
+    form: OutputFormat, plan: Plan, sources: Sources, *, verbose: bool, review: Callable[[], PlanReview]
+) -> "RenderableType":
+    """Give a plan that form: text to be laid out, or else the text itself.
+
+    Args:
+        form: SARIF, JUnit and GitHub have the plan's findings, Markdown is the comment of a pull request.
+        plan: what is shown.
+        sources: texts of the files that findings point into.
+        verbose: show every attribute and reason in the text, too.
+        review: what only the comment needs; it is asked at most once.
+    """
+    match form:
+        case OutputFormat.TEXT:
+            return plan_text(plan, sources=sources, verbose=verbose)
+        case OutputFormat.JSON:
+            return plan_json(plan)
+        case OutputFormat.MARKDOWN:
+            return comment(review())
+        case _:
+            return findings_as(form, plan.findings, sources, accepted=plan.accepted)
+
+
+def is_for_findings(form: OutputFormat) -> bool:
+    """Whether the form has something to say where there is no plan; text and JSON say that on their own."""
+    return form not in {OutputFormat.TEXT, OutputFormat.JSON}
+
+
+def no_plan_as(form: OutputFormat, *, manifest: str, error: UseCaseError) -> "RenderableType":
+    """Give the reasons why there is no plan that form."""
+    if form is OutputFormat.MARKDOWN:
+        return failure_comment(manifest, error.diagnostics)
+    return findings_as(form, error.diagnostics, error.sources)
+
+
+def marker(manifest: str) -> str:
+    """The hidden first line by which a later run finds the comment of this manifest, to update it."""
+    return f"<!-- rarms plan: {_plain(manifest).replace('--', '- -')} -->"
+
+
+def comment(review: PlanReview) -> str:
+    """The whole comment, shorter than `LONGEST_COMMENT`, with a line end."""
+    plan = review.plan
+    parts = [
+        marker(plan.manifest),
+        f"### rarms plan: {_text(plan.application)}\n\n**{_text(summary(plan))}**",
+        *_risks(review),
+        *_findings(plan.findings),
+        *_table(plan),
+        *_logs(review),
+        *_scripts(review),
+        f"<sub>Plan {plan.id} of {_code(plan.manifest)}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
+    """The comment where there is no plan: why."""
+    errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    head = f"### rarms plan: there is none\n\n**{counted(errors, 'error')} to correct first.**"
+    return "\n\n".join([marker(manifest), head, *_findings(findings)]) + "\n"
+
+
+def findings_markdown(findings: Sequence[Diagnostic]) -> str:
+    """Findings as a list."""
+    return "\n\n".join([*_findings(findings)] or ["No findings."]) + "\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """A partition that does not run for a while, or from now on."""
+
+    partition: str
+    at_least: str
+    at_most: str
+
+
+def stops_of(part: HostPlan) -> Iterator[Stop]:
+    """What stops on a host, and for how long; a guest's own shutdown and start take what they take.
+
+    Steps are done one after another: between a stop and the start that belongs to it others may be stopped, too.
+    """
+    for at, step in enumerate(part.steps):
+        if not isinstance(step.operation, StopPartition):
+            continue
+        name = step.operation.partition
+        later = part.steps[at:]
+        end = next((n for n, each in enumerate(later) if _starts(each.operation, name)), None)
+        if end is None:
+            yield Stop(partition=name, at_least="until somebody starts it", at_most="as long as nobody does")
+            continue
+        meanwhile = [each.operation for each in later[: end + 1]]
+        graces = sum(each.grace_ms for each in meanwhile if isinstance(each, StopPartition))
+        starts = counted(sum(isinstance(each, StartPartition) for each in meanwhile), "start")
+        yield Stop(
+            partition=name,
+            at_least="as long as its own shutdown and start take",
+            at_most=f"{show_milliseconds(graces)} for shutting down, and {starts}",
+        )
+
+
+def _starts(operation: object, partition: str) -> bool:
+    return isinstance(operation, StartPartition) and operation.partition == partition
+
+
+def _risks(review: PlanReview) -> Iterator[str]:
+    plan = review.plan
+    lines = [line for part in plan.hosts for line in _risks_of_host(part)]
+    if review.headrooms:
+        lines.append(f"- **Least headroom:** {_headroom(review.headrooms[0])}")
+    if not any(part.steps for part in plan.hosts):
+        lines.insert(0, "- Nothing changes on the hosts.")
+    elif not lines:
+        lines.append("- Nothing stops, shrinks or is removed.")
+    yield "#### Risk\n\n" + "\n".join(_fitting(lines, _RISKS, "more"))
+    if len(review.headrooms) > 1:
+        rows = [f"- {_headroom(headroom)}" for headroom in review.headrooms]
+        yield _folded(f"Headroom of all {len(rows)} APTs", _fitting(rows, _LOGS, "more"))
+    yield "#### Taking it back\n\n" + "\n".join(_fitting(list(_undo(plan)), _LOGS, "more"))
+
+
+def _risks_of_host(part: HostPlan) -> Iterator[str]:
+    on = f" on {_text(part.host.name)}"
+    removed = {change.address.partition for change in part.changes if isinstance(change, Delete)}
+    for stop in stops_of(part):
+        if stop.partition not in removed:
+            yield (f"- **Stops:** {_name(stop.partition, part)}{on}, at least {stop.at_least}; at most {stop.at_most}.")
+    for change in part.changes:
+        what = f"{_text(str(change.address))}{on}"
+        if isinstance(change, Delete) or symbol(change) == "-/+":
+            yield f"- **Removed:** {what}, {_text(describe_disruption(change) or 'removed')}."
+        shrinks = [f"{name} {_text(old)} → {_text(new)}" for name, old, new in _shrinks(change)]
+        if shrinks:
+            yield f"- **Shrinks:** {what}, {', '.join(shrinks)}."
+        if change.disruption is Disruption.HOST_RESTART:
+            yield f"- **Takes effect when the host starts again:** {what}."
+    for step in part.steps:
+        if isinstance(step.operation, RemoveDisk):
+            yield f"- **Deletes a disk:** {_code(step.operation.path)}{on}."
+    for held in part.held_back:
+        yield f"- **Held back, not in the plan:** {_text(str(held.change.address))}{on}, {_text(held.why)}"
+
+
+def _shrinks(change: Change) -> Iterator[tuple[str, str, str]]:
+    if not (
+        isinstance(change, Update) and isinstance(change.before, Partition) and isinstance(change.after, Partition)
+    ):
+        return
+    old, new = change.before.settings, change.after.settings
+    before, after = guaranteed(old.reserve, old.processors), guaranteed(new.reserve, new.processors)
+    if after < before:
+        yield "reserve", show_processors(before), show_processors(after)
+    if new.limit * new.processors < old.limit * old.processors:
+        old_limit, new_limit = (guaranteed(each.limit, each.processors) for each in (old, new))
+        yield "limit", show_processors(old_limit), show_processors(new_limit)
+    if new.memory < old.memory:
+        yield "memory", show_bytes(old.memory), show_bytes(new.memory)
+    if new.weight < old.weight:
+        yield "weight", str(old.weight), str(new.weight)
+
+
+def _headroom(headroom: AptHeadroom) -> str:
+    index = index_named(headroom.index)
+    share = "unbounded" if headroom.share == float("inf") else f"{100 * headroom.share:.0f} %"
+    return (
+        f"{headroom.index} of {_text(headroom.component)} must be {_text(show_threshold(index, headroom.threshold))}; "
+        f"measured, it is {_text(show_value(index, headroom.expected))} at worst: {share} of the threshold to spare"
+    )
+
+
+def _undo(plan: Plan) -> Iterator[str]:
+    lasting = [step for part in plan.hosts for step in part.steps if step.undo.level is not UndoLevel.FULL]
+    yield (
+        "`rarms undo` takes the whole plan back after it was applied"
+        + (f", but for {counted(len(lasting), 'step')}:" if lasting else ".")
+    )
+    for step in lasting:
+        level = "in part" if step.undo.level is UndoLevel.PARTIAL else "not at all"
+        yield f"- {_text(str(step.address))}, {_text(step.title)}: {level}; {_text(step.undo.message)}"
+
+
+def _table(plan: Plan) -> Iterator[str]:
+    rows = [row for part in plan.hosts for row in _rows(part)]
+    if rows:
+        head = "| | partition | host | reserve before | after | memory before | after |\n|---|---|---|--:|--:|--:|--:|"
+        yield "#### Partitions before and after\n\n" + "\n".join([head, *_fitting(rows, _TABLE, "more partitions")])
+    others = [
+        f"- `{symbol(change)}` {_text(str(change.address))} on {_text(part.host.name)}"
+        for part in plan.hosts
+        for change in part.changes
+        if not _settings_of(change)
+    ]
+    if others:
+        yield _folded(f"{counted(len(others), 'other change')}", _fitting(others, _LOGS, "more"))
+
+
+def _rows(part: HostPlan) -> Iterator[str]:
+    for change in part.changes:
+        settings = _settings_of(change)
+        if settings:
+            before, after = settings
+            cells = [
+                f"`{symbol(change)}`",
+                _name(change.address.partition, part),
+                _text(part.host.name),
+                *(_reserve(each, part) for each in (before, after)),
+                *("" if each is None else show_bytes(each.memory) for each in (before, after)),
+            ]
+            yield f"| {' | '.join(cells)} |"
+
+
+def _settings_of(change: Change) -> tuple[PartitionSettings | None, PartitionSettings | None] | None:
+    before = None if isinstance(change, Create) else change.before
+    after = None if isinstance(change, Delete) else change.after
+    if not isinstance(before or after, Partition):
+        return None
+    return (
+        before.settings if isinstance(before, Partition) else None,
+        after.settings if isinstance(after, Partition) else None,
+    )
+
+
+def _reserve(settings: PartitionSettings | None, part: HostPlan) -> str:
+    if settings is None:
+        return ""
+    processors, whole = guaranteed(settings.reserve, settings.processors), part.facts.logical_processors
+    share = f" ({show_percent(Fraction(processors) * 100 / whole)})" if whole else ""
+    return f"{show_processors(processors)}{share}"
+
+
+def _name(partition: str, part: HostPlan) -> str:
+    members = part.components.get(partition, ())
+    inside = f" ({', '.join(map(_text, members))})" if members and members != (partition,) else ""
+    return f"{_text(partition)}{inside}"
+
+
+def _logs(review: PlanReview) -> Iterator[str]:
+    if review.logs:
+        head = "| data log | CR before | after |\n|---|--:|--:|"
+        rows = [f"| {_code(log.path)} | {_cr(log.before)} | {_cr(log.after)} |" for log in review.logs]
+        yield "#### Data logs\n\n" + "\n".join([head, *_fitting(rows, _LOGS, "more data logs")])
+
+
+def _cr(use: LogUse) -> str:
+    return f"{use} %" if isinstance(use, int) else use
+
+
+def _findings(findings: Sequence[Diagnostic]) -> Iterator[str]:
+    """Errors and warnings, and folded the notes."""
+    grouped = {
+        severity: [_finding(finding) for finding in in_repository(findings) if finding.severity is severity]
+        for severity in Severity
+    }
+    notes = grouped.pop(Severity.NOTE)
+    problems = [line for lines in grouped.values() for line in lines]
+    if problems:
+        yield "#### Findings\n\n" + "\n".join(_fitting(problems, _FINDINGS, "more findings"))
+    if notes:
+        yield _folded(counted(len(notes), "note"), _fitting(notes, _LOGS, "more notes"))
+
+
+def _finding(finding: Diagnostic) -> str:
+    place = f" {_code(str(finding.place))}" if finding.place else ""
+    detail = _text(" ".join((finding.detail, finding.advice)).strip())
+    return f"- **{finding.severity.value} {finding.code}** {_text(finding.summary)}{place}: {detail}"
+
+
+def _scripts(review: PlanReview) -> Iterator[str]:
+    lines: list[str] = []
+    for name, change in review.scripts.items():
+        lines += [] if change.is_empty else _shown(render(difference_text(change, "the base", name), UNLIMITED))
+    lines += [f"{_plain(name)}: the base has no such script" for name in review.new_scripts]
+    if lines:
+        yield _folded("What changed in the scripts", ["```text", *_fitting(lines, _SCRIPTS, "more lines"), "```"])
+    steps = [
+        f"{number}. {_plain(f'{step.address}: {step.title}')}"
+        for part in review.plan.hosts
+        for number, step in enumerate(part.steps, 1)
+    ]
+    if steps:
+        why = [f"Scripts are not compared: {_text(review.without_base)}.", ""] if review.without_base else []
+        body = [*why, "```text", *_fitting(steps, _STEPS, "more steps"), "```"]
+        yield _folded(counted(len(steps), "step") + ", in order", body)
+
+
+def _shown(text: str) -> list[str]:
+    return [_plain(line, indent=True) for line in text.splitlines()]
+
+
+def _fitting(lines: Sequence[str], room: int, more: str) -> list[str]:
+    """The first lines that have room, and how many there are more."""
+    used, shown = 0, []
+    for line in lines:
+        used += len(line) + 1
+        if used > room:
+            break
+        shown.append(line)
+    left_out = len(lines) - len(shown)
+    if not left_out:
+        return shown
+    row = lines[0].startswith("|")
+    note = f"{left_out} {more}: `rarms plan` shows all"
+    return [*shown, f"| | {note} |" if row else f"- {note}" if lines[0].startswith("-") else note]
+
+
+def _folded(title: str, lines: Iterable[str]) -> str:
+    return "\n".join([f"<details><summary>{title}</summary>", "", *lines, "", "</details>"])
+
+
+def _plain(text: str, *, indent: bool = False) -> str:
+    """The text on one line, for a block of code, which nothing in it can end."""
+    line = visible(text, keep="").replace("`", "'")
+    line = line if indent else line.strip()
+    return line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
+
+
+def _code(text: str) -> str:
+    """The text as code in a line; in a table, too."""
+    return f"`{_plain(text).replace('|', '/')}`"
+
+
+def _text(text: str) -> str:
+    """The text so that neither Markdown nor HTML, nor a mention of a person, begins in it; code of ours stays code."""
+    line = visible(text, keep="")
+    line = line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
+    pieces = re.split(r"((?<!`)`[^`]+`(?!`))", line)  # runs of two or more could open what one does not close
+    return "".join(piece if at % 2 else _escaped(piece) for at, piece in enumerate(pieces))
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escape(text, quote=False)).replace("@", "&#64;")

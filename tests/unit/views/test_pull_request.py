@@ -1,0 +1,124 @@
+"""The comment of a pull request."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from benchmarks.fleet import manifest as fleet
+from rarms_iac.model.diagnostics import Finding, Place, Severity
+from rarms_iac.views.pull_request import LONGEST_COMMENT, failure_comment, findings_markdown, marker
+from tests.unit.cli.running import rarms
+
+HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
+HOST = "hosts:\n  onboard: { logical_processors: 4, memory: 8 GiB }\n"
+
+
+def manifest(folder: Path, vision: str = "40 %", memory: str = "1 GiB", processors: int = 4, more: str = "") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "rarms.yaml"
+    file.write_text(
+        f"{HEAD}{HOST}components:\n"
+        f"  vision: {{ criticality: 3, memory: {memory}, processors: {processors}, cpu: {{ reserve: {vision} }} }}\n"
+        "  speech: { criticality: 2, memory: 1 GiB, cpu: { reserve: 20 % } }\n"
+        f"partitions:\n  vision: {{ stop: {{ grace: 45 s }} }}\n{more}",
+        encoding="utf-8",
+        newline="\n",
+    )
+    return folder
+
+
+def comment(folder: Path, *more: str) -> str:
+    return rarms("plan", "-f", str(folder), "--output", "markdown", *more).out
+
+
+@pytest.fixture
+def applied(tmp_path: Path) -> Path:
+    folder = manifest(tmp_path / "head")
+    assert rarms("apply", "-f", str(folder), "--auto-approve").code == 0
+    return folder
+
+
+def test_the_comment_begins_with_its_marker_and_tells_the_risk_first(applied: Path) -> None:
+    text = comment(manifest(applied, vision="30 %", memory="512 MiB", processors=2))
+
+    assert text.splitlines()[0] == marker(str(applied))
+    heads = re.findall("^#### (.*)$", text, re.MULTILINE)
+    assert heads[:2] == ["Risk", "Taking it back"]
+    assert "**Stops:** vision on onboard, at least as long as its own shutdown and start take; at most 45 s" in text
+    assert "reserve 1.6 LP → 1.2 LP, limit 4 LP → 2 LP, memory 1 GiB → 512 MiB" in text
+    assert "| `~` | vision | onboard | 1.6 LP (40 %) | 1.2 LP (30 %) | 1 GiB | 512 MiB |" in text
+
+
+def test_a_host_as_wanted_has_nothing_at_risk(applied: Path) -> None:
+    assert "Nothing changes on the hosts." in comment(applied)
+
+
+def test_scripts_are_compared_with_those_of_the_base(
+    applied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(applied, tmp_path / "base" / "head")
+    manifest(tmp_path / "base" / "head", vision="35 %")
+    manifest(applied, vision="30 %")
+
+    text = comment(Path("head"), "--base", "base")
+
+    assert "<details><summary>What changed in the scripts</summary>" in text
+    assert re.search(r"~ partition/vision, step 1: ", text)
+    assert "there was nothing to compare" not in text
+
+
+def test_a_base_without_a_manifest_is_said(applied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "base").mkdir()
+
+    assert "the base has no manifest" in comment(manifest(applied, vision="30 %"), "--base", "base")
+
+
+def test_the_comment_of_a_large_plan_is_short_enough(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(fleet(400), encoding="utf-8")
+
+    text = comment(tmp_path)
+
+    assert 10_000 < len(text) < LONGEST_COMMENT
+    assert "more partitions: `rarms plan` shows all" in text
+    assert text.count("<details>") == text.count("</details>")
+    assert text.count("```") % 2 == 0
+
+
+HOSTILE = "```</details>` @everyone <!-- --> ![x](http://x) | `code\n### head"
+
+
+def test_what_a_stranger_wrote_stays_text() -> None:
+    finding = Finding(code="RARMS999", severity=Severity.ERROR, summary=HOSTILE)
+    place = Place(file="a`b|c.yaml", line=1, column=1)
+
+    text = failure_comment(HOSTILE, [finding.at(place, HOSTILE, HOSTILE)] * 500)
+
+    assert len(text) < LONGEST_COMMENT
+    assert text.splitlines()[0].count("-->") == 1
+    body = re.sub("(?<![\\\\`])`[^`\n]+`", "code", text.split("\n", 1)[1])
+    for begun in ("</details>", "@everyone", "<!--", "![x]"):
+        assert begun not in body
+    assert [line for line in body.splitlines() if line.startswith("### ")] == ["### rarms plan: there is none"]
+
+
+def test_findings_alone_are_a_list() -> None:
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
+
+    assert findings_markdown([]) == "No findings.\n"
+    assert "- **note RARMS086** Not used: x y" in findings_markdown([note])
+
+
+def test_without_a_plan_every_form_says_why(tmp_path: Path) -> None:
+    folder = manifest(tmp_path, vision="90 %")
+    sarif = tmp_path / "plan.sarif"
+
+    answer = rarms("plan", "-f", str(folder), "--output", "markdown", "--output", f"sarif={sarif}")
+
+    assert answer.code == 4
+    assert "**error RARMS014**" in answer.out
+    assert "RARMS014" in sarif.read_text(encoding="utf-8")
+    assert "error[RARMS014]" in answer.err
