@@ -111,7 +111,7 @@ def findings_markdown(findings: Sequence[Diagnostic]) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stop:
+class Downtime:
     """A partition that does not run for a while, or from now on."""
 
     partition: str
@@ -119,7 +119,7 @@ class Stop:
     at_most: str
 
 
-def stops_of(part: HostPlan) -> Iterator[Stop]:
+def downtimes_of(part: HostPlan) -> Iterator[Downtime]:
     """What stops on a host, and for how long; a guest's own shutdown and start take what they take.
 
     Steps are done one after another: between a stop and the start that belongs to it others may be stopped, too.
@@ -131,12 +131,12 @@ def stops_of(part: HostPlan) -> Iterator[Stop]:
         later = part.steps[at:]
         end = next((n for n, each in enumerate(later) if _starts(each.operation, name)), None)
         if end is None:
-            yield Stop(partition=name, at_least="until somebody starts it", at_most="as long as nobody does")
+            yield Downtime(partition=name, at_least="until somebody starts it", at_most="as long as nobody does")
             continue
         meanwhile = [each.operation for each in later[: end + 1]]
         graces = sum(each.grace_ms for each in meanwhile if isinstance(each, StopPartition))
         starts = counted(sum(isinstance(each, StartPartition) for each in meanwhile), "start")
-        yield Stop(
+        yield Downtime(
             partition=name,
             at_least="as long as its own shutdown and start take",
             at_most=f"{show_milliseconds(graces)} for shutting down, and {starts}",
@@ -166,7 +166,7 @@ def _risks(review: PlanReview) -> Iterator[str]:
 def _risks_of_host(part: HostPlan) -> Iterator[str]:
     on = f" on {_text(part.host.name)}"
     removed = {change.address.partition for change in part.changes if isinstance(change, Delete)}
-    for stop in stops_of(part):
+    for stop in downtimes_of(part):
         if stop.partition not in removed:
             yield (f"- **Stops:** {_name(stop.partition, part)}{on}, at least {stop.at_least}; at most {stop.at_most}.")
     for change in part.changes:
