@@ -73,7 +73,7 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
 
 
 def _creation_step(address: Address, wanted: PartitionSettings, making: Making, reason: Reason) -> Step:
-    lost = f"the disk made from {making.image} stays" if making.image else ""
+    lost = f"what was written on the disk made from {making.image} goes with it" if making.image else ""
     creation = CreatePartition(
         partition=address.partition,
         generation=wanted.generation,

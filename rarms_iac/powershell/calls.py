@@ -52,21 +52,20 @@ def pieces_of(step: Step, scope: Scope) -> tuple[ScriptPiece, ...]:
         case operations.CreatePartition() as creation:
             return _creation_pieces(step, creation, scope)
         case operations.RemoveDisk() as removal:
-            return (_disk_removal_piece(step, removal),)
+            return (_disk_removal_piece(str(step.address), step.title, literal(removal.path), removal.parent),)
         case operation:
             return (_piece(step, operation),)
 
 
-def _disk_removal_piece(step: Step, removal: operations.RemoveDisk) -> ScriptPiece:
+def _disk_removal_piece(address: str, action: str, path: Literal, parent: str) -> ScriptPiece:
     """The file goes only as what the plan knew: the child of that parent, which no machine has."""
-    parent = literal(removal.parent)
     return ScriptPiece(
-        address=str(step.address),
-        action=step.title,
-        read=call("Read-Disk", Path=literal(removal.path), Parent=parent, Everywhere=""),
+        address=address,
+        action=action,
+        read=call("Read-Disk", Path=path, Parent=literal(parent), Everywhere=""),
         before={"exists": True, "child": True, "used": False},
-        after=step.after,
-        calls=(call("Clear-DiskFile", Path=literal(removal.path)),),
+        after={"exists": False},
+        calls=(call("Clear-DiskFile", Path=path),),
     )
 
 
@@ -86,14 +85,18 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
     )
 
 
-def creation_undo_piece(step: Step, creation: operations.CreatePartition, scope: Scope) -> ScriptPiece:
-    """The piece that removes a machine that the same plan made, with nothing that somebody gave it since."""
-    disk = {"Disk": _disk_path(creation, scope)} if creation.image else {}
-    return replace(
+def creation_undo_pieces(step: Step, creation: operations.CreatePartition, scope: Scope) -> tuple[ScriptPiece, ...]:
+    """The pieces that remove a machine that the same plan made, unless it was given something since, and its disk."""
+    path = _disk_path(creation, scope)
+    machine = replace(
         _piece(step, operations.RemovePartition(partition=creation.partition)),
-        read=call("Read-MadePartition", Name=literal(creation.partition), **disk),
+        read=call("Read-MadePartition", Name=literal(creation.partition), **({"Disk": path} if creation.image else {})),
         before={"exists": True, "added": ""},
     )
+    if not creation.image:
+        return (machine,)
+    action = f"undo: make a disk that grows out of {creation.image}"
+    return machine, _disk_removal_piece(f"{step.address}/disk", action, path, creation.image)
 
 
 def call(name: str, **parameters: Literal) -> str:

@@ -13,7 +13,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition
 from rarms_iac.model.plan import HostPlan, Plan, Readings, Scope, Step, UndoLevel
-from rarms_iac.powershell.calls import ScriptPiece, creation_undo_piece, fits, pieces_of
+from rarms_iac.powershell.calls import ScriptPiece, creation_undo_pieces, fits, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
 from rarms_iac.powershell.templates import as_script, fill, part_text, parts_for, read, remark, runtime
@@ -108,7 +108,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             continue
         back = step.reversed(f"undo: {step.title}")
         if isinstance(step.operation, CreatePartition):
-            pieces: tuple[ScriptPiece, ...] = (creation_undo_piece(back, step.operation, _scope(plan)),)
+            pieces = creation_undo_pieces(back, step.operation, _scope(plan))
         else:
             pieces = pieces_of(back, _scope(plan))
         for piece in pieces:

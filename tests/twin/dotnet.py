@@ -23,6 +23,8 @@ from tests.twin.values import (
     text,
 )
 
+REPARSE_POINT = 0x400
+
 
 def static_property(kind: str, name: str, scope: Scope) -> Value:
     """`[kind]::name`."""
@@ -42,6 +44,8 @@ def static_property(kind: str, name: str, scope: Scope) -> Value:
             return Thing()
         case "stringcomparison", "ordinal":
             return Enumerated("Ordinal")
+        case "io.fileattributes", "reparsepoint":
+            return REPARSE_POINT
         case "io.filemode" | "io.fileaccess" | "security.principal.windowsbuiltinrole", _:
             return Enumerated(name)
         case _:
@@ -210,6 +214,13 @@ def content(scope: Scope, path: Value) -> bytes:
     return found.data
 
 
+def _attributes(scope: Scope, path: Value) -> int:
+    found = scope.session.host.file(text(path))
+    if found is None:
+        raise missing(text(path))
+    return REPARSE_POINT if found.link else 0
+
+
 def _write_all(scope: Scope, path: Value, data: Value) -> Value:
     host, where = scope.session.host, text(path)
     host.effect(f"write {where}", lambda: host.write_file(where, text(data).encode()))
@@ -293,6 +304,7 @@ def _equals(scope: Scope, left: Value, right: Value, *how: Value) -> bool:
 
 _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("regex", "replace"): _regex_replace,
+    ("io.file", "getattributes"): _attributes,
     ("io.file", "readalltext"): lambda scope, path: content(scope, path).decode("utf-8-sig", "replace"),
     ("io.file", "readallbytes"): content,
     ("environment", "getfolderpath"): _folder,

@@ -81,6 +81,7 @@ class File:
     path: str
     data: bytes | None
     owner: str = ADMINISTRATORS
+    link: bool = False  # a junction or symbolic link: what is said of its owner is said of where it leads
     protected: bool = False  # only Administrators and SYSTEM may write it
 
 

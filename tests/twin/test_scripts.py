@@ -18,6 +18,7 @@ from tests.twin.host import Vm, WindowsHost
 from tests.twin.observing import JOURNAL, PROFILE, document_of
 from tests.twin.run import Ran, put, run
 
+FOLDER = JOURNAL.rpartition("\\")[0]
 CELLS = {"fresh": fresh, "everything": everything}
 cells = pytest.mark.parametrize("cell", [pytest.param(make, id=name) for name, make in CELLS.items()])
 Make = Callable[[], Prepared]
@@ -102,7 +103,8 @@ def numbers(prepared: Prepared, fault: str, usual: int) -> range:
 def calls(prepared: Prepared) -> list[str]:
     host = prepared.copy()
     assert apply(host, prepared.plan).code == 0
-    return host.effects
+    assert host.effects[-1].endswith("owner.txt")
+    return host.effects[:-1]  # the last only takes the owner's name away: the run is done
 
 
 @cells
@@ -128,6 +130,10 @@ def test_a_run_that_was_killed_or_failed_anywhere_is_finished_by_the_next(cell: 
         assert host.files["c:\\programdata\\rarms"].protected, where
 
 
+KEPT = {FOLDER.lower(), JOURNAL.lower(), JOURNAL.lower() + ".old"}
+"""All that an undone run leaves."""
+
+
 @cells
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
 def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: Make, fault: str) -> None:
@@ -143,6 +149,8 @@ def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: M
 
         assert ran.code == (0 if started else 3), f"{where}\n{ran.says}"
         assert seen(host) == seen(prepared.copy()), where
+        added = set(host.files) - set(prepared.copy().files)
+        assert {path for path in added if not path.startswith("c:\\run\\")} <= KEPT, where
 
 
 @cells
@@ -304,6 +312,35 @@ def test_a_planted_journal_is_not_believed() -> None:
     assert ran.code == 1
     assert "S-1-5-21-1-2-3-1001" in ran.says
     assert seen(host) == before
+
+
+@pytest.mark.parametrize("path", [FOLDER, JOURNAL, f"{FOLDER}\\owner.txt"])
+def test_a_link_that_leads_elsewhere_is_not_followed(path: str) -> None:
+    prepared = everything()
+    host = prepared.copy()
+    host.write_file(path, b"" if path.endswith("owner.txt") else getattr(host.file(path), "data", None))
+    file = host.file(path)
+    assert file is not None
+    file.link = True
+    before = seen(host)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 1
+    assert ran.events[-1]["detail"].startswith(f"{path} is a link")
+    assert seen(host) == before
+    names = {effect.rpartition("\\")[2] for effect in host.effects if not effect.startswith("Set-Acl")}
+    assert names <= ({"owner.txt"} if path == JOURNAL else set())
+
+
+def test_a_run_is_done_where_the_owners_name_cannot_be_taken_away() -> None:
+    prepared = fresh()
+    host = prepared.copy(fail_at=len(calls(prepared)))
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 0, ran.says
+    assert host.mutex == ""
 
 
 def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:

@@ -98,10 +98,9 @@ _ONLY_READING_TYPES = words(
 _CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
     """
     Array DateTime System.BitConverter System.Collections.Hashtable System.Collections.IDictionary
-    System.IO.Directory System.IO.FileAccess
-    System.IO.FileMode System.IO.FileStream System.Security.Cryptography.SHA256 System.StringComparer
-    System.StringComparison System.Text.Encoding System.Threading.AbandonedMutexException System.Threading.Mutex
-    System.UnauthorizedAccessException
+    System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
+    System.Security.Cryptography.SHA256 System.StringComparer System.StringComparison System.Text.Encoding
+    System.Threading.AbandonedMutexException System.Threading.Mutex System.UnauthorizedAccessException
     """
 )
 
@@ -124,16 +123,15 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains Cores
-    Create CreateDirectory Delete Detail Dispose Equals Exception Flush GetBytes GetFolderPath GetOwner GetString
-    GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost MachineName Memory
-    FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number OpenOrCreate Ordinal
-    PSChildName PSObject Percent Plan Position Processors
-    Properties Read ReadAllBytes ReadAllText ReleaseMutex Replace Run ScriptLineNumber Serial Set SetLength
-    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString
-    Total Undo
-    UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number
-    plan record run serials set status touched
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains
+    Cores Create CreateDirectory Delete Detail Dispose Equals Exception Flush GetAttributes GetBytes GetFolderPath
+    GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost
+    MachineName Memory FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number OpenOrCreate
+    Ordinal PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText
+    ReleaseMutex ReparsePoint Replace Run ScriptLineNumber Serial Set SetLength SetSecurityDescriptorSddlForm
+    ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString Total Undo UndoDigest Undoes
+    UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number plan record run serials set status
+    touched
     """
 )
 

@@ -4,10 +4,10 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         ed7c5d384a7c, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         52d4a485e255, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Parts        lock, journal, host, machines, capacity, disks: what the runtime and these steps call
-# Not undone   the disk made from D:\images\base.vhdx stays
+# Not undone   what was written on the disk made from D:\images\base.vhdx goes with it
 # --- runtime: the same bytes in every script --------------------------------------------------
 # Read from the top: what a run does, what a step does, how readings are compared, how it is told.
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -312,6 +312,7 @@ function ConvertTo-AsciiJson {
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+$script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
@@ -335,11 +336,16 @@ function Enter-Host {
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     [System.IO.File]::WriteAllText($path, $script:Operator)
+    $script:OwnerFile = $path
 }
 
 function Exit-Host {
+    if ($script:OwnerFile) {
+        try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
+    }
     if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
 }
 
@@ -355,9 +361,12 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do.
+    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
+    if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
+        throw ('{0} is a link: look where it leads, then remove it' -f $Path)
+    }
     $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
@@ -739,12 +748,12 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'ed7c5d384a7c'
+        Plan = '52d4a485e255'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '29772c42b4ce70455f73eda424b4fa0241fe8d5eab9125656d1827ece21749c8'
+        UndoDigest = '518f777f61dbc7f221397eae9d43631cc5e64e15f77f5ba7a7b9abf7c70d3ce2'
         Guest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -760,7 +769,7 @@ try {
     # 1/10  partition/vision: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
-    # undo: the disk made from D:\images\base.vhdx stays
+    # undo: what was written on the disk made from D:\images\base.vhdx goes with it
     Add-Step -Definition @{
         Number = 0
         Address = 'partition/vision'
@@ -770,14 +779,14 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-ed7c5d384a7c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-52d4a485e255' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
     # 2/10  partition/vision: memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
-    # undo: the disk made from D:\images\base.vhdx stays
+    # undo: what was written on the disk made from D:\images\base.vhdx goes with it
     Add-Step -Definition @{
         Number = 1
         Address = 'partition/vision'
@@ -795,24 +804,24 @@ try {
     # 3/10  partition/vision/disk: make a disk that grows out of D:\images\base.vhdx
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
-    # undo: the disk made from D:\images\base.vhdx stays
+    # undo: what was written on the disk made from D:\images\base.vhdx goes with it
     Add-Step -Definition @{
         Number = 2
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx') -Parent 'D:\images\base.vhdx' }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-52d4a485e255.vhdx') -Parent 'D:\images\base.vhdx' }
         Before = @{ 'exists' = $false }
         After = @{ 'child' = $true; 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-52d4a485e255.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
     # 4/10  partition/vision: attach the disk
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
-    # undo: the disk made from D:\images\base.vhdx stays
+    # undo: what was written on the disk made from D:\images\base.vhdx goes with it
     Add-Step -Definition @{
         Number = 3
         Address = 'partition/vision'
@@ -823,7 +832,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-52d4a485e255.vhdx')
         }
     }
 

@@ -4,10 +4,10 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         ed7c5d384a7c, manifest 4e5e6d808001, rarms 0.1.0
-# Steps        2
+# Plan         52d4a485e255, manifest 4e5e6d808001, rarms 0.1.0
+# Steps        3
 # Parts        lock, journal, host, machines, stop, disks: what the runtime and these steps call
-# Not undone   the disk made from D:\images\base.vhdx stays
+# Not undone   what was written on the disk made from D:\images\base.vhdx goes with it
 # --- runtime: the same bytes in every script --------------------------------------------------
 # Read from the top: what a run does, what a step does, how readings are compared, how it is told.
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -312,6 +312,7 @@ function ConvertTo-AsciiJson {
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+$script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
@@ -335,11 +336,16 @@ function Enter-Host {
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     [System.IO.File]::WriteAllText($path, $script:Operator)
+    $script:OwnerFile = $path
 }
 
 function Exit-Host {
+    if ($script:OwnerFile) {
+        try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
+    }
     if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
 }
 
@@ -355,9 +361,12 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do.
+    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
+    if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
+        throw ('{0} is a link: look where it leads, then remove it' -f $Path)
+    }
     $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
@@ -700,10 +709,10 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'ed7c5d384a7c'
+        Plan = '52d4a485e255'
         Application = 'robot'
         Serial = 0
-        Total = 2
+        Total = 3
         Undo = ''
         UndoDigest = ''
         Guest = ''
@@ -718,7 +727,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  partition/vision: undo: start it
+    # 1/3  partition/vision: undo: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{
@@ -735,22 +744,40 @@ try {
         }
     }
 
-    # 2/2  partition/vision: undo: make a machine of generation 2 with 1 GiB
+    # 2/3  partition/vision: undo: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
-    # undo: the disk made from D:\images\base.vhdx stays
+    # undo: what was written on the disk made from D:\images\base.vhdx goes with it
     Add-Step -Definition @{
         Number = 1
         Address = 'partition/vision'
         Action = 'undo: make a machine of generation 2 with 1 GiB'
         Needs = @('partition/vision')
         Undoes = 0
-        Read = { Read-MadePartition -Name 'vision' -Disk (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed7c5d384a7c.vhdx') }
+        Read = { Read-MadePartition -Name 'vision' -Disk (Get-DiskPath -Folder 'D:\machines' -File 'vision-52d4a485e255.vhdx') }
         Before = @{ 'added' = ''; 'exists' = $true }
         After = @{ 'exists' = $false }
         Set = {
             $vm = Get-Machine -Name 'vision'
             Hyper-V\Remove-VM -VM $vm -Force
+        }
+    }
+
+    # 3/3  partition/vision/disk: undo: make a disk that grows out of D:\images\base.vhdx
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:15:3
+    # undo: what was written on the disk made from D:\images\base.vhdx goes with it
+    Add-Step -Definition @{
+        Number = 2
+        Address = 'partition/vision/disk'
+        Action = 'undo: make a disk that grows out of D:\images\base.vhdx'
+        Needs = @('partition/vision', 'partition/vision/disk')
+        Undoes = 0
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-52d4a485e255.vhdx') -Parent 'D:\images\base.vhdx' -Everywhere }
+        Before = @{ 'child' = $true; 'exists' = $true; 'used' = $false }
+        After = @{ 'exists' = $false }
+        Set = {
+            Clear-DiskFile -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-52d4a485e255.vhdx')
         }
     }
 

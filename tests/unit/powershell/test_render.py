@@ -111,8 +111,8 @@ def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
     text = steps_of(render_undo(*rendered_plan([new])))
 
     calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
-    assert calls == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM"]
-    assert re.findall(r"Undoes = (\d+)", text) == ["10", "0"]
+    assert calls == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM", "Clear-DiskFile"]
+    assert re.findall(r"Undoes = (\d+)", text) == ["10", "0", "0"]
 
 
 def test_a_task_class_is_written_value_by_value_with_types() -> None:
