@@ -27,7 +27,7 @@ EMPTY_NAMES = frozenset(
 )
 """Names of parameters, variables, fields and functions, in small letters, that do not say what they hold."""
 
-WITH_CONTRACTS = ("statistics/",)  # to come: app/, planner/, diff/, providers/interface.py
+WITH_CONTRACTS = ("statistics/", "diff/", "planner/")
 """Where every public function and method says all of what it takes, gives back and raises."""
 
 

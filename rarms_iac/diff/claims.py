@@ -57,11 +57,25 @@ class StepBudget:
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
 
     def holds(self, claims: Iterable[Claim]) -> bool:
-        """Whether these claims of managed partitions fit the host beside the foreign ones."""
+        """Whether these claims of managed partitions fit the host beside the foreign ones.
+
+        Args:
+            claims: of managed partitions, at most one each.
+
+        Returns:
+            False also where nobody knows whether virtual processors find logical ones (`model.capacity.fits`).
+        """
         return fits(self.capacity, (*self.foreign, *claims))
 
     def rank(self, partition: str) -> tuple[int, str]:
-        """Sorts partitions by criticality, the least critical first, then by name."""
+        """Return what sorts partitions by criticality, the least critical first, then by name.
+
+        Args:
+            partition: its name; one without a known criticality counts as 0.
+
+        Returns:
+            Criticality and name.
+        """
         return self.criticality.get(partition, 0), partition
 
 
@@ -85,6 +99,9 @@ def budget_of(
         criticality: by partition, the highest of its members.
         max_disruption: the largest disruption that a step may cause.
         graces: by partition, how long its guest may take to shut down.
+
+    Returns:
+        The budget before the first step; the managed partitions in it by their machines' ids.
     """
     return StepBudget(
         capacity=capacity,

@@ -47,6 +47,10 @@ def partition_changes(
         application: the application whose marks count.
         context: what a change of this host depends on.
         rules: what the manifest says beside the desired partitions.
+
+    Returns:
+        Changes and findings by partition's name; nothing is changed at an address with a finding of a machine in
+            the way.
     """
     difference = PartialDifference()
     in_the_way = list(_machines_in_the_way(wanted, managed, observed, application, rules))
@@ -190,6 +194,9 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
     Args:
         machine: the machine, as observed.
         place: the manifest line that asks for the partition of its name.
+
+    Returns:
+        An error that offers to import the machine or to rename the partition.
     """
     name = machine.settings.name
     owner = f"belongs to application {quoted(machine.mark.application)}" if machine.mark else "carries no mark of rarms"
@@ -217,6 +224,9 @@ def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagn
         address: the partition.
         state: what it is doing.
         place: the manifest line that asks for it.
+
+    Returns:
+        An error that says how to bring it to rest.
     """
     advice = {
         RunState.SAVED: "Start it, or discard its saved state, and plan again.",

@@ -37,6 +37,9 @@ def task_changes(
         observed: what is there.
         application: the application whose records count.
         rules: which shipped classes may be replaced, and where the manifest says so.
+
+    Returns:
+        Changes and findings, the host's classes first, then by partition and class.
     """
     difference = PartialDifference()
     wanted = {(task.inside, task.name.lower()): task for task in desired.tasks}
@@ -101,6 +104,11 @@ def _compare_wanted(
 
 def not_restorable(address: Address, before: TaskClass | Responsiveness, place: Place | None) -> Diagnostic | None:
     """The finding about values that an undo could not write back, those from before rarms included.
+
+    Args:
+        address: the task class, or SystemResponsiveness.
+        before: its values as observed, with those that rarms recorded.
+        place: the manifest line that asks for the change.
 
     Returns:
         None where every value is of a type that scripts write, under a name that is no pattern.
@@ -173,6 +181,9 @@ def responsiveness_changes(
         before: what is there; None: nobody could look.
         application: the application whose record counts.
         rules: where the manifest sets it.
+
+    Returns:
+        At most one change, or the finding that the value could not be brought back; nothing where it is as wanted.
     """
     difference = PartialDifference()
     record = before.record if before else None

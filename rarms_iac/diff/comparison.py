@@ -15,6 +15,9 @@ NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="B
 def no_place(_address: Address) -> Place | None:
     """Stand in for a locator where no manifest line asks for anything.
 
+    Args:
+        _address: of anything.
+
     Returns:
         None, for every address.
     """
@@ -61,6 +64,10 @@ def managed_machines(
         application: whose marks count.
         wanted: names of the desired partitions; a move happens only onto one of them.
         rules: the manifest's moves, and the lines that ask for them.
+
+    Returns:
+        The machines by their new names, the new name of each old one, and a finding for each move that finds its
+            name taken.
     """
     marked = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     names = renaming(marked, wanted, rules.moved)

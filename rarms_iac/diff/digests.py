@@ -52,6 +52,10 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
 def moved_parts(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[str, ...]:
     """Compare two digests of a host.
 
+    Args:
+        before: by part of the host, as `part_digests` made them when the plan was made.
+        after: the same of the host as it is now.
+
     Returns:
         What is new, gone or changed, in words, by name; empty where the host is as it was.
     """

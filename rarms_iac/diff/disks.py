@@ -27,6 +27,9 @@ def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Ite
         machine: the machine that is to be removed.
         state: the host, with all disks of all machines.
         folders: where rarms makes disks for this partition.
+
+    Yields:
+        A verdict for each disk that is attached to the machine, in the order of the state.
     """
     known = tuple(folders)
     for disk in state.disks:

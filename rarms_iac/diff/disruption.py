@@ -47,6 +47,9 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> froze
     Args:
         before: the settings as observed.
         after: the settings as wanted.
+
+    Returns:
+        The facets of which any setting differs; empty where none does.
     """
     pairs = {
         Facet.NAME: (before.name, after.name),
@@ -116,6 +119,9 @@ def disruption_of_update(before: Partition, after: PartitionSettings, context: H
         before: the partition as observed.
         after: the settings that it is to have; another generation means that it is made again.
         context: which settings of this host change live.
+
+    Returns:
+        The least disruption with which this host can make the change.
     """
     if Facet.GENERATION in changed_facets(before.settings, after):
         return Disruption.REMOVAL  # never after creation: it is made again (FACTS 3)
@@ -129,6 +135,9 @@ def disruption_of_task(inside: str) -> Disruption:
 
     Args:
         inside: the partition whose guest it is in; empty: the host itself.
+
+    Returns:
+        When it takes effect: at the next start of the guest, or of the host.
     """
     return Disruption.PARTITION_STOP if inside else Disruption.HOST_RESTART
 
@@ -142,6 +151,9 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
         before: the partition as observed.
         after: the settings that it is to have.
         context: which settings of this host change live.
+
+    Returns:
+        False: nothing may be planned before the machine is at rest (`not_at_rest`).
     """
     off_needed = needs_off(before.settings, after, context)
     match before.state:

@@ -30,6 +30,9 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
     Args:
         changes: those of one host, by address.
         budget: what the host can promise, what it promises now, and how much may be disturbed.
+
+    Returns:
+        Every change once, on one side or the other, in the given order.
     """
     held: _Held = {
         at: HeldBack(change=change, why=_describe_excess(change, budget))

@@ -238,6 +238,10 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int) -> StopAnd
         remaining: at least one step, all of one partition.
         why: told to the reviewer of the stop.
         grace: milliseconds that its guest may take to shut down.
+
+    Returns:
+        The stop, the steps with no claim on the host while they are done, and the start that takes their claim; no
+        start where the partition is to stay off.
     """
     first = remaining[0]
     address, claim_after = first.address, remaining[-1].claim_after

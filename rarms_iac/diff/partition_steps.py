@@ -45,6 +45,9 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
         after: the partition as it is to be, with its mark.
         reason: told to the reviewer of every step.
         context: what making needs (image, switch, folder), and how long its guest may take to shut down.
+
+    Yields:
+        The steps in their order; each is undone by removing the machine.
     """
     wanted = after.settings
     making = context.making.get(address.partition, Making())
@@ -114,6 +117,9 @@ def update_partition(
         after: the partition as it is to be.
         reason: told to the reviewer of every step.
         context: which settings of this host change live.
+
+    Yields:
+        The steps in their order; none where nothing differs.
     """
     changed = changed_facets(before.settings, after.settings)
     if Facet.GENERATION in changed:
@@ -166,6 +172,9 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
         before: the partition with the mark that it has now.
         reason: told to the reviewer.
         between: the name to write instead, which breaks an exchange of two names.
+
+    Yields:
+        At most one step.
     """
     name = between or address.partition
     mark = before.mark
@@ -188,6 +197,9 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         before: the partition as observed.
         reason: told to the reviewer of every step.
         context: the disks that go with the machine.
+
+    Yields:
+        The stop where it is needed, the removal, and a step for each disk that goes too.
     """
     grace = grace_ms(context.graces, address.partition)
     builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)

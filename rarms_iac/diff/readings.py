@@ -60,6 +60,9 @@ def count_disks(state: State, machine: str) -> int:
     Args:
         state: the host as observed.
         machine: its id.
+
+    Returns:
+        How many disks of the state name this machine.
     """
     return sum(disk.machine == machine for disk in state.disks)
 
@@ -94,6 +97,9 @@ def is_marked(partition: Partition, application: str, name: str) -> bool:
         partition: the machine as observed.
         application: the application's name.
         name: the partition's name in the manifest; the machine's own name does not matter.
+
+    Returns:
+        False also where the mark is another application's.
     """
     mark = partition.mark
     return mark is not None and mark.name == name and mark.application == application
@@ -175,6 +181,9 @@ def same_path(path: str, other: str) -> bool:
     Args:
         path: as the host tells it, or as rarms makes it; not made absolute.
         other: likewise.
+
+    Returns:
+        False for two spellings that only the host could tell to be the same, such as a short name or a link.
     """
     return path.replace("/", "\\").lower() == other.replace("/", "\\").lower()
 

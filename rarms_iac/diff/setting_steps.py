@@ -71,6 +71,9 @@ class StepBuilder:
             title: the call in a few words; empty: as the operation says it.
             disruption: how much the call disturbs.
             lost: what the undo cannot bring back; empty: nothing.
+
+        Returns:
+            The step; from now on the builder's machine is `after`.
         """
         before, self.now = self.now, after
         level = UndoLevel.PARTIAL if lost else UndoLevel.FULL
@@ -96,6 +99,9 @@ def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
         partition: as observed, or as expected at this step.
         names: of the readings, as `partition_readings` has them.
 
+    Returns:
+        The readings by name, `exists` first.
+
     Raises:
         KeyError: there is no such reading.
     """
@@ -111,6 +117,9 @@ def mark_step(builder: StepBuilder, new: Mark, old: Mark | None, why: str) -> St
         new: the mark to write; its machine's id is set here.
         old: the mark that is there now; None: none.
         why: the comment of the step.
+
+    Returns:
+        The step, titled with the mark and its digest of the settings.
     """
     address = builder.address
     marked = replace(builder.now, mark=replace(new, machine=builder.now.id[:8]))
@@ -138,6 +147,9 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
         facet: processors, CPU, memory or actions; names and generations have steps of their own.
         old: the settings before the change.
         new: the settings after it.
+
+    Returns:
+        The step; on an existing machine the actions of it are only those that differ.
     """
     fields = _FIELDS[facet]
     if facet is Facet.ACTIONS and not builder.new:
@@ -216,6 +228,9 @@ def rename_step(builder: StepBuilder, old: str, new: str) -> Step:
         builder: of the machine as it is at this step; it goes on with the new name.
         old: its name now, for the undo.
         new: its name after this step.
+
+    Returns:
+        The step, whose undo gives the old name back.
     """
     address = builder.address
     return builder.step(
@@ -260,6 +275,9 @@ def describe_stop(grace: int) -> str:
 
     Args:
         grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
+
+    Returns:
+        Words for the title of a step, with the grace period in seconds.
     """
     return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
 

@@ -48,6 +48,9 @@ def steps_for(change: Change, context: HostContext) -> tuple[Step, ...]:
     Args:
         change: a change that `compare` found, or an import or release.
         context: the facts of the host, and what only the making or removal of a partition needs.
+
+    Returns:
+        The steps of this change alone; `order` mixes them with those of others.
     """
     return tuple(_steps(change, context))
 
@@ -83,6 +86,9 @@ def mark_moves(planned: Sequence[PlannedChange]) -> tuple[tuple[Step, ...], tupl
     """Take the steps that pass names on out of the changes, because a mark must never stand on two machines.
 
     Partitions that exchange names: the first by name steps aside, under a name that no manifest can give.
+
+    Args:
+        planned: every change of one host with its steps.
 
     Returns:
         Those steps, in an order in which each name is free when it is taken; and the changes with their other steps.

@@ -34,7 +34,14 @@ class ChosenPlace:
     stays: str = ""  # why it may be nowhere else, whatever there is room for
 
     def view(self, host: Host) -> HostView:
-        """Return what was observed of a host."""
+        """Return what was observed of a host.
+
+        Args:
+            host: a host of the manifest.
+
+        Returns:
+            The view; an empty one where nobody looked.
+        """
         return self.views.get(host.name, HostView())
 
 

@@ -93,6 +93,9 @@ def may_share(*groups: Group) -> bool:
     Args:
         groups: at least one.
 
+    Returns:
+        False where a rule of any member forbids it; whether it fits a host is not looked at.
+
     Raises:
         ValueError: there are none.
     """

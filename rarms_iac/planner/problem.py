@@ -26,7 +26,14 @@ class HostView:
     present: Mapping[str, CoreSharing] = field(default_factory=dict)  # our partitions that are there now
 
     def sharing(self, partition: str) -> CoreSharing:
-        """Return how a partition takes cores there: as its machine does, or as one that is made."""
+        """Return how a partition takes cores there: as its machine does, or as one that is made.
+
+        Args:
+            partition: a name of the manifest.
+
+        Returns:
+            How many threads a core has, and how many of them the partition uses.
+        """
         made = ANY_THREAD if self.facts is None else core_sharing(self.facts)
         return self.present.get(partition, made)
 
@@ -168,6 +175,9 @@ def _bin(host: Host, view: HostView) -> Bin:
 
 def solve(problem: Problem) -> Layout | Infeasible:
     """Find the best layout.
+
+    Args:
+        problem: as `problem_of` makes it.
 
     Returns:
         The layout; or that there is none, with the causes that need no search, and whether that is proven.

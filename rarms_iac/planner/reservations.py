@@ -43,7 +43,14 @@ class ReservationSource(Protocol):
         ...
 
     def depends_on(self, host: Host) -> Hashable:
-        """Return what of a host the answers depend on: hosts for which this is equal have the same answers."""
+        """Return what of a host the answers depend on: hosts for which this is equal have the same answers.
+
+        Args:
+            host: a host of the manifest.
+
+        Returns:
+            Anything that can be compared and hashed.
+        """
         ...
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
@@ -52,6 +59,9 @@ class ReservationSource(Protocol):
         Args:
             members: as of `reservation`.
             host: as of `reservation`.
+
+        Returns:
+            Notes and warnings with their codes; empty: nothing. Asked once for each partition of the chosen layout.
         """
         ...
 
@@ -77,11 +87,11 @@ class FixedReservations:
         return NotMeasured(components=unknown) if unknown else ProcessorTime(fixed(members, host))
 
     def depends_on(self, host: Host) -> Hashable:
-        """A share of a host is of its logical processors; nothing else matters."""
+        """See `ReservationSource.depends_on`: a share is of the logical processors, and nothing else matters."""
         return host.logical_processors
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
-        """Return nothing: what the manifest fixes needs no comment."""
+        """See `ReservationSource.remarks`: what the manifest fixes needs none."""
         return ()
 
 
@@ -186,11 +196,11 @@ class MeasuredReservations:
         return ProcessorTime(max(looked_up, fixed(members, host)))
 
     def depends_on(self, host: Host) -> Hashable:
-        """Its processors, for what is fixed, and what data logs are compared with."""
+        """See `ReservationSource.depends_on`: processors, for what is fixed, and what data logs are compared with."""
         return host.logical_processors, self.kinds.get(host.name)
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """Return the log's remarks, and that the answer lies between two measured settings where it does."""
+        """See `ReservationSource.remarks`: those of the log, and that the answer lies between two measured settings."""
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()

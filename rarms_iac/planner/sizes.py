@@ -80,6 +80,9 @@ def unmeasured(answer: NotMeasured, host: Host) -> Cause:
     Args:
         answer: why it is not known.
         host: it names the platform, where the answer does not say more.
+
+    Returns:
+        A cause at the first component that is to be measured.
     """
     names = ", ".join(answer.components)
     message = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."

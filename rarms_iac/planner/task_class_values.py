@@ -29,7 +29,14 @@ class Cost(NamedTuple):
     low: int = 0  # in Low where the manifest does not say so
 
     def plus(self, other: Sequence[int]) -> "Cost":
-        """Add another cost to this one, number by number."""
+        """Add another cost to this one, number by number.
+
+        Args:
+            other: as many numbers.
+
+        Returns:
+            A new cost.
+        """
         return Cost(*map(add, self, other))
 
 
@@ -153,6 +160,9 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
         users: of each class the components that name it, and each component that names none, in any order; all of
             one operating system.
         processors: how many this has; 0 where nobody knows.
+
+    Returns:
+        A bit for each logical processor that the class may use; a class that may use all is missing.
     """
     if not 1 < processors <= NAMED_UP_TO:
         return {}

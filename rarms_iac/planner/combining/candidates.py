@@ -81,7 +81,14 @@ class Candidates:
     contradictions: tuple[Contradiction, ...] = ()
 
     def members(self, mask: Mask) -> tuple[Coi, ...]:
-        """List the CoIs of a set, the least critical first."""
+        """List the CoIs of a set, the least critical first.
+
+        Args:
+            mask: a bit for each CoI of `cois`, by its place there.
+
+        Returns:
+            Those whose bit is set, in their order.
+        """
         return tuple(coi for at, coi in enumerate(self.cois) if mask >> at & 1)
 
 

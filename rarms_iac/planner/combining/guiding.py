@@ -26,17 +26,38 @@ class Guide:
     _outlooks: dict[Mask, Outlook] = field(default_factory=dict, compare=False, repr=False)
 
     def outlook(self, mask: Mask) -> Outlook:
-        """Return what is known and predicted of this compound."""
+        """Return what is known and predicted of this compound.
+
+        Args:
+            mask: of a compound of the candidates.
+
+        Returns:
+            The same value for the same compound; it is worked out once.
+        """
         if mask not in self._outlooks:
             self._outlooks[mask] = outlook_of(self.known.by_mask[mask], self.predictor, self.less)
         return self._outlooks[mask]
 
     def expected(self, mask: Mask) -> Expectation:
-        """Return how likely this compound needs how much."""
+        """Return how likely this compound needs how much.
+
+        Args:
+            mask: of a compound of the candidates.
+
+        Returns:
+            The probabilities by CR, within what answers left possible.
+        """
         return self.belief.of(self.outlook(mask))
 
     def predicted(self, mask: Mask) -> int | None:
-        """The CR that it needs as likely as not; None: nothing predicts it."""
+        """Return the CR that a compound needs as likely as not.
+
+        Args:
+            mask: of a compound of the candidates.
+
+        Returns:
+            Whole per cent of each of its processors; None: no way to predict knows it.
+        """
         if all(prediction is None for prediction in self.outlook(mask).predictions):
             return None
         return self.expected(mask).quantile(0.5)

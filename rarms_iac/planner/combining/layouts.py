@@ -114,7 +114,14 @@ class Layouts:
         self._heap = None
 
     def after(self, candidates: Candidates) -> "Layouts":
-        """Return the layouts of the same CoIs after more answers; what these do not change is not worked out again."""
+        """Return the layouts of the same CoIs after more answers; what these do not change is not worked out again.
+
+        Args:
+            candidates: the same CoIs and compounds, of which more is known.
+
+        Returns:
+            New layouts; these stay as they are.
+        """
         costs = _costs(candidates)
         if not costs.keys() <= self._costs.keys():
             return Layouts(candidates=candidates, objective=self.objective)
@@ -146,7 +153,15 @@ class Layouts:
         return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
     def value(self, choice: LayoutChoice) -> Value:
-        """Return what the layout is compared on; the smaller, the better."""
+        """Return what the layout is compared on; the smaller, the better.
+
+        Args:
+            choice: a layout of these CoIs.
+
+        Returns:
+            By the objective's order: criticalities of those that share and total reservation (or the other way
+                round), then partitions.
+        """
         return self._value(choice.key, choice.total, choice.partitions)
 
     def _value(self, key: int, reserved: int, partitions: int) -> Value:
@@ -155,7 +170,12 @@ class Layouts:
         return reserved, key, partitions
 
     def best(self) -> LayoutChoice | None:
-        """The best that fits; None: nothing fits, however little the compounds need."""
+        """Return the best layout that fits.
+
+        Returns:
+            The layout, at the lower ends of what its compounds may need; None: nothing fits, however little they
+                need.
+        """
         best: LayoutChoice | None = None
         for shared in self.ranked():
             if best is not None and shared.value[0] > self.value(best)[0]:
@@ -166,7 +186,11 @@ class Layouts:
         return best
 
     def ranked(self) -> Iterator[Shared]:
-        """Sets of CoIs that may share and have room for it, by the first of what layouts are compared on."""
+        """Go through the sets of CoIs that may share and have room for it, the best first.
+
+        Yields:
+            Each set once, by the value that the best layout of it has at least.
+        """
         if self.objective.minimise is Minimise.COMBINING:
             yield from self._with_room()
         else:
@@ -216,6 +240,9 @@ class Layouts:
             rest: what the others reserve, in per cent of one logical processor.
             least: what those that share reserve at least, and in how many partitions.
             key: the criticalities of those that share, as in `LayoutChoice`.
+
+        Returns:
+            As of `value`.
         """
         return self._value(key, rest + (least >> PARTITIONS), self.partitions(shared, least & (1 << PARTITIONS) - 1))
 
@@ -225,6 +252,9 @@ class Layouts:
         Args:
             shared: the CoIs that share.
             compounds: in how many partitions these are.
+
+        Returns:
+            A count of partitions, on all hosts together.
         """
         return len(self._alone) - shared.bit_count() + compounds
 
@@ -264,11 +294,25 @@ class Layouts:
                 )
 
     def key(self, shared: Mask) -> int:
-        """Return the criticalities of the CoIs that share, as in `LayoutChoice`."""
+        """Return the criticalities of the CoIs that share, as in `LayoutChoice`.
+
+        Args:
+            shared: the CoIs that share.
+
+        Returns:
+            A sum of `weights_of`: the smaller, the better.
+        """
         return sum(weight for at, weight in enumerate(self._weights) if shared >> at & 1)
 
     def cois_of(self, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
-        """List what the partitions of a layout hold, each compound with the least CR that it may need."""
+        """List what the partitions of a layout hold, each compound with the least CR that it may need.
+
+        Args:
+            blocks: the compounds of a layout; no CoI is in two of them.
+
+        Returns:
+            First the CoIs that stay alone, the least critical first, then the compounds in the given order.
+        """
         taken = 0
         for mask in blocks:
             taken |= mask
@@ -276,7 +320,15 @@ class Layouts:
         return (*alone, *(self.candidates.by_mask[mask].coi for mask in blocks))
 
     def least(self, mask: Mask) -> Least:
-        """The least that these reserve when each of them shares; `NEVER` or more: they cannot."""
+        """Return the least that these reserve when each of them shares.
+
+        Args:
+            mask: some of the CoIs.
+
+        Returns:
+            Reservation and partitions, worked out once for each set; `NEVER` or more: some of them can share with
+                nobody.
+        """
         found = self._least.get(mask)
         if found is None:
             found, costs = NEVER, self._costs
@@ -287,11 +339,25 @@ class Layouts:
         return found
 
     def cost(self, block: Mask) -> Least:
-        """Return what the compound reserves in its one partition, and that it is one partition."""
+        """Return what the compound reserves in its one partition, and that it is one partition.
+
+        Args:
+            block: the members of one compound.
+
+        Returns:
+            Reservation and one partition; `NEVER`: it is no candidate, or no gain.
+        """
         return self._costs.get(block, NEVER)
 
     def blocks(self, mask: Mask) -> list[Mask]:
-        """Compounds within the set that hold its most critical member, and some that are no gain any more."""
+        """List the compounds within the set that hold its most critical member, and some that are no gain any more.
+
+        Args:
+            mask: at least one CoI.
+
+        Returns:
+            Their masks; whoever uses them asks `cost`. Worked out once for each set.
+        """
         found = self._within.get(mask)
         if found is None:
             found = self._within[mask] = self._found_within(mask)

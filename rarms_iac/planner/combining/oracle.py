@@ -75,6 +75,9 @@ def leader(cois: Iterable[Coi]) -> Coi:
     Args:
         cois: at least one, in any order; equally critical ones go by name.
 
+    Returns:
+        The CoI whose name a compound of these gets.
+
     Raises:
         ValueError: there are none.
     """
@@ -130,6 +133,9 @@ class Consent(Protocol):
             members: the components that would share a partition, by sorted names.
             settings: about how many settings it takes; fewer where it is soon out.
             gain: what it can save at most, in per cent of one logical processor.
+
+        Returns:
+            False: it is not asked about, and everything else goes on. Asked once for each combination.
         """
         ...
 
@@ -138,11 +144,19 @@ class PlannerReporter(Protocol):
     """Told what combining does, as it does it; must not raise."""
 
     def setting_answered(self, answer: Answer) -> None:
-        """Take note that the oracle answered this question."""
+        """Take note that the oracle answered this question.
+
+        Args:
+            answer: the members, the CR, and who missed an APT there.
+        """
         ...
 
     def declined(self, members: Members) -> None:
-        """Somebody said no to this combination, or the manifest does; another one is tried."""
+        """Take note that somebody said no to this combination, or the manifest does; another one is tried.
+
+        Args:
+            members: the components that would have shared a partition, by sorted names.
+        """
         ...
 
     def combined(self, compound: Coi, before: int) -> None:
@@ -159,20 +173,20 @@ class SilentReporter:
     """Tells nobody."""
 
     def setting_answered(self, answer: Answer) -> None:
-        """Do nothing."""
+        """See `PlannerReporter.setting_answered`; nothing is done."""
 
     def declined(self, members: Members) -> None:
-        """Do nothing."""
+        """See `PlannerReporter.declined`; nothing is done."""
 
     def combined(self, compound: Coi, before: int) -> None:
-        """Do nothing."""
+        """See `PlannerReporter.combined`; nothing is done."""
 
 
 class Always:
     """Consents to everything."""
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:  # noqa: ARG002 - the protocol's
-        """Allow every combination."""
+        """See `Consent.allows`; every combination is allowed."""
         return True
 
 

@@ -38,7 +38,15 @@ class Inquiry:
     may_share: Sharing = lambda _members: True
 
     def ask(self, members: Members, reserve: int, predicted: int | None = None) -> Answer:
-        """One setting; `predicted`: the CR that is expected to do.
+        """Ask the oracle about one setting, and tell the reporter what it answered.
+
+        Args:
+            members: the components together, by sorted names.
+            reserve: the CR, 1..100 whole per cent.
+            predicted: the CR that is expected to be enough; None: nothing was predicted.
+
+        Returns:
+            The answer, with the members that miss an APT by sorted names.
 
         Raises:
             Unanswered: the oracle has no answer.
@@ -86,6 +94,15 @@ def tune_performance_to_use_less_resource(
 
     One call makes one combination; `repeat` goes on with the compound until the total fits or nothing succeeds.
 
+    Args:
+        cois: what runs now, in any order.
+        capacity: what all of them may reserve, in per cent of one logical processor.
+        inquiry: who answers, who may refuse a combination, and who is told.
+        repeat: go on with the compound after the first combination.
+
+    Returns:
+        The CoIs as they are then, by falling criticality, what was combined and what was asked, in order.
+
     Raises:
         Unanswered: the oracle has no answer.
     """
@@ -115,9 +132,17 @@ def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
 
 
 def combine_components(cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer]) -> Combination | None:
-    """CombineComponents: the least critical one with the next that it can be combined with; None: unsuccessful.
+    """CombineComponents: combine the least critical one with the next that it can be combined with.
 
     What was asked is added to the trail.
+
+    Args:
+        cois: in any order.
+        inquiry: who answers, who may refuse a combination, and who is told.
+        trail: what was asked so far, in order; every answer is appended.
+
+    Returns:
+        The compound and its two parts; None: nobody could be combined with it.
 
     Raises:
         Unanswered: the oracle has no answer.

@@ -132,6 +132,12 @@ class QuestionSearch:
         Take the layout that would be best if every compound needed as little as is still possible. If all its compounds
         are measured, nothing can be better: it is the answer. Otherwise ask for that one of its unmeasured compounds
         whose least need will probably rise most. Predictions choose the question, and prove nothing.
+
+        Args:
+            answers: all so far, in any order; at each call at least those of the call before.
+
+        Returns:
+            As of the function `next_decision`.
         """
         tuning = self.tuning
         known = informed(tuning.candidates, answers)

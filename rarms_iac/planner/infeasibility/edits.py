@@ -28,7 +28,15 @@ class Variant:
     may_move: bool  # whether partitions may leave their hosts
 
     def with_entries(self, field: str, entries: Mapping[str, Any]) -> "Variant":
-        """The same with these entries of `components`, `partitions` or `hosts` instead of those of their names."""
+        """Return the same with these entries instead of those of their names.
+
+        Args:
+            field: `components`, `partitions` or `hosts` of the system.
+            entries: values of that mapping, by name; a new name is added.
+
+        Returns:
+            A new variant; this one stays as it is.
+        """
         changed: dict[str, Any] = {field: {**getattr(self.system, field), **entries}}
         return replace(self, system=replace(self.system, **changed))
 
@@ -63,7 +71,15 @@ class Trials:
     made: int = 0
 
     def fits(self, edits: Iterable[Edit], *, by_first_fit: bool = True) -> bool:
-        """Say whether a layout with all of these changes is found, by first fit or also by the solver."""
+        """Say whether a layout with all of these changes is found, by first fit or also by the solver.
+
+        Args:
+            edits: made one after the other on the manifest.
+            by_first_fit: only first fit is asked, not the solver: a hundred times as fast.
+
+        Returns:
+            False also where neither is known, and after `TRIALS` plans.
+        """
         if self.made >= TRIALS:
             return False
         self.made += 1
@@ -110,7 +126,14 @@ def _flat(chosen: Iterable[Edits]) -> Edits:
 
 
 def describe(edits: Sequence[Edit]) -> str:
-    """One change as it is, several as a list."""
+    """One change as it is, several as a list.
+
+    Args:
+        edits: at least one; they are made together.
+
+    Returns:
+        The message of a single edit, or a heading and a list, one line each.
+    """
     if len(edits) == 1:
         return edits[0].message
     return "\n  - ".join([TOGETHER, *(edit.message for edit in edits)])

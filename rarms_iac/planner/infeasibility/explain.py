@@ -32,6 +32,10 @@ def explain(answer: Infeasible, problem: Problem, start: Variant) -> Infeasible:
         answer: What `solve` said.
         problem: What was solved.
         start: What the problem was made of: changes of it are planned.
+
+    Returns:
+        The same answer with causes, the names of who conflicts, and up to a few ways out, each planned before it is
+            offered.
     """
     found = conflicts(problem.items, problem.bins, proven=answer.proven)
     names = sorted({item.name for conflict in found for item in conflict.items})

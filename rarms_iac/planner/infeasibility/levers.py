@@ -37,7 +37,15 @@ _MIB = 2**20
 
 
 def reserve_levers(group: Group) -> Iterator[Lever]:
-    """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first."""
+    """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first.
+
+    Args:
+        group: a partition.
+
+    Yields:
+        A lever for each fixed reserve, in steps as the amount is written: per cent of a host, or hundredths of an
+            LP.
+    """
     own = group.request.cpu.reserve is not None and group.request.cpu.reserve is not Measured.MEASURED
     for entry in (group.request,) if own else reversed(group.members):
         reserve = entry.cpu.reserve
@@ -62,7 +70,15 @@ def _reserve_lever(group: Group, entry: Component | PartitionRequest, before: Cp
 
 
 def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
-    """The APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed."""
+    """The APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed.
+
+    Args:
+        group: a partition.
+        problem: what has no layout.
+
+    Yields:
+        At most one lever; its amounts are CRs below the one that the APTs need now.
+    """
     source, claims = problem.reservations, problem.claims[group.name]
     if not claims or not isinstance(source, MeasuredReservations) or not rests_on_a_log(group):
         return
@@ -103,7 +119,15 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
 
 
 def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
-    """Fewer virtual processors for a component that was measured alone and does not use all that it has."""
+    """Fewer virtual processors for a component that was measured alone and does not use all that it has.
+
+    Args:
+        group: a partition.
+        problem: what has no layout.
+
+    Yields:
+        At most one lever, of a single amount; whether the component is as fast then has to be measured.
+    """
     source, claims = problem.reservations, problem.claims[group.name]
     if (
         not claims
@@ -134,7 +158,14 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
 
 
 def memory_levers(problem: Problem) -> Iterator[Lever]:
-    """More memory of a host, at most as much as all who may run there claim."""
+    """More memory of a host, at most as much as all who may run there claim.
+
+    Args:
+        problem: what has no layout.
+
+    Yields:
+        A lever for each host, its amounts in MiB.
+    """
     for host in problem.bins:
         claimed = sum(item.claims[host.name].memory for item in problem.items if host.name in item.claims)
         missing = -(-(claimed - free_in(host).memory) // _MIB)
@@ -151,7 +182,15 @@ def _more_memory(host: str, mib: int) -> Edits:
 
 
 def processor_levers(problem: Problem) -> Iterator[Lever]:
-    """More logical processors: of all hosts of a platform, since they share what was measured."""
+    """More logical processors: of all hosts of a platform, since they share what was measured.
+
+    Args:
+        problem: what has no layout.
+
+    Yields:
+        A lever for each platform, by its first host; up to `MORE_PROCESSORS` more on each host. It has to be
+            measured where the data logs of the platform no longer hold then.
+    """
     platforms: dict[str, list[Host]] = {}
     for host in by_name(problem.system.hosts):
         platforms.setdefault(host.platform, []).append(host)
@@ -212,6 +251,13 @@ def pair_levers(problem: Problem, partitions: Collection[str]) -> Iterator[Lever
     """Pairs of these partitions that may share one, the least critical first; only measured ones can need less so.
 
     The first level is the least that the two can need together, the last is just less than they reserve apart.
+
+    Args:
+        problem: what has no layout.
+        partitions: the names among which pairs are made.
+
+    Yields:
+        A lever for each pair, its amounts CRs of the compound; all have to be measured.
     """
     groups = [group for group in problem.groups if group.name in partitions and rests_on_a_log(group)]
     for minor, leader in combinations(sorted(groups, key=lambda group: (group.criticality, group.name)), 2):

@@ -51,21 +51,43 @@ class Assignment:
         return [int(is_move(self.items[number], self.bins[at].name)) for number, at in self.pairs]
 
     def bound_costs(self, costs: Sequence[int], most: int) -> None:
-        """Allow no packing that costs more than this."""
+        """Allow no packing that costs more than this.
+
+        Args:
+            costs: by variable, at least 0.
+            most: the largest sum of the costs of variables that are 1.
+        """
         self.rows.append(Row({variable: each for variable, each in enumerate(costs) if each}, -inf, most))
 
     def variables_of(self, host_of: Mapping[str, str]) -> list[int]:
-        """Return the variables that are 1 in a packing."""
+        """Return the variables that are 1 in a packing.
+
+        Args:
+            host_of: the host of each partition, by names; each may be on it.
+
+        Returns:
+            One variable for each partition, in the partitions' order.
+        """
         numbers = {host.name: at for at, host in enumerate(self.bins)}
         return [self.variables[number, numbers[host_of[item.name]]] for number, item in enumerate(self.items)]
 
     def host_of(self, variables: Sequence[int]) -> dict[str, str]:
-        """Return the packing of which these variables are 1."""
+        """Return the packing of which these variables are 1.
+
+        Args:
+            variables: one for each partition.
+
+        Returns:
+            The host of each partition, by names.
+        """
         pairs = (self.pairs[variable] for variable in variables)
         return {self.items[number].name: self.bins[at].name for number, at in pairs}
 
     def forbid(self, variables: Sequence[int]) -> bool:
         """Forbid, on each host that cannot keep what these variables put there, a smallest part of it.
+
+        Args:
+            variables: those that are 1 in a solution of the rows.
 
         Returns:
             Whether anything had to be forbidden.

@@ -7,7 +7,15 @@ from rarms_iac.planner.packing.values import Bin, Item, Objective, cost, free_in
 
 
 def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
-    """Say whether all hosts together are too small for the least that the partitions claim."""
+    """Say whether all hosts together are too small for the least that the partitions claim.
+
+    Args:
+        items: the partitions, each with at least one claim.
+        bins: all hosts.
+
+    Returns:
+        True: there is no packing, in processors or in memory. False says nothing.
+    """
     free = [free_in(host) for host in bins]
     percent, memory = sum(max(0, load.percent) for load in free), sum(max(0, load.memory) for load in free)
     return sum(map(least_cost, items)) > percent or sum(map(least_memory, items)) > memory
@@ -18,6 +26,13 @@ def lower_bound(items: Sequence[Item], bins: Sequence[Bin]) -> Objective:
 
     A host keeps at most so many of the partitions that are on it as it has room for with the smallest first, in
     processors and in memory; all others that run have to move.
+
+    Args:
+        items: the partitions, each with at least one claim.
+        bins: all hosts.
+
+    Returns:
+        No packing has less of either; a packing that meets both is optimal.
     """
     running = [item for item in items if item.current_host]
     moves = len(running)

@@ -39,7 +39,7 @@ class SolverAnswer:
 
 
 def is_installed() -> bool:
-    """Say whether HiGHS can be asked here."""
+    """Return whether HiGHS can be asked here; it is not imported."""
     return importlib.util.find_spec("highspy") is not None
 
 

@@ -96,7 +96,15 @@ def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool =
 
 
 def without_hopeless_claims(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
-    """Sort both by name, and leave the partitions the claims that a host can keep while no other is there."""
+    """Sort both by name, and leave the partitions the claims that a host can keep while no other is there.
+
+    Args:
+        items: in any order.
+        bins: in any order.
+
+    Returns:
+        Partitions and hosts by name; a partition may be without claims then.
+    """
     bins = sorted(bins, key=lambda host: host.name)
     return [_with_possible_claims(item, bins) for item in sorted(items, key=lambda item: item.name)], bins
 

@@ -49,29 +49,66 @@ class NoPacking:
 
 
 def cost(claim: Claim) -> int:
-    """Return the reservation in per cent of one logical processor."""
+    """Return the reservation in per cent of one logical processor.
+
+    Args:
+        claim: of one partition on one host.
+
+    Returns:
+        140 is 1.4 logical processors.
+    """
     return claim.processors * claim.reserve
 
 
 def least_cost(item: Item) -> int:
-    """Return what the partition reserves where it reserves least, in per cent of one logical processor."""
+    """Return what the partition reserves where it reserves least, in per cent of one logical processor.
+
+    Args:
+        item: a partition with at least one claim.
+
+    Returns:
+        The least over the hosts that it may run on.
+    """
     return min(cost(claim) for claim in item.claims.values())
 
 
 def least_memory(item: Item) -> int:
-    """Return the memory that the partition claims where it claims least, in bytes."""
+    """Return the memory that the partition claims where it claims least, in bytes.
+
+    Args:
+        item: a partition with at least one claim.
+
+    Returns:
+        The least over the hosts that it may run on.
+    """
     return min(claim.memory for claim in item.claims.values())
 
 
 def free_in(host: Bin) -> Load:
-    """Return what a host has left to promise; negative where others hold more than there is."""
+    """Return what a host has left to promise; negative where others hold more than there is.
+
+    Args:
+        host: with what unmanaged machines claim there.
+
+    Returns:
+        Per cent of one logical processor, and bytes.
+    """
     foreign = load_of(host.foreign_claims)
     whole = int(WHOLE * host.capacity.processors)
     return Load(percent=whole - foreign.percent, memory=host.capacity.memory - foreign.memory)
 
 
 def claims_by_host(items: Iterable[Item], bins: Sequence[Bin], host_of: Mapping[str, str]) -> dict[str, list[Claim]]:
-    """Return all that each host would have to promise, other machines included."""
+    """Return all that each host would have to promise, other machines included.
+
+    Args:
+        items: the partitions.
+        bins: all hosts.
+        host_of: the host of each partition, by names.
+
+    Returns:
+        By the name of every host, unmanaged machines first.
+    """
     claims = {host.name: list(host.foreign_claims) for host in bins}
     for item in items:
         claims[host_of[item.name]].append(item.claims[host_of[item.name]])
@@ -85,6 +122,9 @@ def hosts_can_hold(items: Sequence[Item], bins: Sequence[Bin], host_of: Mapping[
         items: The partitions.
         bins: All hosts.
         host_of: The host of each partition, by names.
+
+    Returns:
+        True, False, or None where the search for virtual processors' places gave up on a host and no other refuses.
     """
     claims, used = claims_by_host(items, bins, host_of), set(host_of.values())
     answers = [holds(host.capacity, claims[host.name]) for host in bins if host.name in used]
@@ -98,7 +138,15 @@ Objective = tuple[int, int]
 
 
 def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective:
-    """Return what the packing reserves in all and how many partitions it moves."""
+    """Return what the packing reserves in all and how many partitions it moves.
+
+    Args:
+        items: the partitions.
+        host_of: the host of each, by names.
+
+    Returns:
+        Per cent of one logical processor, and a count.
+    """
     reserved = moves = 0
     for item in items:
         host = host_of[item.name]
@@ -108,5 +156,13 @@ def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective
 
 
 def is_move(item: Item, host: str) -> bool:
-    """Tell whether the partition would leave the host that it is on."""
+    """Tell whether the partition would leave the host that it is on.
+
+    Args:
+        item: with the host that it is on, where it is on one.
+        host: a name.
+
+    Returns:
+        False for a partition that is nowhere yet.
+    """
     return item.current_host not in ("", host)

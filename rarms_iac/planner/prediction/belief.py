@@ -71,6 +71,9 @@ class Hypothesis:
         Args:
             outlook: what is known and predicted of the compound.
             reserve: a CR, in per cent of each of its processors.
+
+        Returns:
+            0..1, rising with the reserve.
         """
         least = ceil(outlook.neediest)
         if reserve < least and outlook.slack:
@@ -85,7 +88,14 @@ class Hypothesis:
         return outlook.predictions[self.way]
 
     def bounds(self, outlook: Outlook) -> tuple[float, float]:
-        """Return the probabilities of a need below the known interval, and of one up to its upper end."""
+        """Return the probabilities of a need below the known interval, and of one up to its upper end.
+
+        Args:
+            outlook: what is known and predicted of the compound.
+
+        Returns:
+            Both 0..1, the first at most the second; their difference is what the answers left of this hypothesis.
+        """
         low = self.below(outlook, outlook.low - 1) if outlook.low > outlook.neediest - outlook.slack else 0.0
         return low, 1.0 if outlook.passed is None else self.below(outlook, outlook.passed)
 
@@ -122,7 +132,14 @@ class Expectation:
     parts: tuple[tuple[Hypothesis, float, float], ...]  # what it weighs, over what is left, and what lies below that
 
     def below(self, reserve: int) -> float:
-        """The probability that it needs at most so much."""
+        """Return the probability that the compound needs at most this CR.
+
+        Args:
+            reserve: whole per cent of each of its processors.
+
+        Returns:
+            0 below what it was seen or inferred to need, 1 from the highest expected need on.
+        """
         outlook = self.outlook
         if reserve < outlook.low:
             return 0.0
@@ -133,7 +150,14 @@ class Expectation:
         )
 
     def quantile(self, chance: float) -> int:
-        """The least whole CR that is enough with this probability."""
+        """Return the least whole CR that is enough with this probability.
+
+        Args:
+            chance: 0..1.
+
+        Returns:
+            Per cent of each of the compound's processors.
+        """
         return _first(self.outlook.low, self.outlook.most, lambda reserve: self.below(reserve) >= chance)
 
 
@@ -144,7 +168,14 @@ class Belief:
     weights: Mapping[Hypothesis, float]
 
     def of(self, outlook: Outlook) -> Expectation:
-        """Return how likely this compound needs how much, within what is known of it."""
+        """Return how likely this compound needs how much, within what is known of it.
+
+        Args:
+            outlook: what is known and predicted of the compound.
+
+        Returns:
+            A mixture of the hypotheses that the answers about it left.
+        """
         parts = []
         for hypothesis, weight in self.weights.items():
             low, high = hypothesis.bounds(outlook)

@@ -155,6 +155,13 @@ def _horizon(tasks: Sequence[Task], resource: Resource, rate: Fraction) -> Fract
 def meets_by_priority(tasks: Sequence[Task], resource: Resource) -> bool:
     """Whether fixed priorities, the first task's the highest, meet all deadlines.
 
+    Args:
+        tasks: by priority, the highest first; in ticks.
+        resource: the supply of processor time.
+
+    Returns:
+        True: every job of every task ends by its deadline, however the supply falls.
+
     Raises:
         ValueError: a deadline is longer than its period; then the first job need not be the slowest.
     """
@@ -220,6 +227,9 @@ class MemberDemand:
         Args:
             reserve: the CR, in per cent, above 0.
             slower: how many times longer the work takes beside other components.
+
+        Returns:
+            Waiting and work, in ms.
         """
         return self.waits_ms + self.work_ms * slower * WHOLE / reserve
 
