@@ -47,7 +47,11 @@ def search_combinations(
         repeat: Whether the paper's procedure goes on after its first combination.
 
     Returns:
-        How it ended. An oracle without an answer is an ending too, and raises nothing.
+        How it ended. That the oracle has no answer (`Unanswered`) is an ending, too.
+
+    Raises:
+        UseCaseError: A data log cannot be read; or, of an oracle that measures, a setting could not be run.
+        HostError: Of such an oracle: the host did not do what was asked.
     """
     trail: list[Answer] = []
     recorded = replace(inquiry, reporter=_TrailReporter(inquiry.reporter, trail))

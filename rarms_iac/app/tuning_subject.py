@@ -134,19 +134,7 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     Raises:
         UseCaseError: A reservation is not measured, or the hosts are of several platforms (negative).
     """
-    platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
-    if len(platforms) > 1:
-        message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
-        raise UseCaseError(
-            Outcome.NEGATIVE,
-            [
-                findings.PLATFORMS.at(
-                    None,
-                    message,
-                    "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each.",
-                )
-            ],
-        )
+    _refuse_several_platforms(hosts)
     system, places = hosts.system, hosts.manifest.places
     reservations = measured_reservations(measurements_of(hosts.manifest), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
@@ -175,6 +163,14 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
         capacity=max(0, capacity),
         predictor=predictor_of(alone_in(groups, reservations, bench)),
     )
+
+
+def _refuse_several_platforms(hosts: Hosts) -> None:
+    platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
+    if len(platforms) > 1:
+        message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
+        advice = "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each."
+        raise UseCaseError(Outcome.NEGATIVE, [findings.PLATFORMS.at(None, message, advice)])
 
 
 def bench_of(hosts: Hosts) -> Host:
@@ -219,6 +215,7 @@ class Experiments:
             Unanswered: Too many samples failed.
             TuningStopped: Somebody asked for an end.
             UseCaseError: The host is busy (refused), or there is nothing to run (negative).
+            HostError: The host did not do what was asked.
         """
         if (members, reserve) not in self._known:
             self._known[members, reserve] = self._measured(members, reserve)

@@ -5,8 +5,9 @@ Begin at `expected_duration`. Times are of the host's own clock; a simulated hos
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, log2
+from math import ceil
 
+from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.settling import PATIENCE
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
@@ -16,15 +17,13 @@ from rarms_iac.statistics.errors import FIRST_LOOK
 STEPS_OF_PAPER = 10
 """Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""
 
-ENDS_OF_SEARCH = 2
-"""Settings beside a bisection: the highest one, and the one that a plan reserves, which is measured itself."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DurationBounds:
     """Between what numbers the settings and the time of an experiment will lie.
 
-    A search whose settings reach no steady state may ask for more settings than `most_settings`.
+    A search may ask for more settings than `most_settings` where settings reach no steady state, or noise turns the
+    verdict on one at the threshold.
     """
 
     least_settings: int
@@ -64,7 +63,7 @@ def expected_duration(
     elif to_the_letter:
         least, most = 1, max(1, min(STEPS_OF_PAPER, ceil(top / STEPS_OF_PAPER)))
     else:
-        least, most = 1, ceil(log2(max(1, top))) + ENDS_OF_SEARCH
+        least, most = 1, max(1, min(MOST, top))
     # Members run together: a setting ends when each has what it needs.
     shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
     shortest = settles_ms + max(shortest, settles_ms)

@@ -141,26 +141,32 @@ def prove(
 
     settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, load))
     with ExitStack() as ends:
-        partitions = [
-            PartitionWork(partition=name, components=members) for name, members in sorted(layout.partitions.items())
-        ]
-        if layout.on_host:
-            partitions.append(PartitionWork(partition="", components=layout.on_host))
         if load is not None:
             _make_load(host, layout.application, budget, ends)
-            partitions.append(PartitionWork(partition=P2, load=load))
-        work = Work(
-            application=layout.application,
-            partitions=tuple(partitions),
-            until={component.name: run_of(component).until for component in layout.judged},
-            seed=seed,
-            least_ms=settling.least_ms,
-        )
+        work = _work_of(layout, load, seed, settling)
         running: RunningWork = ends.enter_context(host.run(work))
         series = watch(running, layout.judged, settling, is_enough, should_stop)
     if series is None or isinstance(series, TooManyFailures):
         return series
     return LayoutProof(host=host.name, layout=layout, series=series, verdicts=judge_layout(layout.judged, series))
+
+
+def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settling: Settling) -> Work:
+    """All that is applied, each component for as long as its `run.until` says, and the load in P2."""
+    partitions = [
+        PartitionWork(partition=name, components=members) for name, members in sorted(layout.partitions.items())
+    ]
+    if layout.on_host:
+        partitions.append(PartitionWork(partition="", components=layout.on_host))
+    if load is not None:
+        partitions.append(PartitionWork(partition=P2, load=load))
+    return Work(
+        application=layout.application,
+        partitions=tuple(partitions),
+        until={component.name: run_of(component).until for component in layout.judged},
+        seed=seed,
+        least_ms=settling.least_ms,
+    )
 
 
 def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Contender, ...]:

@@ -101,7 +101,7 @@ def judge_early(series: Series, apt: Mapping[str, Threshold], run: Run, *, membe
         What `judge_look` says, where it is clear or the rest of the setting will hardly make it so. None: go on. At
         the setting's end it is never None. An extreme that one more sample may turn is not clear before.
     """
-    done = _done_share(series, run)
+    done = done_share(series, run)
     if done < 1.0 and len(series.samples) < FIRST_LOOK:
         return None
     verdict = judge_look(series, apt, run, members=members)
@@ -143,13 +143,21 @@ def _may_turn(verdict: Met | Missed) -> bool:
             return all(index.index == _MINIMUM for index in judged if _misses(index))
 
 
-def _done_share(series: Series, run: Run) -> float:
-    """How much of the setting is done, 1 at its end."""
+def done_share(series: Series, run: Run) -> float:
+    """Say how much of a setting is done.
+
+    Args:
+        series: of one component, with a sample at least.
+        run: the component's; says when a setting ends.
+
+    Returns:
+        The part by samples, or by time: more than 0, and 1 at the end.
+    """
     match run.until:
         case SampleCount(samples=samples):
-            return len(series.samples) / samples
+            return min(1.0, len(series.samples) / samples)
         case Elapsed(time=time):
-            return series.elapsed_ms / float(time)
+            return min(1.0, series.elapsed_ms / float(time))
 
 
 def _judge_steady(series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float) -> Verdict:

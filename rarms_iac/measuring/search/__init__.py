@@ -3,7 +3,7 @@
 A history of trials and a goal come in (`trials.py`, where to begin), the next step comes out (`model/outcomes.py`).
 Resuming is replaying the history out of the data log: the same history gives the same step. `stepwise.py` has
 bisection and the paper's walk; `bracketing.py` needs fewer settings, by where `crossings.py` reads the threshold off
-the settings so far, and on no curve more than bisection and one.
+the settings so far, and takes at most one more than bisection as long as no verdict is wrong.
 """
 
 from rarms_iac.measuring.search.bracketing import search_with_few_settings

@@ -1,7 +1,8 @@
 """The default strategy: bisection guided by where the curve probably crosses the threshold.
 
 Interpolate, truncate, project (ITP; Oliveira and Takahashi, 2020): a crossing is read off the settings so far, moved a
-little towards the middle, and kept where halving could still end in time, so that no curve takes more than `MOST`.
+little towards the middle, and kept where halving could still end in time. So no falling curve takes more than `MOST`
+settings whose verdicts are true; where noise turns one, or there is no steady state, halving takes as many as it needs.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracke
 from rarms_iac.model.outcomes import Measure, SearchStep
 
 MOST = 8
-"""Settings that any curve takes at most: one more than bisection, which tells 1..100 % and "none" apart by 7."""
+"""Settings with true verdicts that a curve takes at most: bisection tells 1..100 % and "none" apart by 7, and one."""
 
 WIDTH = 3
 """A passing setting is shown to be least by a failing one at most so many points below it."""
@@ -28,9 +29,15 @@ _TRUNCATION = 0.0003  # points towards the middle, for each squared point of the
 
 
 def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
-    """Find a passing setting and a failing one at most `WIDTH` points below, by at most `MOST` settings on any curve.
+    """Find a passing setting and a failing one at most `WIDTH` points below, usually by at most `MOST` settings.
 
-    Settings without a steady state, and verdicts that noise turned so that `MOST` were not enough, are left to halving.
+    Args:
+        history: the settings so far, in the order in which they were run.
+        goal: what is searched.
+
+    Returns:
+        The next setting, or how the search ends. Settings without a steady state, and verdicts that noise turned so
+        that `MOST` settings were not enough, are left to halving.
     """
     if not history:
         return Measure(reserve=FIRST, until_clear=True, precision=PRECISION)

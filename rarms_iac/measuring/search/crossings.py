@@ -1,22 +1,28 @@
 """Where the curve of an index probably crosses its threshold, read off the settings so far.
 
 A response time is taken for a + b / CR, and b (the work, in ms times per cent) for the CPU time that a job consumed: so
-one setting foretells the crossing of a component that needs a processor, and two that enclose it are interpolated.
+one setting foretells the crossing of a component that needs a processor, and two that enclose it are interpolated. A
+setting passes by its bound, so the threshold is taken for a time whose bound at a setting's end still meets it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, log, sqrt
+from statistics import NormalDist
 
 from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, SearchTrial
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Estimate
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.statistics.errors import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate
-from rarms_iac.statistics.samples import response_times
+from rarms_iac.statistics.samples import effective_samples, response_times, successes
+from rarms_iac.statistics.verdicts import done_share
 
 _WORK_ALONE = 1.03  # a time up to so many times the work's is that of the work: CPU time is known about so well
 _STEEPEST = 4.0  # times as steep as pure work; what falls steeper between two settings is a cliff
+_DEVIATIONS = -NormalDist().inv_cdf(LOOK_ERROR)  # from a share to its bound
+_MOST_ROOM = 0.5  # a bound further away than this part of the time is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,25 +127,42 @@ def _time_wanted(
             slowest = max((sample.response_ms or 0.0 for sample in samples if sample.successful), default=0.0)
             quickest = min((sample.response_ms or inf for sample in samples if not sample.successful), default=inf)
             limit = sqrt(slowest * quickest) if slowest and quickest < inf else None
-            return "mean_response_time", limit and limit / _multiple(measured, float(share) / 100)
+            return "mean_response_time", limit and limit / _multiple(measured, member, float(share) / 100)
         case "deadline_miss_rate", AtMost(value=share) if member.run.deadline is not None:
-            return "mean_response_time", float(member.run.deadline) / _multiple(measured, 1.0 - float(share) / 100)
+            return "mean_response_time", float(member.run.deadline) / _multiple(
+                measured, member, 1.0 - float(share) / 100
+            )
         case "throughput", AtLeast(value=limit) if limit > 0:
-            return index, 1000.0 / float(limit)
+            return index, 1000.0 / float(limit) / (1.0 + _room(measured, member, index))
         case _, AtMost(value=limit) if limit > 0:
-            return index, float(limit)
+            return index, float(limit) / (1.0 + _room(measured, member, index))
     return index, None
 
 
-def _multiple(measured: Mapping[int, Series], share: float) -> float:
-    """The multiple of the mean within which this share of jobs answers: about the same at every setting."""
+def _room(measured: Mapping[int, Series], member: Member, index: str) -> float:
+    """How far the bound of a time lies beyond it when a setting ends, as a part of it: it shrinks as the root."""
+    rooms = []
+    for series in measured.values():
+        estimated = estimate(index, series, member.run)
+        if isinstance(estimated, Estimate) and estimated.lower > 0.0:
+            ratio = estimated.value / estimated.lower if index == "throughput" else estimated.upper / estimated.value
+            rooms.append((ratio - 1.0) * sqrt(done_share(series, member.run)))
+    return min((room for room in rooms if room < _MOST_ROOM), default=0.0)
+
+
+def _multiple(measured: Mapping[int, Series], member: Member, share: float) -> float:
+    """The multiple of the mean within which this share of jobs answers, or what shows it: the same at every setting."""
+    worth = max(
+        effective_samples(successes(series.samples)) / done_share(series, member.run) for series in measured.values()
+    )
+    shows = min(1.0, share + _DEVIATIONS * sqrt(share * (1.0 - share) / worth))
     scaled = [
-        time * len(times) / sum(times)
+        time * len(times) / together
         for series in measured.values()
-        if (times := response_times(series.samples))
+        if (together := sum(times := response_times(series.samples)))
         for time in times
     ]
-    return sorted(scaled)[round(share * (len(scaled) - 1))] if scaled else inf
+    return sorted(scaled)[round(shows * (len(scaled) - 1))] if scaled else inf
 
 
 def _point(reserve: int, series: Series, member: Member, index: str) -> _Point | None:

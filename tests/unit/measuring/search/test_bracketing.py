@@ -109,7 +109,7 @@ def test_work_that_the_cr_stretches_is_foretold_by_the_consumed_cpu_time(least: 
 
 
 def test_a_setting_foretells_where_the_threshold_is_met() -> None:
-    """15 ms of CPU time in 50 ms at 50 %: a + b / CR with b = 1500, so 40 ms are met at 75 %."""
+    """15 ms of CPU time in 50 ms at 50 %: a + b / CR with b = 1500, so 40 ms are met at 75 %, and shown a bit above."""
     goal = a_goal("mean_response_time")
     slower = Goal(
         members=(Member(name="coi", apt={"mean_response_time": at_most(40)}, run=a_run()),), processors=goal.processors
@@ -117,14 +117,14 @@ def test_a_setting_foretells_where_the_threshold_is_met() -> None:
 
     (crossing,) = crossings_of([trial_of(a_setting(50, 50.0, 15.0), slower)], slower, 50, 101)
 
-    assert crossing.at == pytest.approx(75, abs=0.1)
+    assert 75 < crossing.at < 75.7
     assert not crossing.smooth
 
 
 def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_throughput() -> None:
     """2 ms of work every 33 ms: the rate is 30 a second at 50 %, and 24 a second may be had for a fifth less."""
-    jobs = tuple(Sample(began_ms=33.0 * number, response_ms=4.0, successful=True) for number in range(100))
-    series = Series(component="coi", samples=jobs, elapsed_ms=3300.0, cpu_ms=200.0)
+    jobs = tuple(Sample(began_ms=33.0 * number, response_ms=4.0, successful=True) for number in range(JOBS))
+    series = Series(component="coi", samples=jobs, elapsed_ms=33.0 * JOBS, cpu_ms=2.0 * JOBS)
     goal = Goal(members=(Member(name="coi", apt={"throughput": at_least(24)}, run=a_run()),), processors=2)
 
     (crossing,) = crossings_of([trial_of(Setting(reserve=50, series=(series,)), goal)], goal, 0, 50)
