@@ -19,7 +19,7 @@ MAY_READ = {
     "powershell/cmdlets.py": "a table inside the package",
     "running/supervisor_process.py": "files of the kernel",
 }
-"""Who opens files, and why; DESIGN section 4: one reader, two writers, and files of the kernel in their provider."""
+"""Who opens files, and why: there is one reader, two writers, and files of the kernel in their provider."""
 
 EMPTY_NAMES = frozenset(
     {"one", "says", "left", "kept", "where", "what", "standing", "told", "_told", "not_told", "_not_told"}

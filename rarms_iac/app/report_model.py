@@ -1,6 +1,6 @@
 """A report as plain values: the curves that the planner looks up, and what each threshold would reserve.
 
-Nothing is computed from samples here. Rows come from the curve that the planner asks (DESIGN section 2), so page,
+Nothing is computed from samples here. Rows come from the curve that the planner asks, so page,
 terminal, spreadsheet and planner cannot differ.
 """
 

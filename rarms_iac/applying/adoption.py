@@ -1,4 +1,4 @@
-"""`rarms import` and `rarms release`: a mark comes or goes, and nothing else changes (DESIGN section 4)."""
+"""`rarms import` and `rarms release`: a mark comes or goes, and nothing else changes."""
 
 from dataclasses import replace
 

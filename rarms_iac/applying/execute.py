@@ -1,4 +1,4 @@
-"""Applying a plan to live hosts, and finishing what an earlier run left (DESIGN section 4)."""
+"""Applying a plan to live hosts, and finishing what an earlier run left."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Why a run was not begun, or ended early (DESIGN section 4): the findings of applying."""
+"""Why a run was not begun, or ended early: the findings of applying."""
 
 from collections.abc import Sequence
 

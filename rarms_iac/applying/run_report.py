@@ -13,7 +13,7 @@ from rarms_iac.model.plan import HostPlan
 
 
 class RunEnding(StrEnum):
-    """How a run ended; the command line turns it into an exit code (DESIGN section 9)."""
+    """How a run ended; the command line turns it into an exit code."""
 
     DONE = "done"
     NOTHING = "nothing"  # there was nothing to do

@@ -1,4 +1,4 @@
-"""A run by a host's own script: sent, listened to, and told like a run that rarms walks itself (DESIGN section 6).
+"""A run by a host's own script: sent, listened to, and told like a run that rarms walks itself.
 
 The script takes the lock, keeps the journal and guards its steps; what it says is made into the same reports. Where
 nobody heard its end, nothing is guessed: the host's journal knows, and the next run asks it.

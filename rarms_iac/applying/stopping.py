@@ -1,4 +1,4 @@
-"""`rarms stop` and `rarms start`: partitions stop and start, and all that they are stays (DESIGN section 9).
+"""`rarms stop` and `rarms start`: partitions stop and start, and all that they are stays.
 
 A partition that was stopped says so in its mark, so that it is no drift and no plan starts it; `rarms start` does.
 """

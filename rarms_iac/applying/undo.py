@@ -1,4 +1,4 @@
-"""Taking the last run on a host back (DESIGN section 4): its steps' undos, the last one first, as a run of its own."""
+"""Taking the last run on a host back: its steps' undos, the last one first, as a run of its own."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The command line: options in, one call, one view, an exit code (DESIGN section 9).
+"""The command line: options in, one call, one view, an exit code.
 
 The words after `rarms` come in; text on standard output or standard error and an exit code go out. Begin with `main`,
 then `entry.run` (whatever happens becomes text and a code) and `table` (all commands). A command is a module of

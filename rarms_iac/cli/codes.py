@@ -1,4 +1,4 @@
-"""The exit codes (DESIGN section 9): what a script or a pipeline may rely on."""
+"""The exit codes: what a script or a pipeline may rely on."""
 
 from enum import IntEnum
 

@@ -1,4 +1,4 @@
-"""The budget of the steps on a host: its capacity, and the claims on it (DESIGN section 4, Order)."""
+"""The budget of the steps on a host: its capacity, and the claims on it."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,8 +17,8 @@ _ACTIVE = frozenset({RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.
 def claim_of(partition: Partition | None) -> Claim:
     """Return what a managed partition is promised now.
 
-    Nothing before it runs, because a reserve is taken at the start (FACTS 1.2). A partition that merely starts with its
-    host counts when it is started; the layout has room for all of them.
+    Nothing before it runs, because a reserve is taken at the start (windows.md 1.2). A partition that merely starts
+    with its host counts when it is started; the layout has room for all of them.
 
     Args:
         partition: as observed; None: there is none.

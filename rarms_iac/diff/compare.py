@@ -1,4 +1,4 @@
-"""Desired and observed state to changes, touching nothing without a mark of this application (DESIGN section 4)."""
+"""Desired and observed state to changes, touching nothing without a mark of this application."""
 
 from dataclasses import dataclass
 

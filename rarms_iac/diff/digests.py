@@ -1,4 +1,4 @@
-"""Whether a host changed since it was observed: a digest of every part that a plan rests on (DESIGN section 4).
+"""Whether a host changed since it was observed: a digest of every part that a plan rests on.
 
 Nothing that moves by itself is in them: no load, no uptime, no assigned memory.
 """

@@ -1,4 +1,4 @@
-"""Disruption: whether a change stops a partition, by its settings and by what the host can do live (FACTS 3)."""
+"""Disruption: whether a change stops a partition, by its settings and by what the host can do live (windows.md 3)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -72,7 +72,7 @@ def needs_off(before: PartitionSettings, after: PartitionSettings, context: Host
     """Tell whether a setting changes for which the machine must be off: processors, memory, the action at a stop.
 
     On Linux there is none: a control group takes every value while its processes run. A running machine's memory
-    changes live where it is static and both Windows are new enough (FACTS 3).
+    changes live where it is static and both Windows are new enough (windows.md 3).
 
     Args:
         before: the settings as observed.
@@ -124,14 +124,14 @@ def disruption_of_update(before: Partition, after: PartitionSettings, context: H
         The least disruption with which this host can make the change.
     """
     if Facet.GENERATION in changed_facets(before.settings, after):
-        return Disruption.REMOVAL  # never after creation: it is made again (FACTS 3)
+        return Disruption.REMOVAL  # never after creation: it is made again (windows.md 3)
     return Disruption.PARTITION_STOP if stops(before, after, context) else Disruption.LIVE
 
 
 def disruption_of_task(inside: str) -> Disruption:
     """Return how much a task class disturbs.
 
-    It takes effect when its Windows starts again (FACTS 6.3), and rarms restarts none for it.
+    It takes effect when its Windows starts again (windows.md 6.3), and rarms restarts none for it.
 
     Args:
         inside: the partition whose guest it is in; empty: the host itself.

@@ -1,4 +1,4 @@
-"""Drift: did somebody change the host, or the manifest? The `set` of a mark tells (DESIGN section 4)."""
+"""Drift: did somebody change the host, or the manifest? The `set` of a mark tells."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

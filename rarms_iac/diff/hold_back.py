@@ -1,4 +1,4 @@
-"""Changes that disturb more than is allowed are held back, and with them what rests on them (DESIGN section 4)."""
+"""Changes that disturb more than is allowed are held back, and with them what rests on them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The order in which the steps of all changes are done: the host never promises more than it has (DESIGN section 4)."""
+"""The order in which the steps of all changes are done: the host never promises more than it has."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

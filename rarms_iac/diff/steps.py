@@ -1,4 +1,4 @@
-"""A change as steps: one operation each, guarded by what is read before and after, with its undo (DESIGN section 4)."""
+"""A change as steps: one operation each, guarded by what is read before and after, with its undo."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

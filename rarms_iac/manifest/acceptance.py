@@ -1,4 +1,4 @@
-"""`policy.accept`: findings that are known and accepted, where, why, and until when (DESIGN section 9)."""
+"""`policy.accept`: findings that are known and accepted, where, why, and until when."""
 
 from collections.abc import Collection, Iterator, Sequence
 from datetime import date

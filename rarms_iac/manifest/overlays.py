@@ -1,4 +1,4 @@
-"""Overlays: maps merge, everything else replaces, `null` removes (DESIGN section 1).
+"""Overlays: maps merge, everything else replaces, `null` removes.
 
 Trees with positions are merged, so that every value remembers its file. Paths are rewritten to be
 relative to the manifest's folder, because the overlay may be in another folder.

@@ -1,4 +1,4 @@
-"""What is to be measured: components together in P1, a load in P2, on one host (DESIGN section 2)."""
+"""What is to be measured: components together in P1, a load in P2, on one host."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Whether promises fit a host: processors in sum, virtual processors onto logical ones, memory (DESIGN section 3)."""
+"""Whether promises fit a host: processors in sum, virtual processors onto logical ones, memory."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -42,7 +42,7 @@ def core_sharing(facts: HostFacts, threads_per_core: int | None = None) -> CoreS
     """Work out how a machine takes cores.
 
     Under the core scheduler with SMT, one that has no SMT itself leaves the other thread of each of its cores idle. A
-    server that does not tell its scheduler is taken to have the one that its Windows comes with (FACTS 2).
+    server that does not tell its scheduler is taken to have the one that its Windows comes with (windows.md 2).
 
     Args:
         facts: the host.
@@ -96,7 +96,7 @@ def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = N
     """Whether the host can keep all these promises at once; None: the search for places gave up.
 
     What is kept for the host counts against the sum only: its own virtual processors lie on every logical one, so it
-    can use what is left on each (FACTS 2, minroot).
+    can use what is left on each (windows.md 2, minroot).
     """
     together = tuple(claims)
     load = load_of(together)
@@ -106,7 +106,7 @@ def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = N
 
 
 def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
-    """Whether every reserved virtual processor finds a logical one, or a core, that has so much left (FACTS 1.2).
+    """Whether every reserved virtual processor finds a logical one, or a core, that has so much left (windows.md 1.2).
 
     Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is not made.
     """

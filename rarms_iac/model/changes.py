@@ -1,4 +1,4 @@
-"""The difference between what is wanted and what is there (DESIGN section 4, Changes)."""
+"""The difference between what is wanted and what is there."""
 
 from dataclasses import dataclass, field
 from typing import Literal

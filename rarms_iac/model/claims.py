@@ -30,7 +30,7 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreSharing:
-    """How a machine's virtual processors take cores that never run two machines at once (FACTS 2).
+    """How a machine's virtual processors take cores that never run two machines at once (windows.md 2).
 
     Both are 1 where each logical processor may run another machine: without SMT, or under another scheduler.
     """

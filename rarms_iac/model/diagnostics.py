@@ -1,4 +1,4 @@
-"""Findings: what a user can cause, told once and rendered anywhere (DESIGN section 9)."""
+"""Findings: what a user can cause, told once and rendered anywhere."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Hosts of the System: their provider, what they have to give, and what a simulated host does (DESIGN section 1)."""
+"""Hosts of the System: their provider, what they have to give, and what a simulated host does."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Connect:
 
 
 class SchedulerType(StrEnum):
-    """How the hypervisor schedules virtual processors (FACTS 2); under `root` reserves have no effect."""
+    """How the hypervisor schedules virtual processors (windows.md 2); under `root` reserves have no effect."""
 
     CLASSIC = "classic"
     CORE = "core"

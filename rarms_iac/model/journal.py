@@ -1,4 +1,4 @@
-"""What a host remembers of the last run: its journal, and what follows from it (DESIGN section 4)."""
+"""What a host remembers of the last run: its journal, and what follows from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the planner answers: a Layout, or why there is none (DESIGN section 3)."""
+"""What the planner answers: a Layout, or why there is none."""
 
 from dataclasses import dataclass
 from fractions import Fraction

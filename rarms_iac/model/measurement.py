@@ -1,4 +1,4 @@
-"""What measuring yields: samples of jobs, a series a component, a setting a reservation (DESIGN section 2)."""
+"""What measuring yields: samples of jobs, a series a component, a setting a reservation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

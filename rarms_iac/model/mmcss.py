@@ -1,4 +1,4 @@
-"""MMCSS: what a task class's values make of its threads (FACTS 6.2), and SystemResponsiveness (FACTS 6.1).
+"""MMCSS: what a task class's values make of its threads (windows.md 6.2), and SystemResponsiveness (windows.md 6.1).
 
 While threads of a class have their share, they run at 26 in High, at Priority + 16 in Medium, and at
 BackgroundPriority + 7 in Low. In Medium some were seen one higher and none above 23, so 8 counts as 7 does.

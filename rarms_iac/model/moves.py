@@ -1,4 +1,4 @@
-"""Which name each of our partitions is to bear: `moved` renames instead of replacing (DESIGN section 4, Changes)."""
+"""Which name each of our partitions is to bear: `moved` renames instead of replacing."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

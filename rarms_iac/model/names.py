@@ -1,4 +1,4 @@
-"""Which names the manifest may give (DESIGN section 1)."""
+"""Which names the manifest may give."""
 
 import re
 
@@ -26,10 +26,10 @@ SHIPPED_TASKS = (
     "Pro Audio",
     "Window Manager",
 )
-"""The multimedia task classes that come with Windows (FACTS 6.5)."""
+"""The multimedia task classes that come with Windows (windows.md 6.5)."""
 
 ROBOTIC_TASKS = ("SpeechRecognition", "ObjectIdentification", "MotionControl", "Localization", "ObstacleAvoidance")
-"""The classes RC SS adds (PAPER.md, RC SS)."""
+"""The classes RC SS adds (the paper, RC SS)."""
 
 _NAME = re.compile(NAME_PATTERN.removesuffix("$") + r"\Z")
 

@@ -1,4 +1,4 @@
-"""The operations of steps: each is one call to a host, with all it needs (DESIGN section 4).
+"""The operations of steps: each is one call to a host, with all it needs.
 
 Each operation is one indivisible call on every provider, so that a kill leaves it either undone or done. Partitions
 are named as the manifest names them; the provider resolves the name as `diff.readings.resolve` says: `machine`, the id,

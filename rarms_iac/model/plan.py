@@ -1,4 +1,4 @@
-"""A Plan: the whole instruction, sealed, used once (DESIGN section 4)."""
+"""A Plan: the whole instruction, sealed, used once."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

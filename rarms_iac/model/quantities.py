@@ -1,7 +1,7 @@
 """Quantities with their units: exact inside, and written back as a person would write them.
 
 Time is kept in milliseconds, memory in bytes, rates in events a second, shares in per cent; all are exact
-(`Fraction` or `int`), so that what fits on paper fits on the host (DESIGN section 3).
+(`Fraction` or `int`), so that what fits on paper fits on the host.
 """
 
 import re
@@ -100,7 +100,7 @@ class ProcessorTime:
 
 
 CpuAmount = ShareOfHost | ProcessorTime
-"""A reservation or limit as the manifest may write it (DESIGN section 3, Units)."""
+"""A reservation or limit as the manifest may write it."""
 
 
 def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:
@@ -113,12 +113,12 @@ def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:
 
 
 def per_virtual_processor(processors: LogicalProcessors, virtual_processors: int) -> int:
-    """The whole per cent of each virtual processor that guarantees so many LPs, rounded up (FACTS 1.1)."""
+    """The whole per cent of each virtual processor that guarantees so many LPs, rounded up (windows.md 1.1)."""
     return ceil(100 * processors / virtual_processors)
 
 
 def guaranteed(percent: int, virtual_processors: int) -> LogicalProcessors:
-    """The LPs that a per cent of each virtual processor guarantees: n * r / 100 (FACTS 1.1)."""
+    """The LPs that a per cent of each virtual processor guarantees: n * r / 100 (windows.md 1.1)."""
     return LogicalProcessors(Fraction(percent * virtual_processors, 100))
 
 

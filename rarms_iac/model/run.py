@@ -1,4 +1,4 @@
-"""How a component is started, for how long it runs, and how its samples are read (DESIGN section 1)."""
+"""How a component is started, for how long it runs, and how its samples are read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The State of a host: what is there, or what is wanted to be there (DESIGN section 4).
+"""The State of a host: what is there, or what is wanted to be there.
 
 The same types serve for both. What moves by itself (load, uptime, assigned memory) is not in them.
 """
@@ -13,7 +13,7 @@ from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 
 
 class Rights(StrEnum):
-    """Whether the caller may change the host; without them an empty list of machines proves nothing (FACTS 5)."""
+    """Whether the caller may change the host; without them an empty list of machines proves nothing (windows.md 5)."""
 
     PROVEN = "proven"
     MISSING = "missing"
@@ -92,7 +92,7 @@ class PartitionSettings:
     name: str
     generation: int
     processors: int  # virtual processors
-    reserve: int  # whole per cent of each virtual processor (FACTS 1.1)
+    reserve: int  # whole per cent of each virtual processor (windows.md 1.1)
     limit: int  # the same, 100: no limit
     weight: int  # 1..10000
     memory: int  # bytes at start
@@ -169,7 +169,7 @@ class ValueKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegistryValue:
-    """A value with its type: right data of a wrong type is not as wanted (FACTS 6.6)."""
+    """A value with its type: right data of a wrong type is not as wanted (windows.md 6.6)."""
 
     kind: ValueKind
     data: int | str
@@ -179,7 +179,7 @@ class RegistryValue:
         """Whether scripts read it whole and can write it back: numbers without sign and plain text.
 
         Text with variables is read with their values put in, lists and bytes as one text. MMCSS knows neither
-        (FACTS 6.1).
+        (windows.md 6.1).
         """
         if self.kind is ValueKind.QWORD:
             return isinstance(self.data, int) and self.data >= 0
@@ -188,7 +188,7 @@ class RegistryValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRecord:
-    """The record that rarms keeps of a task class that it wrote, outside the multimedia keys (DESIGN section 4)."""
+    """The record that rarms keeps of a task class that it wrote, outside the multimedia keys."""
 
     application: str
     set: str  # digest of the values last written
@@ -227,7 +227,7 @@ class Disk:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Responsiveness:
-    """SystemResponsiveness of the host's own Windows (FACTS 6.1)."""
+    """SystemResponsiveness of the host's own Windows (windows.md 6.1)."""
 
     value: RegistryValue | None = None  # None: it is not there
     record: TaskRecord | None = None  # `before` holds at most this one value

@@ -1,4 +1,4 @@
-"""The System: what the manifest says, with units read, defaults filled in and names resolved (DESIGN section 1).
+"""The System: what the manifest says, with units read, defaults filled in and names resolved.
 
 Maps keep the manifest's order; nobody changes them. Where a value may be left to the planner, that is a value of
 its own (`MEASURED`, `None` said to mean "open"), never a guess.
@@ -65,7 +65,7 @@ class StartMode(StrEnum):
 
 
 class TaskCategory(StrEnum):
-    """The bands of thread priorities of MMCSS (FACTS 6.2)."""
+    """The bands of thread priorities of MMCSS (windows.md 6.2)."""
 
     HIGH = "High"
     MEDIUM = "Medium"

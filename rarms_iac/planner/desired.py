@@ -1,4 +1,4 @@
-"""The desired State of one host: its partitions and task classes, with their marks (DESIGN section 4)."""
+"""The desired State of one host: its partitions and task classes, with their marks."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace

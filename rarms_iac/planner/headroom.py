@@ -1,4 +1,4 @@
-"""Headroom, the processor time that nobody reserved: limit and weight of a partition, with reasons (DESIGN section 3).
+"""Headroom, the processor time that nobody reserved: limit and weight of a partition, with reasons.
 
 A reservation is what was measured and stays what it is. What is left over is handed out by the hypervisor, to whoever
 asks, by weight: so the policy decides weights, and what one component needs never moves the share of another.

@@ -1,4 +1,4 @@
-"""System -> Layout, or why there is none (DESIGN section 3).
+"""System -> Layout, or why there is none.
 
 A partition counts whether or not it is to start by itself: its reservation is a promise, and starting it by hand must
 not fail because others took its place.

@@ -1,4 +1,4 @@
-"""Where a reservation comes from: what the manifest fixes, or the curves of a data log (DESIGN section 2)."""
+"""Where a reservation comes from: what the manifest fixes, or the curves of a data log."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field

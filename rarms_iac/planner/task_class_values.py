@@ -144,7 +144,7 @@ def _weight(option: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool
 
 
 ALL = 0
-"""The mask that keeps a class to nothing (FACTS 6.1)."""
+"""The mask that keeps a class to nothing (windows.md 6.1)."""
 
 NAMED_UP_TO = 32
 """A mask has so many bits: of more processors not all can be named."""

@@ -1,4 +1,4 @@
-"""Values of robotic task classes, so that the wanted order of threads is really there (FACTS 6.1, 6.2).
+"""Values of robotic task classes, so that the wanted order of threads is really there (windows.md 6.1, 6.2).
 
 The order is promised among the components of one operating system, while threads have the share that MMCSS gives them.
 """
@@ -216,10 +216,10 @@ def _address(inside: str, name: str) -> str:
 
 
 def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:
-    """Write a class as its whole registry key, with types; the booleans are text (FACTS 6.1).
+    """Write a class as its whole registry key, with types; the booleans are text (windows.md 6.1).
 
-    `Background Only` is always true: otherwise threads would depend on which window has the focus (FACTS 6.2), and that
-    is no order of criticalities.
+    `Background Only` is always true: otherwise threads would depend on which window has the focus (windows.md 6.2), and
+    that is no order of criticalities.
 
     Args:
         values: what was decided about the class.

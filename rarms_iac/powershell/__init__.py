@@ -1,4 +1,4 @@
-"""Generated PowerShell (DESIGN section 6).
+"""Generated PowerShell.
 
 In: a host's part of a plan. Out: scripts as bytes, ASCII with CRLF, and findings on scripts. Begin at
 `render.render_scripts`: `calls` turns a step into guarded pieces of calls, `literals` is the one way for a value into a

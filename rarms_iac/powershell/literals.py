@@ -1,8 +1,8 @@
-"""The one way by which a value enters a script: as a finished PowerShell literal (DESIGN section 6).
+"""The one way by which a value enters a script: as a finished PowerShell literal.
 
 Four forms, all of them pure ASCII on one line: `'text'` with its quotes doubled, a whole number, `$true` / `$false`,
 and `('' + 'text' + [char]0x2019 + ...)` over UTF-16 units for what is not printable ASCII. In pure ASCII only U+0027
-can end a single-quoted string: the four other characters that PowerShell takes for it (FACTS 10) never appear.
+can end a single-quoted string: the four other characters that PowerShell takes for it (windows.md 10) never appear.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""The templates of scripts: loops and finished literals, nothing else (DESIGN section 6)."""
+"""The templates of scripts: loops and finished literals, nothing else."""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""A small reader of PowerShell's tokens that knows all its quote characters (FACTS 10).
+"""A small reader of PowerShell's tokens that knows all its quote characters (windows.md 10).
 
 It finds string literals, comments and structure, and nothing else: it stands beside tree-sitter's grammar, which
 takes four of the five single-quote characters for ordinary ones. What it cannot read is `NotTokens`, never a guess.

@@ -1,4 +1,4 @@
-"""The interface of hosts, whatever enforces their reservations (DESIGN sections 4 and 8)."""
+"""The interface of hosts, whatever enforces their reservations."""
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager

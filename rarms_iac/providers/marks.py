@@ -1,4 +1,4 @@
-"""Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab` (DESIGN section 4).
+"""Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab`.
 
 A partition that rarms stopped has a word more at the end: `stopped` or `measuring` (`StoppedBy`).
 

@@ -1,4 +1,4 @@
-"""The curve of a performance index over the reservation: the one place where a value is looked up (DESIGN section 2).
+"""The curve of a performance index over the reservation: the one place where a value is looked up.
 
 Measured settings made monotone (isotonic regression weighted by samples; of an extreme what was seen with more CPU
 counts for less of it), straight between them, nothing outside.

@@ -1,4 +1,4 @@
-"""The second of the two writers: one record more, for journals and data logs (DESIGN section 4).
+"""The second of the two writers: one record more, for journals and data logs.
 
 A record is one JSON object on one line. Its last two fields, `length` and `checksum`, are over the object's text
 without them and without the line end, so that a carriage return added by git does no harm. The last record may be torn

@@ -1,4 +1,4 @@
-"""A plan's id and seal, and its file (DESIGN section 4).
+"""A plan's id and seal, and its file.
 
 The id is a digest of what the plan does, without the scripts, which carry the id themselves, and without the paths of
 files, which depend on where it is made. The seal covers the whole file. Both are taken over the values, not over the

@@ -1,4 +1,4 @@
-"""The one reader: what rarms reads from a disk comes through `open_regular` (DESIGN section 4).
+"""The one reader: what rarms reads from a disk comes through `open_regular`.
 
 `make lint` refuses any other way to open a file for reading, but for what rarms ships and for files of the kernel.
 """

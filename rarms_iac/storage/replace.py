@@ -1,4 +1,4 @@
-"""The first of the two writers: a whole file at once, for state, plans and snapshots (DESIGN section 4)."""
+"""The first of the two writers: a whole file at once, for state, plans and snapshots."""
 
 import os
 import threading

@@ -1,4 +1,4 @@
-"""The snapshot of a host as a file: `rarms plan --snapshot FILE` then needs no host (DESIGN section 4)."""
+"""The snapshot of a host as a file: `rarms plan --snapshot FILE` then needs no host."""
 
 import json
 from typing import ClassVar

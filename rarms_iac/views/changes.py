@@ -198,7 +198,7 @@ def forced_by(change: Change, name: str) -> Literal["", "restart", "replacement"
         return "replacement"
     if change.disruption is not Disruption.PARTITION_STOP or not new.settings.running:
         return ""
-    # NOTE: memory may change live (FACTS 3); where processors change too, they alone are known to need the stop.
+    # NOTE: memory may change live (windows.md 3); where processors change too, they alone are known to need the stop.
     wider = old.settings.processors != new.settings.processors
     forcing = ("processors",) if wider else ("memory", "dynamic_memory")
     return "restart" if name in forcing else ""

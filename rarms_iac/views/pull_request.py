@@ -170,14 +170,14 @@ def _risks_of_host(part: HostPlan) -> Iterator[str]:
         if stop.partition not in removed:
             yield (f"- **Stops:** {_name(stop.partition, part)}{on}, at least {stop.at_least}; at most {stop.at_most}.")
     for change in part.changes:
-        what = f"{_text(str(change.address))}{on}"
+        place = f"{_text(str(change.address))}{on}"
         if isinstance(change, Delete) or symbol(change) == "-/+":
-            yield f"- **Removed:** {what}, {_text(describe_disruption(change) or 'removed')}."
+            yield f"- **Removed:** {place}, {_text(describe_disruption(change) or 'removed')}."
         shrinks = [f"{name} {_text(old)} → {_text(new)}" for name, old, new in _shrinks(change)]
         if shrinks:
-            yield f"- **Shrinks:** {what}, {', '.join(shrinks)}."
+            yield f"- **Shrinks:** {place}, {', '.join(shrinks)}."
         if change.disruption is Disruption.HOST_RESTART:
-            yield f"- **Takes effect when the host starts again:** {what}."
+            yield f"- **Takes effect when the host starts again:** {place}."
     for step in part.steps:
         if isinstance(step.operation, RemoveDisk):
             yield f"- **Deletes a disk:** {_code(step.operation.path)}{on}."

@@ -189,7 +189,7 @@ def _kind(given: Given) -> str:
 
 
 def _as_written(given: Given) -> int | str:
-    """What is stored; a DWord is given without sign, as the registry's provider gives it back (FACTS 6.6)."""
+    """What is stored; a DWord is given without sign, as the registry's provider gives it back (windows.md 6.6)."""
     value = given["value"]
     match _kind(given):
         case "DWord":

@@ -1,4 +1,4 @@
-"""The cmdlets of the Hyper-V module, with what Hyper-V refuses (FACTS 1.2, 3, 4)."""
+"""The cmdlets of the Hyper-V module, with what Hyper-V refuses (windows.md 1.2, 3, 4)."""
 
 from __future__ import annotations
 

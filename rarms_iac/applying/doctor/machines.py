@@ -19,7 +19,7 @@ WIDE_MACHINE = Finding(
 
 
 def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
-    """A machine in a CPU group draws only on the group's logical processors and cap (FACTS 2)."""
+    """A machine in a CPU group draws only on the group's logical processors and cap (windows.md 2)."""
     for machine, condition in host.machines():
         if condition.group:
             yield host.machine_finding(
@@ -33,7 +33,7 @@ def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_dynamic_memory(host: Examination) -> Iterator[Diagnostic]:
-    """Virtual NUMA is off when dynamic memory is on, which matters on a host of several nodes (FACTS 2)."""
+    """Virtual NUMA is off when dynamic memory is on, which matters on a host of several nodes (windows.md 2)."""
     nodes = host.condition.numa_nodes or 1
     for machine, _ in host.machines():
         if nodes > 1 and machine.settings.dynamic_memory:
@@ -48,7 +48,7 @@ def check_dynamic_memory(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_automatic_checkpoints(host: Examination) -> Iterator[Diagnostic]:
-    """Client hosts may take a checkpoint whenever a machine starts (FACTS 4)."""
+    """Client hosts may take a checkpoint whenever a machine starts (windows.md 4)."""
     for machine, condition in host.machines():
         if condition.automatic_checkpoints:
             yield host.machine_finding(
@@ -62,7 +62,7 @@ def check_automatic_checkpoints(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_cluster(host: Examination) -> Iterator[Diagnostic]:
-    """A cluster may move a machine, and keeps a copy of its settings (FACTS 5)."""
+    """A cluster may move a machine, and keeps a copy of its settings (windows.md 5)."""
     for machine, condition in host.machines():
         if condition.clustered:
             yield host.machine_finding(
@@ -76,7 +76,7 @@ def check_cluster(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
-    """A saved machine keeps its settings until it runs again; a critical one has lost its storage (FACTS 3, 5)."""
+    """A saved machine keeps its settings until it runs again; a critical one has lost its storage (windows.md 3, 5)."""
     for machine, _ in host.machines():
         title = f"{machine_title(machine)} on {host.name}"
         if machine.state is RunState.SAVED:
@@ -97,7 +97,7 @@ def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_machine_width(host: Examination) -> Iterator[Diagnostic]:
-    """A machine with more virtual processors than there are logical ones has no guaranteed reserve (FACTS 1.2)."""
+    """A machine with more virtual processors than there are logical ones has no guaranteed reserve (windows.md 1.2)."""
     available = host.state.facts.logical_processors
     for machine, _ in host.machines():
         count = machine.settings.processors

@@ -58,7 +58,7 @@ def check_preconditions(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
-    """SystemResponsiveness says how much of a processor MMCSS leaves to everybody else (FACTS 6.1)."""
+    """SystemResponsiveness says how much of a processor MMCSS leaves to everybody else (windows.md 6.1)."""
     value = host.condition.responsiveness
     if value is None:
         return
@@ -98,7 +98,7 @@ def check_module(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
-    """With SMT, the core scheduler never shares a core between machines (FACTS 2)."""
+    """With SMT, the core scheduler never shares a core between machines (windows.md 2)."""
     facts = host.state.facts
     if facts.smt and facts.scheduler is SchedulerType.CORE:
         yield host.host_finding(
@@ -111,7 +111,7 @@ def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_power_plan(host: Examination) -> Iterator[Diagnostic]:
-    """Balanced reaches full speed only under load: response times vary (FACTS 2)."""
+    """Balanced reaches full speed only under load: response times vary (windows.md 2)."""
     for active in host.condition.power_plans or ():
         name = next((name for plan, name in _SLOW_PLANS.items() if plan in active.lower()), None)
         if name is not None:
@@ -152,7 +152,7 @@ def _version_numbers(version: str) -> tuple[int, ...]:
 
 
 def check_execution_policy(host: Examination) -> Iterator[Diagnostic]:
-    """The first scope that sets an execution policy decides; group policy outranks `-ExecutionPolicy` (FACTS 9)."""
+    """The first scope that sets an execution policy decides; group policy beats `-ExecutionPolicy` (windows.md 9)."""
     policies = host.condition.policies
     # How the PowerShell that looked was started says nothing of the next one.
     scopes = [
@@ -179,7 +179,7 @@ def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -
 
 
 def check_process_width(host: Examination) -> Iterator[Diagnostic]:
-    """A 32-bit process is shown another registry (FACTS 6.6)."""
+    """A 32-bit process is shown another registry (windows.md 6.6)."""
     bits = host.condition.bits
     if bits is not None and bits < 64:
         yield host.host_finding(
@@ -192,7 +192,7 @@ def check_process_width(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_minroot(host: Examination) -> Iterator[Diagnostic]:
-    """Under minroot the root partition has only some of the logical processors (FACTS 2)."""
+    """Under minroot the root partition has only some of the logical processors (windows.md 2)."""
     total, visible = host.state.facts.logical_processors, host.condition.seen_processors
     if visible is not None and visible != total:
         yield host.host_finding(

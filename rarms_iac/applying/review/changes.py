@@ -226,7 +226,7 @@ def review_undo(part: ReviewedPlan) -> Iterator[Diagnostic]:
 
 
 def review_width(part: ReviewedPlan) -> Iterator[Diagnostic]:
-    """A partition wider than its host waits for itself, and no reserve is guaranteed to it (FACTS 1.2)."""
+    """A partition wider than its host waits for itself, and no reserve is guaranteed to it (windows.md 1.2)."""
     available = part.observed.facts.logical_processors
     for change in part.plan.changes:
         partition = partition_after_change(change)

@@ -70,7 +70,7 @@ def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
     """Machines that rarms does not manage are never changed, but what they get may be.
 
     When all machines are busy, each gets its reserve, and the rest is shared by weight, processor by processor
-    (FACTS 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody
+    (windows.md 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody
     loses.
     """
     if part.purpose in {Purpose.IMPORT, Purpose.RELEASE, Purpose.STOP, Purpose.START}:
@@ -112,7 +112,7 @@ def busy_share(settings: PartitionSettings, running: Sequence[PartitionSettings]
 
 
 def review_task_classes(part: ReviewedPlan) -> Iterator[Diagnostic]:
-    """Task classes of Windows or of a computer's maker may run above robotic ones; they stay as they are (PAPER.md).
+    """Task classes of Windows or of a computer's maker may run above robotic ones; they stay as they are.
 
     Once a host, where the plan writes task classes.
     """

@@ -1,4 +1,4 @@
-"""Everything that can be judged from the manifest alone (DESIGN section 9): one module a topic, one function a check.
+"""Everything that can be judged from the manifest alone: one module a topic, one function a check.
 
 A checked `System` comes in, ordered findings go out. `CHECKS` lists every check with its finding; a check yields a
 `Violation` for each case, and `run_checks` makes findings with places of them. Begin with `common.Violation` and any

@@ -21,7 +21,7 @@ NOT_REGULAR = Finding(code="RARMS002", severity=Severity.ERROR, summary="Not a r
 TOO_LARGE = Finding(code="RARMS003", severity=Severity.ERROR, summary="The file is too large")
 
 MAX_BYTES = 8 * 2**20
-"""The largest manifest or overlay (DESIGN section 1, Reading)."""
+"""The largest manifest or overlay."""
 
 STANDARD_INPUT = "-"
 

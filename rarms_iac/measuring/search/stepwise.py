@@ -24,7 +24,7 @@ def bisect(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
 
 
 def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
-    """CMCPUR as PAPER.md has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it."""
+    """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it."""
     if not history:
         return Measure(reserve=WALK_STEP, until_clear=True)
     last = history[-1]

@@ -20,7 +20,7 @@ Value = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """The objective: which of two layouts that fit is the better one (DESIGN section 3)."""
+    """The objective: which of two layouts that fit is the better one."""
 
     capacity: int  # of all hosts, in per cent of one logical processor: what exceeds it need not be tried
     fits: Fits

@@ -1,4 +1,4 @@
-"""TPTULR and CombineComponents as PAPER.md has them; where it is silent, DESIGN section 3."""
+"""TPTULR and CombineComponents as the paper has them; docs/combining.md says what is done where it is silent."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

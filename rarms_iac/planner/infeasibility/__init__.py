@@ -1,4 +1,4 @@
-"""Why there is no layout, and what would fit (DESIGN section 3).
+"""Why there is no layout, and what would fit.
 
 In comes a problem for which `packing.pack` found nothing; out come the partitions that cannot share their hosts, and
 changes of the manifest with which everything fits. Begin with `explain.explain`. `conflict` finds who cannot share;

@@ -1,4 +1,4 @@
-"""Partitions onto hosts: least reservation in all, then fewest moves, then names (DESIGN section 3).
+"""Partitions onto hosts: least reservation in all, then fewest moves, then names.
 
 In come partitions with what each would claim on each host (`Item`) and hosts with what they can promise (`Bin`); out
 comes a `Packing` with the bounds that no other is below, or `NoPacking`. Begin with `pack.pack`.

@@ -1,4 +1,4 @@
-"""The steps of a script: its tree must be the template's tree with literals as leaves (DESIGN section 6).
+"""The steps of a script: its tree must be the template's tree with literals as leaves.
 
 The calls and the names of table entries are taken out of the script, and must be on the lists here. The template is
 filled again with exactly those and a harmless literal for every value. Where the tree of that differs from the tree of

@@ -136,7 +136,7 @@ NOT_WHOLE = Finding(code="RARMS161", severity=Severity.WARNING, summary="A reser
 JOURNAL = Finding(code="RARMS163", severity=Severity.ERROR, summary="The journal of a Hyper-V host cannot be believed")
 
 THOUSANDTHS = 1000
-"""Of these a per cent has so many in WMI, while cmdlets show whole ones (FACTS 1.3)."""
+"""Of these a per cent has so many in WMI, while cmdlets show whole ones (windows.md 1.3)."""
 
 
 def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ...]:

@@ -58,7 +58,7 @@ class Windows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HypervisorFacts:
-    """Hyper-V's facts of the host; processors as the hypervisor counts them (FACTS 2, minroot)."""
+    """Hyper-V's facts of the host; processors as the hypervisor counts them (windows.md 2, minroot)."""
 
     name: str
     logical_processors: int
@@ -145,7 +145,7 @@ class VirtualDisk:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessorSetting:
-    """A machine's processors as WMI has them: the group, and the reserve in thousandths of a per cent (FACTS 1.3)."""
+    """A machine's processors as WMI has them: its group, its reserve in thousandths of a per cent (windows.md 1.3)."""
 
     instance: str  # Microsoft:<id>\\...
     group: str

@@ -68,7 +68,7 @@ _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {kind.value: kind 
 
 
 def to_state(observation: HostObservation, name: str) -> State:
-    """The host that the manifest calls `name`: without proven rights no machines, whatever the list says (FACTS 5).
+    """The host that the manifest calls `name`: without proven rights no machines, whatever a list has (windows.md 5).
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
@@ -112,7 +112,7 @@ def is_client(observation: HostObservation) -> bool:
 
 
 def scheduler_of(observation: HostObservation) -> SchedulerType:
-    """The scheduler that its event names. Where the log lost it: root on a client (FACTS 2), else unknown."""
+    """The scheduler that its event names. Where the log lost it: root on a client (windows.md 2), else unknown."""
     scheduler = _SCHEDULERS.get(or_else(observation.scheduler, 0))
     return scheduler or (SchedulerType.ROOT if is_client(observation) else SchedulerType.UNKNOWN)
 
@@ -209,7 +209,7 @@ def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
 
 
 def run_state(state: str) -> RunState:
-    """The state of a machine by Hyper-V's name for it (FACTS 3): whatever is on its way somewhere is busy."""
+    """The state of a machine by Hyper-V's name for it (windows.md 3): whatever is on its way somewhere is busy."""
     if state.endswith("Critical"):
         return RunState.CRITICAL
     return _AT_REST.get(state, RunState.BUSY)

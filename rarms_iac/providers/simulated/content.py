@@ -55,7 +55,7 @@ SHIPPED: Mapping[str, Values] = {
     "Pro Audio": _shipped("High", 1, None, "False"),
     "Window Manager": _shipped("Medium", 5, None, "True"),
 }
-"""The task classes that every Windows brings (FACTS 6.5)."""
+"""The task classes that every Windows brings (windows.md 6.5)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ from rarms_iac.providers.simulated.rules import Refusal
 T = TypeVar("T")
 
 LONGEST_KEY = 255
-"""Characters of a registry key's name (FACTS 6.1)."""
+"""Characters of a registry key's name (windows.md 6.1)."""
 
 
 def address_of(operation: operations.Operation) -> Address:

@@ -77,7 +77,7 @@ def read_content(data: bytes) -> Content:
 
 
 def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
-    """The State that an observation shows: without the rights, no machines and no guests (FACTS 5)."""
+    """The State that an observation shows: without the rights, no machines and no guests (windows.md 5)."""
     facts = facts_of(content, host)
     partitions = partitions_of(content, core_sharing(facts)) if facts.rights is Rights.PROVEN else ()
     return State(

@@ -1,4 +1,4 @@
-"""The rules by which a simulated host refuses what Hyper-V refuses (FACTS 1.2, 3, 5), reserves included. Pure."""
+"""The rules by which a simulated host refuses what Hyper-V refuses (windows.md 1.2, 3, 5), reserves included. Pure."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -27,12 +27,12 @@ TRIES = 20_000
 
 
 LONGEST_NAME = 100
-"""Characters of a machine's name (FACTS 10)."""
+"""Characters of a machine's name (windows.md 10)."""
 
 MOST_PROCESSORS = {1: 64, 2: 240}
-"""Virtual processors by generation (FACTS 2)."""
+"""Virtual processors by generation (windows.md 2)."""
 
-"""The unit of a machine's memory (FACTS 1.3)."""
+"""The unit of a machine's memory (windows.md 1.3)."""
 
 
 # NOTE: the planner has its own arithmetic (model/capacity.py), and this is written apart from it on purpose: a host
@@ -84,7 +84,7 @@ def _places(free: list[int], size: int) -> list[int]:
 
 
 SERVER_2016, WINDOWS_10 = 14393, 10240
-"""Builds from which static memory changes while the machine runs: of a server and of a client (FACTS 3)."""
+"""Builds from which static memory changes while the machine runs: of a server and of a client (windows.md 3)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +96,7 @@ class Refusal:
 
 
 def out_of_range(settings: PartitionSettings) -> str:
-    """Describe what of the settings no machine can have; empty where all is possible (FACTS 1.1, 1.3, 2)."""
+    """Describe what of the settings no machine can have; empty where all is possible (windows.md 1.1, 1.3, 2)."""
     if settings.generation not in MOST_PROCESSORS:
         return f"there is no generation {settings.generation}, only 1 and 2"
     if not 0 < len(settings.name) <= LONGEST_NAME:
@@ -228,7 +228,7 @@ def _refuse_lack_of_memory(
 
 
 def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: HostFacts) -> Refusal | None:
-    """The check comes at the start and not before; under the root scheduler reserves mean nothing (FACTS 1.2, 2)."""
+    """It is checked at the start and not before; under the root scheduler reserves mean nothing (windows.md 1.2, 2)."""
     settings = machine.settings
     if settings.reserve == 0 or facts.scheduler in {SchedulerType.ROOT, SchedulerType.NONE}:
         return None
@@ -240,7 +240,7 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
             ),
             advice="give it fewer processors, or no reserve",
         )
-    # Under the core scheduler two threads of a core never run two machines (FACTS 2).
+    # Under the core scheduler two threads of a core never run two machines (windows.md 2).
     threads = 2 if facts.smt and facts.scheduler is SchedulerType.CORE else 1
     sizes: Counter[int] = Counter()
     for running in (machine, *_others_with_resources(machine, content)):

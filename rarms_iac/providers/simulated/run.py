@@ -1,4 +1,4 @@
-"""The simulated host: a file that behaves like a Hyper-V host, with journal and lock beside it (DESIGN section 8)."""
+"""The simulated host: a file that behaves like a Hyper-V host, with journal and lock beside it."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Data logs, configuration logs and the log of tuning, as JSON Lines (DESIGN section 2, docs/data-logs.md).
+"""Data logs, configuration logs and the log of tuning, as JSON Lines (docs/data-logs.md).
 
 Measured settings come in and are appended, a line each; a whole log goes out, or says why it cannot be read. Begin with
 `files.read_log` and `log` (what a log holds). `columns` writes a setting as one line, `identity` works out what can

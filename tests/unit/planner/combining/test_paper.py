@@ -1,4 +1,4 @@
-"""TPTULR and CombineComponents, step by step as PAPER.md has them, against an oracle that plays a script."""
+"""TPTULR and CombineComponents, step by step as the paper has them, against an oracle that plays a script."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
