@@ -24,8 +24,8 @@ SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
 NO_SCRIPT = Finding(code="RARMS164", severity=Severity.ERROR, summary="This is not a script of rarms")
 
 _KINDS = {
-    "# rarms apply script.": ScriptKind.APPLY,
-    "# rarms undo script:": ScriptKind.UNDO,
+    "    rarms apply script:": ScriptKind.APPLY,
+    "    rarms undo script:": ScriptKind.UNDO,
     "# rarms observe script:": ScriptKind.OBSERVE,
 }
 

@@ -118,8 +118,8 @@ def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
 
 def not_undone(script: str) -> tuple[str, ...]:
     """Read from an undo script's head what it cannot bring back."""
-    begin = f"# {NOT_UNDONE}"
-    head = script.split("\n# --- runtime", 1)[0].splitlines()
+    begin = f"    {NOT_UNDONE}: "
+    head = script.split("\n#>", 1)[0].splitlines()
     return tuple(line.removeprefix(begin).strip() for line in head if line.startswith(begin))
 
 

@@ -10,10 +10,11 @@ from typing import assert_never
 
 from rarms_iac.model import operations
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.model.plan import Reading, Readings, Step
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
+from rarms_iac.powershell.templates import VM
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.digest import canonical
 
@@ -46,11 +47,11 @@ class ScriptPiece:
     calls: tuple[str, ...]
 
 
-def pieces_of(step: Step, scope: Scope) -> tuple[ScriptPiece, ...]:
+def pieces_of(step: Step) -> tuple[ScriptPiece, ...]:
     """The step as guarded pieces, in their order; one for everything but the making of a machine."""
     match step.operation:
         case operations.CreatePartition() as creation:
-            return _creation_pieces(step, creation, scope)
+            return _creation_pieces(step, creation)
         case operations.RemoveDisk() as removal:
             return (_disk_removal_piece(str(step.address), step.title, literal(removal.path), removal.parent),)
         case operation:
@@ -85,9 +86,9 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
     )
 
 
-def creation_undo_pieces(step: Step, creation: operations.CreatePartition, scope: Scope) -> tuple[ScriptPiece, ...]:
+def creation_undo_pieces(step: Step, creation: operations.CreatePartition) -> tuple[ScriptPiece, ...]:
     """The pieces that remove a machine that the same plan made, unless it was given something since, and its disk."""
-    path = _disk_path(creation, scope)
+    path = _disk_path(creation)
     machine = replace(
         _piece(step, operations.RemovePartition(partition=creation.partition)),
         read=call("Read-MadePartition", Name=literal(creation.partition), **({"Disk": path} if creation.image else {})),
@@ -95,7 +96,7 @@ def creation_undo_pieces(step: Step, creation: operations.CreatePartition, scope
     )
     if not creation.image:
         return (machine,)
-    action = f"undo: make a disk that grows out of {creation.image}"
+    action = f"delete the disk that grows out of {creation.image}"
     return machine, _disk_removal_piece(f"{step.address}/disk", action, path, creation.image)
 
 
@@ -113,11 +114,9 @@ def _reader(step: Step) -> str:
 
 def fits(step: Step) -> str:
     """The call that asks whether the host can keep what it promises after this step."""
-    at, claim = step.address, step.claim_after
+    claim = step.claim_after
     return call(
         "Test-Capacity",
-        Name=literal(at.partition),
-        **_machine(at.machine),
         Processors=literal(claim.processors - claim.idle),
         Reserve=literal(claim.reserve),
         Memory=literal(claim.memory),
@@ -129,17 +128,14 @@ def _machine(machine: str) -> dict[str, Literal]:
 
 
 def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
-    whose = {"Name": literal(operation.partition), **_machine(operation.machine)}
-    vm = {"VM": "$vm"}
+    vm = {"VM": VM}
     match operation:
-        case operations.WriteMark(application=application, name=name):
-            written = f"{operation.set} {operation.stopped_by.value}".rstrip()
-            own = {"Application": literal(application), "Partition": literal(name), "Digest": literal(written)}
-            return (call("Write-Mark", **whose, **own),)
+        case operations.WriteMark():
+            return (call("Write-Mark"),)  # what the step's `After` says of it
         case operations.EraseMark():
-            return (call("Clear-Mark", **whose),)
+            return (call("Clear-Mark"),)
         case operations.StopPartition(grace_ms=grace):
-            return (call("Invoke-PartitionStop", **whose, GraceMs=literal(grace)),)
+            return (call("Invoke-PartitionStop", GraceMs=literal(grace)),)
         case operations.RemovePartition():
             change = call("Hyper-V\\Remove-VM", **vm, Force="")
         case operations.RenamePartition(name=name):
@@ -162,7 +158,7 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
             change = call("Hyper-V\\Start-VM", **vm)
         case _:
             assert_never(operation)
-    return ("$vm = " + call("Get-Machine", **whose), change)
+    return (change,)
 
 
 def task_value_calls(task: str, values: Mapping[str, RegistryValue]) -> tuple[str, ...]:
@@ -207,15 +203,14 @@ def _plain(values: Mapping[str, object] | None) -> object:
     return None if values is None else {name: encode(value) for name, value in values.items()}
 
 
-def _creation_pieces(step: Step, creation: operations.CreatePartition, scope: Scope) -> tuple[ScriptPiece, ...]:
+def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[ScriptPiece, ...]:
     """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
     address, read = str(step.address), _reader(step)
-    machine = "$vm = " + call("Get-Machine", Name=literal(creation.partition))
 
     def piece(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> ScriptPiece:
         return ScriptPiece(address=address, action=action, read=read, before=before, after=after, calls=calls)
 
-    made = [piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation, scope))]
+    made = [piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation))]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
     static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(creation.memory)}
     made.append(
@@ -223,27 +218,26 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition, scope: Sc
             f"memory static, {show_bytes(creation.memory)}",
             {"exists": True},
             {"exists": True, "dynamic_memory": False, "memory": creation.memory},
-            machine,
-            call("Hyper-V\\Set-VMMemory", VM="$vm", **static),
+            call("Hyper-V\\Set-VMMemory", VM=VM, **static),
         )
     )
     if not creation.switch:
         action = "take away the network adapter that every new machine gets"
-        remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")
-        made.append(piece(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
+        remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM=VM)
+        made.append(piece(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, remove))
     if creation.image:
-        disk = _disk_path(creation, scope)
-        attach = call("Hyper-V\\Add-VMHardDiskDrive", VM="$vm", Path=disk)
+        disk = _disk_path(creation)
+        attach = call("Hyper-V\\Add-VMHardDiskDrive", VM=VM, Path=disk)
         made += [
             _new_disk(f"{address}/disk", creation.image, disk),
-            piece("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, machine, attach),
+            piece("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, attach),
         ]
     return tuple(made)
 
 
-def _new_machine(creation: operations.CreatePartition, scope: Scope) -> str:
+def _new_machine(creation: operations.CreatePartition) -> str:
     new = {
-        "Name": literal(scope.pending(creation.partition)),
+        "Name": "(" + call("Get-PendingName", Name=literal(creation.partition)) + ")",
         "Generation": literal(creation.generation),
         "MemoryStartupBytes": literal(creation.memory),
         "NoVHD": "",
@@ -253,8 +247,9 @@ def _new_machine(creation: operations.CreatePartition, scope: Scope) -> str:
     return call("Hyper-V\\New-VM", **new)
 
 
-def _disk_path(creation: operations.CreatePartition, scope: Scope) -> str:
-    path = {"Folder": literal(creation.vm_path), "File": literal(operations.disk_file(creation, scope.plan))}
+def _disk_path(creation: operations.CreatePartition) -> str:
+    suffix = operations.disk_file(creation, "").rpartition(".")[2]
+    path = {"Folder": literal(creation.vm_path), "Name": literal(creation.partition), "Type": literal(suffix)}
     return "(" + call("Get-DiskPath", **path) + ")"
 
 

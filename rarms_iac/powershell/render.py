@@ -11,19 +11,32 @@ from math import floor
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.operations import CreatePartition, RemovePartition
-from rarms_iac.model.plan import HostPlan, Plan, Readings, Scope, Step, UndoLevel
+from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
+from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel
 from rarms_iac.powershell.calls import ScriptPiece, creation_undo_pieces, fits, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
-from rarms_iac.powershell.literals import Literal, literal, literals
-from rarms_iac.powershell.templates import as_script, fill, part_text, parts_for, read, remark, runtime
+from rarms_iac.powershell.literals import Literal, literal
+from rarms_iac.powershell.summary import describe_stop, owner_of, partition_summaries
+from rarms_iac.powershell.templates import (
+    WIDTH,
+    StepText,
+    as_script,
+    fill,
+    part_text,
+    parts_for,
+    read,
+    remark,
+    runtime,
+    step_lines,
+    target_line,
+)
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)
 
 _TITLES = {
-    RunKind.APPLY: "rarms apply script.",
-    RunKind.UNDO: "rarms undo script: it takes back what the apply script of the same plan did.",
+    RunKind.APPLY: "rarms apply script",
+    RunKind.UNDO: "rarms undo script",
 }
 
 NOT_UNDONE = "Not undone"
@@ -80,7 +93,7 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
     steps = [
         _NumberedPiece(number=number, piece=piece, step=step, undoes=None)
-        for number, (piece, step) in enumerate(_forward(host_plan, plan, inside))
+        for number, (piece, step) in enumerate(_forward(host_plan, inside))
     ]
     run = {
         "undo": literal(script_name(host_plan, inside, undo=True)),
@@ -97,7 +110,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
         NoLiteral: a value cannot be written into a script.
     """
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
-    for number, (_, step) in enumerate(_forward(host_plan, plan, inside)):
+    for number, (_, step) in enumerate(_forward(host_plan, inside)):
         first.setdefault(id(step), (number, step))
     steps: list[_NumberedPiece] = []
     lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
@@ -106,11 +119,11 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             lost[step.address] = undoes
         if step.undo.operation is None:
             continue
-        back = step.reversed(f"undo: {step.title}")
+        back = step.reversed(str(step.undo.operation))
         if isinstance(step.operation, CreatePartition):
-            pieces = creation_undo_pieces(back, step.operation, _scope(plan))
+            pieces = creation_undo_pieces(back, step.operation)
         else:
-            pieces = pieces_of(back, _scope(plan))
+            pieces = pieces_of(back)
         for piece in pieces:
             gone = lost.get(step.address)
             steps.append(_NumberedPiece(number=len(steps), piece=piece, step=back, undoes=undoes, lost=gone))
@@ -145,17 +158,13 @@ def render_observe() -> bytes:
     return as_script(read("observe.ps1"))
 
 
-def _scope(plan: Plan) -> Scope:
-    return Scope(application=plan.application, plan=plan.id)
-
-
 def _inside(step: Step) -> str:
     return step.address.partition if step.address.task else ""
 
 
-def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[tuple[ScriptPiece, Step]]:
+def _forward(host_plan: HostPlan, inside: str) -> list[tuple[ScriptPiece, Step]]:
     chosen = [step for step in host_plan.steps if _inside(step) == inside]
-    return [(piece, step) for step in chosen for piece in pieces_of(step, _scope(plan))]
+    return [(piece, step) for step in chosen for piece in pieces_of(step)]
 
 
 def _fill(
@@ -166,19 +175,17 @@ def _fill(
     steps: Sequence[_NumberedPiece],
     more: Mapping[str, Literal],
 ) -> bytes:
-    run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan), **more}
-    run |= {
-        "guest": literal(_machine_of_guest(host_plan, inside, steps)),
-        "guard": "Assert-Guest" if inside else "Assert-VmHost",
-    }
-    parts = parts_for("\n".join([run["guard"], *map(_code, steps)]))
+    guard = "Assert-Guest" if inside else "Assert-VmHost"
+    machine = literal(_machine_of_guest(host_plan, inside, steps))
+    run = {"kind": literal(kind.value), "guard": guard, "guest": machine, **_run(host_plan, plan), **more}
+    parts = parts_for("\n".join([guard, *map(_code, steps)]))
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
-        "title": _TITLES[kind],
-        "header": _header(host_plan, plan, inside, steps, parts),
-        "fixed": [runtime(), *map(part_text, parts)],
+        "name": script_name(host_plan, inside, undo=kind is RunKind.UNDO),
+        **_head(kind, host_plan, plan, inside, steps),
         "run": run,
-        "steps": [_template_step(step, len(steps)) for step in steps],
+        "plan": list(_plan_lines(kind, host_plan, steps)),
+        "fixed": [runtime(), *map(part_text, parts)],
     }
     return fill("script.ps1.j2", values)
 
@@ -207,57 +214,92 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
     }
 
 
-def _header(
-    host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_NumberedPiece], parts: Sequence[str]
-) -> list[str]:
+def _head(
+    kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_NumberedPiece]
+) -> dict[str, object]:
+    """The help that `Get-Help` shows of the script."""
     system = f"the guest of partition {inside}" if inside else "the host itself"
-    lines = {
-        "Application": f"{plan.application}, host {host_plan.host.name}: {system}",
-        "Plan": f"{plan.id}, manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}",
-        "Steps": str(len(steps)),
-        "Parts": f"{', '.join(parts)}: what the runtime and these steps call",
-    }
+    undo = script_name(host_plan, inside, undo=True)
     lost = sorted({step.step.undo.message for step in steps if step.step.undo.level is not UndoLevel.FULL})
-    return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
-        f"{NOT_UNDONE:<12} {remark(text)}" for text in lost
-    ]
-
-
-def _template_step(numbered: _NumberedPiece, total: int) -> dict[str, object]:
-    """A step as its template takes it: literals and remarks."""
-    piece = numbered.piece
+    summaries = partition_summaries(step.step for step in steps)
     return {
-        "number": literal(numbered.number),
-        "address": literal(piece.address),
-        "action": literal(_one_line(piece.action)),
-        "needs": literals(_needs(piece.address)),
-        "extra": tuple(_extra(numbered)),
-        "read": piece.read,
-        "before": _table(piece.before),
-        "after": _table(piece.after),
-        "calls": piece.calls,
-        "remarks": tuple(_remarks(numbered, total)),
+        "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),
+        "description": [
+            _help(f"Host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}."),
+            *(_help(line) for line in summaries),
+            *(f"{NOT_UNDONE}: {_help(text)}" for text in lost),
+        ],
+        "usage": f"Do it. Take it back with .\\{undo}, which must lie beside it."
+        if kind is RunKind.APPLY
+        else "Take back what was done, the last step first.",
+        "notes": [
+            _help(f"Manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}."),
+            *(_help(f"Accepted: {finding.code} {finding.summary}, {finding.detail}") for finding in plan.accepted),
+        ],
     }
+
+
+def _help(text: str) -> str:
+    """A line of the help, which nothing in it ends."""
+    return remark(text).replace("#>", "# >")
+
+
+def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_NumberedPiece]) -> Iterable[str]:
+    """The steps under a banner for each partition or task class, and what each few of them are about."""
+    reasons = {str(change.address): change.reason.message for change in host_plan.changes}
+    owner = target = ""
+    for numbered in steps:
+        step, piece = numbered.step, numbered.piece
+        if owner != owner_of(step):
+            owner = owner_of(step)
+            reason = reasons.get(str(step.address)) or step.comment
+            if kind is RunKind.UNDO:
+                reason = "takes back what the apply script did to it, the last step first"
+            yield from ("", *_banner(owner, f"{step.place}: {reason}" if step.place else reason))
+        if target != target_line(literal(piece.address), piece.read):
+            target = target_line(literal(piece.address), piece.read)
+            yield target
+        yield from _step_lines(numbered)
+
+
+def _banner(owner: str, reason: str) -> Iterable[str]:
+    yield "    " + f"# === {remark(owner)} ".ljust(WIDTH - 4, "=")
+    yield f"    # {remark(reason)}"
+
+
+def _step_lines(numbered: _NumberedPiece) -> list[str]:
+    piece, step = numbered.piece, numbered.step
+    before, after = _without_presence(piece.before, piece.after)
+    text = StepText(
+        action=literal(remark(piece.action)),
+        before=_literals(before),
+        after=_literals(after),
+        calls=piece.calls,
+        options=tuple(_options(numbered)),
+    )
+    if isinstance(step.operation, StopPartition):
+        return [f"    # {remark(describe_stop(step))}", *step_lines(text)]
+    return step_lines(text)
+
+
+def _without_presence(before: Readings, after: Readings) -> tuple[Readings, Readings]:
+    """Without `exists` where it stays true and something else is read: what is not there has no other name either."""
+    if before.get("exists") is not True or after.get("exists") is not True:
+        return before, after
+    kept = [
+        {name: value for name, value in readings.items() if name != "exists" or len(readings) == 1}
+        for readings in (before, after)
+    ]
+    return kept[0], kept[1]
 
 
 def _code(numbered: _NumberedPiece) -> str:
     """All of a step that calls anything."""
-    extra = (value for _, value in _extra(numbered))
-    return "\n".join([numbered.piece.read, *numbered.piece.calls, *extra])
+    options = (value for _, value in _options(numbered))
+    return "\n".join([numbered.piece.read, *numbered.piece.calls, *options])
 
 
-def _one_line(text: str) -> str:
-    """A title on one line, whatever names it shows."""
-    return remark(text)
-
-
-def _needs(address: str) -> tuple[str, ...]:
-    """The addresses that a step builds on: its own, and that of the machine that it is inside of."""
-    parts = address.split("/")
-    return tuple("/".join(parts[:length]) for length in range(2, len(parts) + 1) if length != 3 or len(parts) == 3)
-
-
-def _extra(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
+def _options(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
     if numbered.undoes is not None:
         yield "Undoes", literal(numbered.undoes)
     if numbered.lost is not None:
@@ -266,17 +308,7 @@ def _extra(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
         yield "Fits", "{ " + fits(numbered.step) + " }"
 
 
-def _table(readings: Readings) -> str:
+def _literals(readings: Readings) -> dict[str, Literal]:
     """In lower case, as the script reads them: 5.1 compares keys by culture, and to a Turkish one I and i differ."""
-    return "; ".join(f"{literal(name.lower())} = {literal(value)}" for name, value in sorted(readings.items()))
-
-
-def _remarks(numbered: _NumberedPiece, total: int) -> Iterable[str]:
-    step = numbered.step
-    yield f"{numbered.number + 1}/{total}  {remark(numbered.piece.address)}: {remark(numbered.piece.action)}"
-    if step.comment:
-        yield f"why: {remark(step.comment)}"
-    if step.place:
-        yield f"at:  {remark(str(step.place))}"
-    if step.undo.message:
-        yield f"undo: {remark(step.undo.message)}"
+    names = {name.lower(): literal(value) for name, value in sorted(readings.items())}
+    return {name if name.isidentifier() else literal(name): value for name, value in names.items()}

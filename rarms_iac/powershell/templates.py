@@ -1,7 +1,8 @@
 """The templates of scripts: loops and finished literals, nothing else."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -47,6 +48,67 @@ def as_script(text: str) -> bytes:
 def read(name: str) -> str:
     """A template's text as it lies in its file, with LF."""
     return shipped_text(f"{FOLDER}/{name}")
+
+
+PLAN, FACTS, TARGET, STEP_CALL = "Add-Plan", "$script:Plan", "Use-Target", "Add-Step"
+"""The function that holds a plan, the variable that gets the run's facts, and what the plan calls."""
+
+VM = "$script:Vm"
+"""In a call: the machine that the step has read."""
+
+WIDTH = 120
+"""Characters of a line, where a call can be broken at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepText:
+    """A step as its parts stand in a script: literals, tables of readings by name, calls."""
+
+    action: str
+    before: Mapping[str, str]
+    after: Mapping[str, str]
+    calls: Sequence[str]
+    options: Sequence[tuple[str, str]] = ()  # further parameters of `Add-Step` with their values
+
+
+def step_lines(step: StepText) -> list[str]:
+    """The call that adds a step: on one line where it is short, or only says that a mark is written."""
+    start = " ".join([f"    {STEP_CALL} -Action", step.action, *(f"-{name} {text}" for name, text in step.options)])
+    opening = f"{start} -Before {_table(step.before)} -After {_table(step.after)} -Set {{"
+    short = f"{opening} {step.calls[0]} }}"
+    if len(step.calls) == 1 and (len(short) <= WIDTH or " -" not in step.calls[0]):
+        return [short]
+    block = [*(f"        {call}" for call in step.calls), "    }"]
+    if len(opening) <= WIDTH:
+        return [opening, *block]
+    broken = ["    } -After @{", *_wrapped(step.after), "    } -Set {", *block]
+    if len(first := f"{start} -Before {_table(step.before)} -After @{{") <= WIDTH:
+        return [first, *broken[1:]]
+    return [f"{start} -Before @{{", *_wrapped(step.before), *broken]
+
+
+def target_line(address: str, reading: str) -> str:
+    """The call that says what the steps behind it are about: its address, and the call that reads it."""
+    return f"    {TARGET} -Address {address} -Read {{ {reading} }}"
+
+
+def _table(readings: Mapping[str, str]) -> str:
+    return f"@{{ {'; '.join(_entries(readings))} }}"
+
+
+def _wrapped(readings: Mapping[str, str]) -> list[str]:
+    """As many entries on each line as it takes."""
+    lines: list[str] = []
+    for entry in _entries(readings):
+        if lines and len(lines[-1]) + len(entry) + 2 <= WIDTH:
+            lines[-1] += f"; {entry}"
+        else:
+            lines.append(f"        {entry}")
+    return lines
+
+
+def _entries(readings: Mapping[str, str]) -> list[str]:
+    return [f"{name} = {value}" for name, value in readings.items()]
 
 
 RUNTIME_BEGIN = "# --- runtime:"

@@ -23,7 +23,7 @@ _FORMS = frozenset({"string_literal", "integer_literal", "parenthesized_expressi
 _TEXTS = frozenset({"verbatim_string_characters", "verbatim_here_string_characters", "expandable_string_literal"})
 _TEXTS |= {"expandable_here_string_literal", "comment"}
 _LACKS = "something is missing here that PowerShell's grammar wants"
-_IGNORED = frozenset({"command_argument_sep", " ", "comment"})
+_IGNORED = frozenset({"command_argument_sep", " ", ";", "comment"})
 
 
 class NotParsed(ValueError):
@@ -129,7 +129,7 @@ def _is_element(node: "Node") -> bool:
 def shape_of(roots: Iterable["Node"]) -> tuple[ShapeNode, ...]:
     """The trees below these nodes in the order of the text; every literal is one leaf without its text.
 
-    Comments are left out: they do nothing.
+    Comments are left out: they do nothing. So is `;`, for which a line end may stand.
     """
     shape: list[ShapeNode] = []
     waiting = [(0, root) for root in roots][::-1]

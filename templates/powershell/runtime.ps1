@@ -1,23 +1,14 @@
 # --- runtime: the same bytes in every script --------------------------------------------------
 # Read from the top: what a run does, what a step does, how readings are compared, how it is told.
-[CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
-param(
-    # One JSON object a line on standard output, for a program to read.
-    [switch] $AsJson,
-    # Seconds to wait for another run to end.
-    [int] $LockTimeout = 0,
-    # Close this plan's unfinished run and change nothing else.
-    [switch] $Abandon
-)
-
-# A profile's would reach into every call.
-$PSDefaultParameterValues = @{}
-Set-StrictMode -Version 3.0
-$ErrorActionPreference = 'Stop'
-
 $script:Cmdlet = $PSCmdlet
-$script:Definition = @{ Plan = ''; Total = 0 }
-$script:Steps = @()
+$script:Plan = @{ Plan = '' }   # the run's facts, which Add-Plan gives
+$script:Steps = @()             # those of the plan
+$script:Target = $null          # address and reader of the steps that are added
+$script:Vm = $null              # the virtual machine that was read last
+$script:Known = @{}             # by address: what was read of it, until a step changes something
+$script:Wanted = @()            # the names that are read for
+$script:Looking = $false        # whether everything is looked at, and no step done
+$script:Moved = @()             # what such a look found otherwise than planned
 $script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
 $script:Started = $null         # the journal's first record: which run was the last one here
 $script:Closing = ''            # how it was closed: done or abandoned
@@ -30,18 +21,32 @@ $script:Refusal = $null         # kind and step of what ends the run with 3
 
 # A run ------------------------------------------------------------------------------------------
 
+function Invoke-Run {
+    # Everything that a script does. Its exit code is 0, 1 or 3, and the host is given back however it ends.
+    param([scriptblock] $Steps)
+    try {
+        & $Steps
+        Open-Run
+        Complete-Run
+    } catch {
+        Exit-Failed -Failure $_
+    } finally {
+        Exit-Host
+    }
+    exit 0
+}
+
 function Open-Run {
     # Lock, guard, journal. A run of this plan that was killed goes on; one that ended is only looked at.
-    param([System.Collections.IDictionary] $Definition)
-    $script:Definition = $Definition
-    $guard = $Definition.Guard
+    $plan = $script:Plan
+    $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     Enter-Host
     if (-not $Abandon) { & $guard }
     Read-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
-    $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
+    $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = 'unchanged'
@@ -53,16 +58,16 @@ function Open-Run {
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
-    if ($same -and $last.run -ceq $Definition.Run -and $script:Closing -cne 'abandoned') { return }
+    if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     $script:Touched = @{}
-    if ($Definition.Run -ceq 'undo') {
+    if ($plan.Run -ceq 'undo') {
         if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
         foreach ($number in $script:Recorded.Keys) {
             if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
         }
     } elseif ($open) {
         Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
-    } elseif (-not $Definition.Guest -and [long] $script:Serials[$Definition.Application] -ne $Definition.Serial) {
+    } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
         Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
     }
     $script:Started = $null
@@ -70,14 +75,31 @@ function Open-Run {
     $script:Recorded = @{}
 }
 
+function Use-Target {
+    # What the steps that follow are about, and how it is read.
+    param([string] $Address, [scriptblock] $Read)
+    $script:Target = @{ Address = $Address; Read = $Read }
+}
+
 function Add-Step {
-    param([System.Collections.IDictionary] $Definition)
-    $script:Steps += $Definition
+    # A step of the plan: what is to be read before it and after it, and what makes it so.
+    param(
+        [string] $Action, [System.Collections.IDictionary] $Before, [System.Collections.IDictionary] $After,
+        [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
+    )
+    $address = $script:Target.Address
+    $script:Steps += @{
+        Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
+        # It builds on the steps of its own address, and on those of the machine that it lies in.
+        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
+        Action = $Action; Before = $Before; After = $After; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
+    }
 }
 
 function Complete-Run {
     # Look at everything, do the steps, look once more at everything together, and only then close the journal.
-    foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
+    Find-Moved
+    foreach ($one in $script:Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
@@ -86,21 +108,30 @@ function Complete-Run {
         exit 1
     }
     if ($script:Closing -cne 'done') {
-        foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
+        Find-Moved
+        foreach ($one in $script:Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
     }
     Write-RunEvent -Kind 'run' -Status 'done'
 }
 
 function Find-Moved {
-    # Reads everything. What was done is still so; what is to be done finds what was planned before it, unless a step
-    # ahead of it is to make that so. Gives what is otherwise.
+    # Reads everything once. What was done is still so; what is to be done finds what was planned before it, unless a
+    # step ahead of it is to make that so. Keeps what is otherwise.
     $made = @{}     # by address: the last step that was done, and what all of them made of it
     $ahead = @{}    # addresses with names that a step is to change yet
+    $script:Known = @{}
+    $script:Looking = $true
+    $script:Moved = @()
+    $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
     foreach ($step in $script:Steps) {
         $at = $step.Address
-        $read = $step.Read
         $script:Current = $step
+        if ([DateTime]::UtcNow -gt $alive) {
+            # A host of many machines is read for minutes; whoever waits for a word shall have one.
+            Write-RunEvent -Kind 'step' -Step $step -Status 'reading' -Detail 'the host is still being read'
+            $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
+        }
         $leave = Get-Leave -Step $step
         if ($leave -ceq 'done before') {
             if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) { $made[$at] = @{ After = @{} } }
@@ -109,9 +140,9 @@ function Find-Moved {
         }
         if ($leave) { continue }
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
-            foreach ($name in @(Compare-Step -Step $step -Live (& $read))) {
+            foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                @{ Step = $step; Detail = 'changed since the plan: ' + $name }
+                $script:Moved += @{ Step = $step; Detail = 'changed since the plan: ' + $name }
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -121,14 +152,16 @@ function Find-Moved {
     foreach ($at in @($made.Keys | Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]['Step']
-        $read = $script:Current.Read
-        foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
+        $wanted = $made[$at]['After']
+        foreach ($name in @(Compare-Reading -Live (Get-Reading -Name $wanted.Keys) -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
-            @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
+            $script:Moved += @{ Step = $script:Current; Detail = 'is not as wanted: ' + $name }
         }
     }
     $script:Current = $script:Whole
+    $script:Known = @{}
+    $script:Looking = $false
 }
 
 # A step -----------------------------------------------------------------------------------------
@@ -136,9 +169,9 @@ function Find-Moved {
 function Invoke-Step {
     # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
     param([System.Collections.IDictionary] $Step)
-    $read = $Step.Read
     $set = $Step.Set
-    $fits = $Step['Fits']
+    $fits = $Step.Fits
+    if ($script:Current.Address -cne $Step.Address) { $script:Known = @{} }
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) {
@@ -151,7 +184,7 @@ function Invoke-Step {
         exit 1
     }
     $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
-    $live = & $read
+    $live = Get-Reading -Step $Step
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
     if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
         # One that was begun and killed has changed something.
@@ -181,7 +214,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
-    $missed = @(Compare-Reading -Live (& $read) -Expected $Step.After)
+    $script:Known = @{}
+    $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
 }
@@ -200,10 +234,8 @@ function Test-Wanted {
 function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
-    $read = $Step.Read
-    if ($Step.Contains('Undoes') -and -not $script:Touched.Contains([string] $Step.Undoes)) { return 'was not done' }
-    $lost = $Step.Contains('Lost') -and $script:Touched.Contains([string] $Step.Lost)
-    if ($lost -and -not (& $read)['exists']) { return 'went with its machine' }
+    if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
+    if ($script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }
@@ -217,12 +249,33 @@ function Add-StepRecord {
 
 # Readings: tables of names and values -------------------------------------------------------------
 
+function Get-Reading {
+    # What the host shows of a step's names, or of others, at the address of the current step.
+    param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
+    $read = $script:Current.Read
+    $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
+    & $read
+}
+
+function Get-Known {
+    # What was read already at the address of the current step: nothing is read twice until a step changes something.
+    $at = $script:Current.Address
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = @{} }
+    $script:Known[$at]
+}
+
+function Test-Unread {
+    # Whether one of these names is wanted and was not read yet.
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
+}
+
 function Compare-Step {
     # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
     param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
     if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
     # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
-    if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Contains('Undoes')) {
+    if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Undoes -cne '') {
         $names = @($Step.Before.Keys) + @($Step.After.Keys)
         if ($names -ccontains 'values') { $names += @(@($Live.Keys) -clike 'value:*') }
         $odd = @($names | Where-Object -FilterScript {
@@ -255,8 +308,8 @@ function Write-RunEvent {
     param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
     if ($AsJson) {
         $line = [ordered] @{
-            format = 'rarms-event/1'; kind = $Kind; plan = $script:Definition.Plan; number = $Step.Number
-            total = $script:Definition.Total; address = $Step.Address; status = $Status; detail = $Detail
+            format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
+            total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
         }
         ConvertTo-AsciiJson -Value $line
     } else {

@@ -66,6 +66,20 @@ def _vm(scope: Scope, given: Given) -> Vm:
     return found
 
 
+def _each(read: Callable[[Vm], Value]) -> Callable[[Scope, Given], Value]:
+    """A cmdlet that reads one machine or several: what it gives of each, one after another."""
+
+    def read_all(scope: Scope, given: Given) -> Value:
+        machines = given.get("vm")
+        if not isinstance(machines, list):
+            return read(_vm(scope, given))
+        if not machines:
+            raise ScriptError("Cannot bind argument to parameter 'VM': it is an empty array.")
+        return [found for machine in machines for found in elements(read(_vm(scope, {"vm": machine})))]
+
+    return read_all
+
+
 def _changing(scope: Scope) -> None:
     if not scope.session.host.elevated:
         raise ScriptError(
@@ -107,8 +121,7 @@ def get_host(scope: Scope, given: Given) -> Thing:
     )
 
 
-def get_processor(scope: Scope, given: Given) -> Thing:
-    vm = _vm(scope, given)
+def get_processor(vm: Vm) -> Thing:
     found = Record(
         Count=Long(vm.processors), Reserve=Long(vm.reserve), Maximum=Long(vm.limit), RelativeWeight=vm.weight
     )
@@ -117,8 +130,7 @@ def get_processor(scope: Scope, given: Given) -> Thing:
     return found
 
 
-def get_memory(scope: Scope, given: Given) -> Thing:
-    vm = _vm(scope, given)
+def get_memory(vm: Vm) -> Thing:
     sizes = {"Startup": vm.memory, "Minimum": vm.memory_minimum, "Maximum": vm.memory_maximum}
     return Record(DynamicMemoryEnabled=vm.dynamic_memory, **{name: Long(size) for name, size in sizes.items()})
 
@@ -298,11 +310,10 @@ def get_vhd(scope: Scope, given: Given) -> Thing:
 def get_drives(scope: Scope, given: Given) -> Value:
     if "vmsnapshot" in given:
         return [Record(Path=text(element)) for element in elements(given["vmsnapshot"].get("Disks"))]
-    return [Record(Path=disk) for disk in _vm(scope, given).disks]
+    return _each(lambda vm: [Record(Path=disk) for disk in vm.disks])(scope, given)
 
 
-def get_snapshots(scope: Scope, given: Given) -> Value:
-    vm = _vm(scope, given)
+def get_snapshots(vm: Vm) -> Value:
     return [Record(Name=str(number), Disks=list(vm.checkpoint_disks)) for number in range(vm.checkpoint_count)]
 
 
@@ -327,14 +338,14 @@ def remove_adapter(scope: Scope, given: Given) -> Value:
 CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vm": get_vm,
     "get-vmhost": get_host,
-    "get-vmprocessor": get_processor,
-    "get-vmmemory": get_memory,
+    "get-vmprocessor": _each(get_processor),
+    "get-vmmemory": _each(get_memory),
     "get-vmharddiskdrive": get_drives,
     "get-vhd": get_vhd,
     "get-vmnetworkadapter": lambda scope, given: [
         Record(Name=name, SwitchName=switch) for name, switch in _vm(scope, given).adapters
     ],
-    "get-vmsnapshot": get_snapshots,
+    "get-vmsnapshot": _each(get_snapshots),
     "get-vmswitch": lambda scope, given: [Record(Name=one) for one in scope.session.host.switches],
     "get-vmhostnumanode": lambda scope, given: [
         Record(NodeId=one["node"], MemoryAvailable=one["memory_available"], MemoryTotal=one["memory"])

@@ -124,9 +124,10 @@ def _match(left: Value, pattern: str, case: bool, scope: Scope) -> bool:
 
 def _replace(left: Value, right: Value, case: bool) -> str:
     pattern, new = [*elements(right), ""][:2]
-    if isinstance(left, list) or "$" in text(new):
-        raise Unsupported("-replace of an array, or with a group")
-    return regex(text(pattern), case=case).sub(lambda _: text(new), text(left))
+    if isinstance(left, list) or ("$" in text(new) and text(new) != "$1"):
+        raise Unsupported("-replace of an array, or with more than a group")
+    by_group = text(new) == "$1"
+    return regex(text(pattern), case=case).sub(lambda found: found[1] if by_group else text(new), text(left))
 
 
 def band(left: Value, right: Value) -> Value:

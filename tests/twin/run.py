@@ -62,7 +62,7 @@ def _compiled(script: bytes) -> _Compiled:
     return _Compiled(tuple(parameter for piece in pieces for parameter in piece.parameters), body)
 
 
-_EDGE = r"(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=try \{)"
+_EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-Run )"
 """Between what is fixed in scripts and what follows it: the tree of the whole is those of its pieces, one by one."""
 
 

@@ -34,6 +34,7 @@ def told(*statements: str, what_if: bool = False) -> list[str]:
         ("Out -V ('A' -eq 'a')", "True"),
         ("Out -V (@('b', 'a', 'b') -ceq 'b')", "b b"),
         ("Out -V ('TurnOff' -creplace '(?<=[a-z])(?=[A-Z])', '_')", "Turn_Off"),
+        ("Out -V ('a/b/c' -creplace '^([^/]+/[^/]+)/.*$', '$1')", "a/b"),
         ("Out -V ('{0},{1,-3}|{{{2:x4}}}' -f 'a', 'b', 255)", "a,b  |{00ff}"),
         ("Out -V ('' + 'it' + [char]0x2019 + 's')", "it\u2019s"),
         ("Out -V (@(100) * 3)", "100 100 100"),
@@ -91,7 +92,8 @@ def test_what_the_twin_does_not_know_is_told_and_never_guessed(says: str) -> Non
 
 
 def test_every_function_of_the_runtime_and_of_all_parts_is_understood() -> None:
-    runs = "\n".join([runtime(), *map(part_text, PARTS)]) + "\ntry { Exit-Host } finally { Exit-Host }\nexit 0\n"
+    own = "param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)\nSet-StrictMode -Version 3.0"
+    runs = "\n".join([own, runtime(), *map(part_text, PARTS), "exit 0", ""])
     host = WindowsHost()
     put(host, {"s.ps1": runs.encode("ascii")})
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from rarms_iac.powershell.templates import VM
+
 
 class ScriptKind(StrEnum):
     """Purposes of a script; only the first two may change anything. The bootstrap runs the others over ssh."""
@@ -97,6 +99,7 @@ _ONLY_READING_TYPES = words(
 )
 _CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
     """
+    scriptblock
     Array DateTime System.BitConverter System.Collections.Hashtable System.Collections.IDictionary
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.Security.Cryptography.SHA256 System.StringComparer System.StringComparison System.Text.Encoding
@@ -124,14 +127,14 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains
-    Cores Create CreateDirectory Delete Detail Dispose Equals Exception Flush GetAttributes GetBytes GetFolderPath
-    GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost
-    MachineName Memory FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number OpenOrCreate
-    Ordinal PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText
-    ReleaseMutex ReparsePoint Replace Run ScriptLineNumber Serial Set SetLength SetSecurityDescriptorSddlForm
-    ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString Total Undo UndoDigest Undoes
-    UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number plan record run serials set status
-    touched
+    Cores Create CreateDirectory Delete Detail Dispose Equals Exception Fits Flush GetAttributes GetBytes
+    GetFolderPath GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors
+    Lost MachineName Memory FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number
+    OpenOrCreate Ordinal PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes
+    ReadAllText ReleaseMutex ReparsePoint Replace Run ScriptLineNumber Serial Set SetLength
+    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString
+    Undo UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number plan record
+    run serials set status touched
     """
 )
 
@@ -166,9 +169,9 @@ CHANGING = Lists(
     types=_CHANGING_TYPES,
     members=_CHANGING_MEMBERS,
     operators=_CHANGING_OPERATORS,
-    given_variables=_GIVEN | words("$Matches $PID $PSCmdlet $PSCommandPath $PSScriptRoot $WhatIfPreference"),
+    given_variables=_GIVEN | words("$Matches $PID $PSCmdlet $PSCommandPath $PSScriptRoot $WhatIfPreference") | {VM},
     pins=_PINS | {_NO_PROMPT},
-    blocks=words("$read $set $fits $guard"),
+    blocks=words("$read $set $fits $guard $Steps"),
 )
 
 

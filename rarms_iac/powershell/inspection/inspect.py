@@ -101,4 +101,4 @@ def _check(script: Script, whole: str) -> Iterator[Diagnostic]:
     else:
         parts = split_script(whole)
         yield from check_layout(script.name, parts)
-        yield from check_steps(script, parts.steps_line + 1)
+        yield from check_steps(script, [(piece.first, piece.last) for piece in parts.fixed])

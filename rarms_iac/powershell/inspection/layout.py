@@ -1,4 +1,4 @@
-"""A script that changes something is a head of comments, fixed parts, and steps: nothing else."""
+"""A script that changes something is a head of comments, its plan, fixed parts and one call: nothing else."""
 
 import hashlib
 from collections.abc import Iterable, Iterator
@@ -24,6 +24,10 @@ HEAD = Finding(
     code="RARMS219", severity=Severity.ERROR, summary="The head or the end of a script is not as rarms writes it"
 )
 
+PARAMETERS = "[CmdletBinding("
+"""Begins the first line that is no comment."""
+
+_HELP_WORDS = frozenset({".SYNOPSIS", ".DESCRIPTION", ".PARAMETER", ".EXAMPLE", ".NOTES"})
 _REQUIRED = ("-Version 5.1", "-RunAsAdministrator")
 _OPTIONAL = ("-Modules Hyper-V",)
 
@@ -55,12 +59,12 @@ class FixedPiece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptParts:
-    """The parts of a script, with LF; `steps_line`: the line before the steps' first one."""
+    """The parts of a script, with LF."""
 
-    head: str
+    head: str  # help and requirements
+    plan: str  # parameters, and the one function that holds the plan
     fixed: tuple[FixedPiece, ...]  # the runtime comes first; empty where it is missing
-    steps: str
-    steps_line: int
+    end: str  # what calls the plan
 
     @property
     def is_shipped(self) -> bool:
@@ -69,34 +73,39 @@ class ScriptParts:
 
 
 def split_script(text: str) -> ScriptParts:
-    """The parts of a script; where the runtime's first or last line is missing, it is all head."""
+    """The parts of a script; where the runtime's first or last line is missing, it has no fixed ones and no end."""
     lines = text.replace("\r\n", "\n").split("\n")
-    begin = next((at for at, line in enumerate(lines) if line.startswith(RUNTIME_BEGIN)), len(lines))
+    body = _first_line(lines, PARAMETERS)
+    begin = _first_line(lines, RUNTIME_BEGIN)
+    fixed = []
     piece = _piece(lines, begin, "", RUNTIME_END)
-    if piece is None:
-        return ScriptParts(head="\n".join(lines), fixed=(), steps="", steps_line=len(lines))
-    fixed = [piece]
-    while piece := _next_part(lines, fixed[-1].last):
+    while piece:
         fixed.append(piece)
-    end = fixed[-1].last
+        piece = _next_part(lines, piece.last)
+    end = fixed[-1].last if fixed else len(lines)
+    head, plan = lines[: min(body, begin)], lines[min(body, begin) : fixed[0].first - 1 if fixed else len(lines)]
     return ScriptParts(
-        head="\n".join(lines[:begin]) + "\n", fixed=tuple(fixed), steps="\n".join(lines[end:]), steps_line=end
+        head="\n".join([*head, ""]), plan="\n".join([*plan, ""]), fixed=tuple(fixed), end="\n".join(lines[end:])
     )
+
+
+def _first_line(lines: list[str], start: str) -> int:
+    return next((at for at, line in enumerate(lines) if line.startswith(start)), len(lines))
 
 
 def without_fixed(text: str) -> str:
     """The script with empty lines where its fixed parts are, if they are the shipped ones; otherwise the script itself.
 
-    What is left may be parsed alone, and every line keeps its number. A head is comments, a shipped part is whole
-    statements, the last of which is a function and cannot be continued on the next line, and the steps begin with the
-    template's `try` (`check_layout`); so no token and no statement reaches over an edge, and the tree of the whole is
+    What is left may be parsed alone, and every line keeps its number. A head is comments, the plan ends with the brace
+    of its function, a shipped part is whole statements that end with a function, too, and behind the last one stands
+    the template's end (`check_layout`); so no token and no statement reaches over an edge, and the tree of the whole is
     the trees of its pieces, one after another.
     """
     parts = split_script(text)
     if not parts.is_shipped or head_problems(parts.head):
         return text
-    blank = "\n" * (parts.steps_line - parts.head.count("\n"))
-    return (parts.head + blank + parts.steps).replace("\n", "\r\n" if "\r\n" in text else "\n")
+    blank = "\n" * sum(piece.last - piece.first + 1 for piece in parts.fixed)
+    return (parts.head + parts.plan + blank + parts.end).replace("\n", "\r\n" if "\r\n" in text else "\n")
 
 
 def _piece(lines: list[str], first: int, name: str, end: str) -> FixedPiece | None:
@@ -124,29 +133,30 @@ def check_layout(name: str, parts: ScriptParts) -> Iterator[Diagnostic]:
             )
             place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
-    for problem in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
+    problems = [*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.plan + parts.end)]
+    opening, between, closing = _frame()
+    if not parts.plan.startswith(opening):
+        problems.append("before the plan stands something else than its parameters and settings")
+    if parts.fixed and not (parts.plan.endswith(between) and parts.end == closing):
+        problems.append("what stands around the fixed parts is not what calls the plan")
+    for problem in problems:
         yield HEAD.at(top, problem, "render the script again")
-    if parts.fixed and not parts.steps.startswith(_opening()):
-        problem = "behind what is fixed stands something else than the opening of the run"
-        yield HEAD.at(Place(file=name, line=parts.steps_line + 1, column=1), problem, "render the script again")
-    if parts.fixed and not parts.steps.endswith(_closing()):
-        yield HEAD.at(top, "the last lines are not those of a script of rarms", "render the script again")
 
 
 def _carried_problems(parts: ScriptParts) -> Iterator[str]:
     """Each part that the steps need, once and in order, and no other."""
     try:
-        needed = parts_for(parts.steps)
+        needed = parts_for(parts.plan)
     except NotTokens:
         return  # that is told of the steps
     carried = tuple(piece.name for piece in parts.fixed if piece.name)
     if parts.fixed and carried != needed:
-        yield f"it carries the parts {', '.join(carried) or 'none'}; its steps need {', '.join(needed) or 'none'}"
+        yield f"it carries the parts {', '.join(carried) or 'none'}; its plan needs {', '.join(needed) or 'none'}"
 
 
-def _comment_problems(steps: str) -> tuple[str, ...]:
+def _comment_problems(text: str) -> tuple[str, ...]:
     try:
-        return tuple(_directive_problems(tokens(steps)))
+        return tuple(_directive_problems(tokens(text)))
     except NotTokens:
         return ()  # that is told of the steps
 
@@ -199,19 +209,31 @@ def head_problems(head: str) -> tuple[str, ...]:
 
 
 def _head_problems(read_tokens: tuple[Token, ...]) -> Iterator[str]:
-    if not read_tokens or any(token.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for token in read_tokens):
-        yield "there is more than comments before the runtime"
-    asked = [token.text[len("#requires ") :] for token in read_tokens if _is_requires(token)]
-    yield from _directive_problems(token for token in read_tokens if not _is_requires(token))
+    comments = [token for token in read_tokens if token.kind is not TokenKind.NEWLINE]
+    if any(token.kind is not TokenKind.COMMENT for token in comments):
+        yield "there is more than comments before the parameters"
+    if not comments or not comments[0].text.startswith("<#\n.SYNOPSIS\n"):
+        yield "it does not begin with its help"
+    else:
+        yield from _help_problems(comments[0].text)
+    asked = [token.text[len("#requires ") :] for token in comments if _is_requires(token)]
+    yield from _directive_problems(token for token in comments[1:] if not _is_requires(token))
     if not set(_REQUIRED) <= set(asked) <= {*_REQUIRED, *_OPTIONAL}:
         yield f"it asks for {', '.join(asked) or 'nothing'}"
 
 
-def _opening() -> str:
-    """The text before the run's facts in the template."""
-    return read("script.ps1.j2").partition("{{ text }}\n{% endfor %}\n")[2].partition("{{")[0]
+def _help_problems(text: str) -> Iterator[str]:
+    """Words of the help that PowerShell heeds: `.FORWARDHELPTARGETNAME` and its like show another command's help."""
+    for line in text.split("\n"):
+        word = (line.split() or [""])[0]
+        if word.startswith(".") and word.isupper() and (word not in _HELP_WORDS or line[0] != "."):
+            yield f"its help says {quoted(line, 40)}"
 
 
-def _closing() -> str:
-    """The text behind the last step in the template."""
-    return read("script.ps1.j2").rpartition("{% endfor %}\n")[2]
+def _frame() -> tuple[str, str, str]:
+    """What the template has before the run's facts, between plan and fixed parts, and behind these."""
+    text = read("script.ps1.j2")
+    opening = text[text.index(PARAMETERS) :].partition("{{")[0]
+    plan, _, closing = text.partition("{{ text }}\n{% endfor %}\n")
+    between = plan.rpartition("{{ line }}\n{% endfor %}\n")[2].partition("{%")[0]
+    return opening, between, closing

@@ -12,8 +12,18 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.powershell.inspection.allowed import words
 from rarms_iac.powershell.inspection.script import CommandCall, Script, call_of
-from rarms_iac.powershell.templates import fill
-from rarms_iac.powershell.tree import ShapeNode, literal_of, parse, shape_of, text_of
+from rarms_iac.powershell.templates import (
+    FACTS,
+    PLAN,
+    STEP_CALL,
+    TARGET,
+    VM,
+    StepText,
+    fill,
+    step_lines,
+    target_line,
+)
+from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -24,18 +34,18 @@ STEP = Finding(
 _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
 
 _RUN_KEYS = words("""
-    Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Cores ThreadsPerCore
+    Run Plan Application Serial Undo UndoDigest Guest Computer LogicalProcessors Cores ThreadsPerCore
     Percent Memory AcceptScheduler Guard
     """)
-_STEP_KEYS = words("Number Address Action Needs Read Before After Set")
-_EXTRA_KEYS = ("Undoes", "Lost", "Fits")
+_STEP_PARAMETERS = words("Action Before After Set")
+_EXTRA_PARAMETERS = ("Undoes", "Lost", "Fits")
 _READERS = words("Read-Partition Read-MadePartition Read-TaskClass Read-GuestTaskClass Read-Disk")
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass
     Clear-DiskFile
     """)
-_VALUES = words("Get-Machine Get-DiskPath")
+_VALUES = words("Get-PendingName Get-DiskPath")
 _HARMLESS = "'x'"
 
 
@@ -48,11 +58,11 @@ class _OtherForm(Exception):
         self.detail = detail
 
 
-def check_steps(script: Script, first_line: int) -> Iterator[Diagnostic]:
-    """Compare what follows the fixed parts, from this line (counted from 1) on, with the template."""
-    roots = [node for node in _top(script.root) if node.start_point.row + 1 >= first_line]
+def check_steps(script: Script, fixed: Sequence[tuple[int, int]]) -> Iterator[Diagnostic]:
+    """Compare what stands outside of the fixed parts, whose first and last lines these are, with the template."""
+    roots = [node for node in _top(script.root) if not any(first <= line_of(node) <= last for first, last in fixed)]
     try:
-        template = _filled_template(script.root, roots)
+        template = _filled_template(script, roots)
     except _OtherForm as other:
         yield script.problem(STEP, other.node, other.detail, _ADVICE)
         return
@@ -78,79 +88,95 @@ def _top(root: "Node") -> Iterator["Node"]:
             yield node
 
 
-def _filled_template(root: "Node", roots: Sequence["Node"]) -> tuple[ShapeNode, ...]:
+def _filled_template(script: Script, roots: Sequence["Node"]) -> tuple[ShapeNode, ...]:
     """The tree of the template, filled with the script's own calls and a harmless literal for each value.
 
     Raises:
         _OtherForm: the script has no form that the template can have, or calls something else.
     """
-    block = next((child for node in roots[:1] for child in node.children if child.type == "statement_block"), None)
-    if block is None:
-        raise _OtherForm(roots[0] if roots else root, "beside the one try block and exit 0 there is something else")
-    statements = list(statements_of(block))
-    calls = [only_call(statement) for statement in statements]
-    names = [call.name if call else "" for call in calls]
-    if names != ["Open-Run", *["Add-Step"] * (len(names) - 2), "Complete-Run"]:
-        raise _OtherForm(
-            statements[0] if statements else block, "Open-Run, steps and Complete-Run are not all there is"
-        )
-    opening, *steps = (_table(call) for call in calls[:-1] if call is not None)
+    facts, calls = plan_of(script.root)
+    if facts is None:
+        raise _OtherForm(roots[0] if roots else script.root, f"{PLAN} does not begin with the facts of the run")
     text = fill(
         "script.ps1.j2",
         {
-            "requirements": (),
-            "title": "",
-            "header": (),
-            "fixed": (),
-            "run": _template_run(statements[0], opening),
-            "steps": [_template_step(node, step) for node, step in zip(statements[1:-1], steps, strict=True)],
+            **dict.fromkeys(("synopsis", "name", "usage"), ""),
+            **dict.fromkeys(("description", "notes", "requirements", "fixed"), ()),
+            "run": _template_run(facts),
+            "plan": [line for call in calls for line in _template_call_lines(call)],
         },
     )
     return shape_of(_top(parse(text.decode("ascii"))))
 
 
-def _table(call: CommandCall) -> Mapping[str, "Node"]:
-    table = entries(call.given[0].value) if len(call.given) == 1 and call.given[0].value else None
-    if table is None:
-        raise _OtherForm(call.node, f"{call.name} does not get one table")
-    return table
+def plan_of(root: "Node") -> tuple["Node | None", tuple[CommandCall, ...]]:
+    """The table of a script's facts, None where it has none, and the calls that stand behind it in its plan.
+
+    Whatever else stands there is left out: the inspection finds it in the tree.
+    """
+    plans = [node for node in _top(root) if node.type == "function_statement" and PLAN in map(text_of, node.children)]
+    if not plans:
+        return None, ()
+    statements = [
+        statement for child in plans[0].children if child.type == "script_block" for statement in statements_of(child)
+    ]
+    calls = tuple(call for statement in statements[1:] if (call := only_call(statement)) is not None)
+    assignment = inner(statements[0]) if statements else plans[0]
+    if assignment.type != "assignment_expression" or text_of(assignment.children[0]) != FACTS:
+        return None, calls
+    return assignment.children[-1], calls
 
 
-def _template_run(node: "Node", table: Mapping[str, "Node"]) -> dict[str, str]:
+def _template_call_lines(call: CommandCall) -> list[str]:
+    given = {parameter.name: parameter.value for parameter in call.given}
+    if call.name == TARGET and given.keys() == {"Address", "Read"}:
+        return [target_line(_HARMLESS, _template_call(_value_of(call, given, "Read"), _READERS))]
+    if call.name == STEP_CALL:
+        return _template_step(call, given)
+    raise _OtherForm(call.node, f"the plan holds {TARGET} and {STEP_CALL}, and nothing else")
+
+
+def _value_of(call: CommandCall, given: "Mapping[str, Node | None]", name: str) -> "Node":
+    value = given[name]
+    if value is None:
+        raise _OtherForm(call.node, f"-{name} has no value")
+    return value
+
+
+def _template_run(table: "Node") -> dict[str, str]:
     """The run's facts, and the guard that belongs to a host's script or to a guest's."""
-    if table.keys() != _RUN_KEYS:
-        raise _OtherForm(node, f"the table lacks or adds {', '.join(sorted(_RUN_KEYS ^ table.keys()))}")
-    guest = text_of(inner(table["Guest"])) != "''"
-    facts = ("kind", "plan", "application", "serial", "total", "undo", "undo_digest", "guest", "computer")
+    facts = entries(table) or {}
+    if facts.keys() != _RUN_KEYS:
+        raise _OtherForm(table, f"the facts lack or add {', '.join(sorted(_RUN_KEYS ^ facts.keys()))}")
+    guest = text_of(inner(facts["Guest"])) != "''"
+    names = ("kind", "plan", "application", "serial", "undo", "undo_digest", "guest", "computer")
     more = ("logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
-    return {**dict.fromkeys((*facts, *more), _HARMLESS), "guard": "Assert-Guest" if guest else "Assert-VmHost"}
+    return {**dict.fromkeys((*names, *more), _HARMLESS), "guard": "Assert-Guest" if guest else "Assert-VmHost"}
 
 
-def _template_step(node: "Node", table: Mapping[str, "Node"]) -> dict[str, object]:
-    if not table.keys() >= _STEP_KEYS or not table.keys() <= {*_STEP_KEYS, *_EXTRA_KEYS}:
-        raise _OtherForm(node, "the step lacks a part, or has one too many")
-    extra = [(name, _HARMLESS) for name in _EXTRA_KEYS[:2] if name in table]
-    if "Fits" in table:
-        extra.append(("Fits", f"{{ {_template_call(table['Fits'], words('Test-Capacity'))} }}"))
-    return {
-        "remarks": (),
-        "number": _HARMLESS,
-        "address": _HARMLESS,
-        "action": _HARMLESS,
-        "needs": _HARMLESS,
-        "extra": extra,
-        "read": _template_call(table["Read"], _READERS),
-        "before": _template_readings(table["Before"]),
-        "after": _template_readings(table["After"]),
-        "calls": _template_set(table["Set"]),
-    }
+def _template_step(call: CommandCall, given: "Mapping[str, Node | None]") -> list[str]:
+    if not given.keys() >= _STEP_PARAMETERS or not given.keys() <= {*_STEP_PARAMETERS, *_EXTRA_PARAMETERS}:
+        raise _OtherForm(call.node, "the step lacks a part, or has one too many")
+    options = [(name, _HARMLESS) for name in _EXTRA_PARAMETERS[:2] if name in given]
+    if "Fits" in given:
+        asked = _template_call(_value_of(call, given, "Fits"), words("Test-Capacity"))
+        options.append(("Fits", f"{{ {asked} }}"))
+    return step_lines(
+        StepText(
+            action=_HARMLESS,
+            before=_template_readings(_value_of(call, given, "Before")),
+            after=_template_readings(_value_of(call, given, "After")),
+            calls=_template_set(_value_of(call, given, "Set")),
+            options=options,
+        )
+    )
 
 
-def _template_readings(node: "Node") -> str:
+def _template_readings(node: "Node") -> dict[str, str]:
     table = entries(node)
     if table is None:
         raise _OtherForm(node, "the readings before or after a step are no table")
-    return "; ".join(f"{_HARMLESS} = {_HARMLESS}" for _ in table)
+    return {key if key.isidentifier() else f"'{number}'": _HARMLESS for number, key in enumerate(table)}
 
 
 def _template_call(node: "Node", allowed: frozenset[str]) -> str:
@@ -163,24 +189,16 @@ def _template_call(node: "Node", allowed: frozenset[str]) -> str:
 
 
 def _template_set(node: "Node") -> list[str]:
-    """The calls of a `Set` block: cmdlets of Hyper-V, writers of the runtime, and `$vm = Get-Machine ...`."""
+    """The calls of a `Set` block: cmdlets of Hyper-V, and writers of the runtime."""
     calls = []
     for statement in statements_of(inner(node)):
         call = only_call(statement)
-        if call is not None:
-            calls.append(_call_text(call, _WRITERS | ({call.name} if call.name.startswith("Hyper-V\\") else set())))
-        else:
-            calls.append(f"$vm = {_call_text(_assigned_call(statement), words('Get-Machine'))}")
+        if call is None:
+            raise _OtherForm(statement, "Set holds more than calls")
+        calls.append(_call_text(call, _WRITERS | ({call.name} if call.name.startswith("Hyper-V\\") else set())))
     if not calls:
         raise _OtherForm(node, "Set does nothing, or is no block")
     return calls
-
-
-def _assigned_call(statement: "Node") -> CommandCall:
-    node = inner(statement)
-    if node.type == "assignment_expression" and (call := only_call(node.children[-1])):
-        return call
-    raise _OtherForm(statement, "Set holds more than calls and $vm")
 
 
 def _call_text(call: CommandCall, allowed: frozenset[str]) -> str:
@@ -196,12 +214,12 @@ def _call_text(call: CommandCall, allowed: frozenset[str]) -> str:
 
 
 def _value_text(node: "Node") -> str:
-    """A literal, `$vm`, or what the runtime's own functions make of literals."""
+    """A literal, the machine, or what the runtime's own functions make of literals."""
     value = inner(node)
     if literal_of(value) is not None:
         return _HARMLESS
-    if text_of(value) == "$vm":
-        return "$vm"
+    if text_of(value) == VM:
+        return VM
     statements = [child for child in value.children if child.is_named]
     call = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
     if call is None:

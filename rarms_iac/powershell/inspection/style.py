@@ -70,10 +70,16 @@ def _check_unused(script: Script) -> Iterator[Diagnostic]:
     bodies = [[*walk(function.node)] for function in script.functions.values()]
     inside = {node.id for body in bodies for node in body}
     everywhere = [node for node in script.nodes if node.type == "variable"]
-    yield from _unused_among(script, [node for node in everywhere if node.id not in inside], everywhere)
+    # The script's own parameters are read by what is fixed, which need not be part of this tree.
+    outside = [node for node in everywhere if node.id not in inside and not _is_parameter(node)]
+    yield from _unused_among(script, outside, everywhere)
     for body in bodies:
         variables = [node for node in body if node.type == "variable"]
         yield from _unused_among(script, variables, variables)
+
+
+def _is_parameter(node: "Node") -> bool:
+    return node.parent is not None and node.parent.type == "script_parameter"
 
 
 def _unused_among(script: Script, variables: list["Node"], readers: list["Node"]) -> Iterator[Diagnostic]:

@@ -3,30 +3,29 @@
 
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
-    param([string] $Name, [string] $Machine = '', [long] $Processors, [long] $Reserve, [long] $Memory)
-    $own = Get-Machine -Name $Name -Machine $Machine
-    $cores = Get-CoreCount -Vm $own -Processors $Processors
-    $claims = @(@{ Cores = $cores; Reserve = $Reserve; Memory = $Memory })
-    foreach ($vm in @(Hyper-V\Get-VM)) {
-        if ([string] $vm.Id -ceq [string] $own.Id) { continue }
-        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Definition.Application
+    param([long] $Processors, [long] $Reserve, [long] $Memory)
+    $others = @(foreach ($vm in @(Get-MachineList)) {
+        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
+        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
-        $itself = -not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing'
-        if (-not ($active -or $itself)) { continue }
-        $cpu = Hyper-V\Get-VMProcessor -VM $vm
-        $startup = [long] (Hyper-V\Get-VMMemory -VM $vm).Startup
-        $cores = Get-CoreCount -Vm $vm -Processors $cpu.Count
-        $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve; Memory = $startup }
+        if ($active -or (-not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing')) { $vm }
+    })
+    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
+    $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
+    $bytes = $Memory
+    if ($others.Count) {
+        foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
+            $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
+        }
+        foreach ($memory in @(Hyper-V\Get-VMMemory -VM $others)) { $bytes += [long] $memory.Startup }
     }
     $percent = [long] 0
-    $bytes = [long] 0
-    $free = @(100) * $script:Definition.Cores
+    $free = @(100) * $script:Plan.Cores
     foreach ($one in $claims) {
-        $percent += $one.Cores * $script:Definition.ThreadsPerCore * $one.Reserve
-        $bytes += $one.Memory
+        $percent += $one.Cores * $script:Plan.ThreadsPerCore * $one.Reserve
         if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
     }
-    if ($percent -gt $script:Definition.Percent -or $bytes -gt $script:Definition.Memory) { return $false }
+    if ($percent -gt $script:Plan.Percent -or $bytes -gt $script:Plan.Memory) { return $false }
     # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()
@@ -46,9 +45,9 @@ function Test-Capacity {
 
 function Get-CoreCount {
     # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
-    param($Vm, [long] $Processors)
-    if ($script:Definition.ThreadsPerCore -eq 1) { return $Processors }
-    $own = (Hyper-V\Get-VMProcessor -VM $Vm).PSObject.Properties['HwThreadCountPerCore']
+    param($Cpu, [long] $Processors)
+    if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
+    $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
     # Without SMT of its own, it leaves the other thread of each core idle.
     if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
     ($Processors + ($Processors -band 1)) / 2

@@ -16,14 +16,12 @@ function Read-MadePartition {
     # As Read-Partition, and what somebody gave the machine since: an undo must not take it away with that.
     param([string] $Name, [string] $Disk = '')
     $live = Read-Partition -Name $Name
-    if (-not $live['exists']) { return $live }
-    $vm = Get-Machine -Name $Name
-    $pending = '{0}.rarms-{1}' -f $Name, $script:Definition.Plan
-    $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) {
+    if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
+    $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
         if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
     })
-    if (@($Name, $pending) -cnotcontains $live['name']) { $added += 'name ' + $live['name'] }
-    if ($live['snapshots']) { $added += 'a checkpoint' }
+    if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $live['name']) { $added += 'name ' + $live['name'] }
+    if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { $added += 'a checkpoint' }
     $live['added'] = $added -join ', '
     $live
 }
@@ -31,17 +29,15 @@ function Read-MadePartition {
 function Test-DiskUse {
     # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    foreach ($vm in @(Hyper-V\Get-VM)) {
-        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
-        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) {
-            $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one)
-        }
-        foreach ($drive in $drives) {
-            $at = [string] $drive.Path
-            while ($at) {
-                if (Test-SamePath -Left $at -Right $Path) { return $true }
-                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
-            }
+    $all = @(Get-MachineList)
+    if (-not $all.Count) { return $false }
+    $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $all)
+    foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $all)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+    foreach ($drive in $drives) {
+        $at = [string] $drive.Path
+        while ($at) {
+            if (Test-SamePath -Left $at -Right $Path) { return $true }
+            $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
         }
     }
     $false
@@ -54,11 +50,11 @@ function Test-SamePath {
 }
 
 function Get-DiskPath {
-    # Where a new disk goes: the plan's folder, or the host's own.
-    param([string] $Folder, [string] $File)
+    # Where this plan puts a new disk of a partition: in its folder, or in the host's own.
+    param([string] $Folder, [string] $Name, [string] $Type)
     if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
     # Not Join-Path, which wants the drive to be there while the steps are still compared.
-    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $File
+    '{0}\{1}-{2}.{3}' -f ($Folder -creplace '\\$', ''), $Name, $script:Plan.Plan, $Type
 }
 
 function Clear-DiskFile {

@@ -11,7 +11,7 @@ function Assert-Guest {
     $key = Get-Item -LiteralPath $path
     $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
     $name = [string] $key.GetValue('VirtualMachineName')
-    if (@($id, $name) -ccontains $script:Definition.Guest) { return }
-    Exit-Refused -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Definition.Guest)
+    if (@($id, $name) -ccontains $script:Plan.Guest) { return }
+    Exit-Refused -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Plan.Guest)
 }
 # --- end of the part guest ---------------------------------------------------------------------

@@ -3,7 +3,7 @@
 
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
-    $plan = $script:Definition
+    $plan = $script:Plan
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
         Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)

@@ -63,7 +63,7 @@ function Add-Record {
 function Write-FirstRecord {
     # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
     if ($WhatIfPreference) { return }
-    $plan = $script:Definition
+    $plan = $script:Plan
     $undo = ''
     if ($plan.Undo) {
         # It must lie beside this one, as it was made.

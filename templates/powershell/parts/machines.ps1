@@ -4,64 +4,97 @@
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
+$script:Machines = @{}          # by partition: the id of the machine that answered to it
 
 function Read-Partition {
+    # What the host shows of the wanted names: one call for the machine, and one for each kind of its settings.
     param([string] $Name, [string] $Machine = '')
-    $taken = Test-Stranger -Name $Name
-    if (-not @(Find-Machine -Name $Name -Machine $Machine).Count) { return @{ exists = $false; taken = $taken } }
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
-    $memory = Hyper-V\Get-VMMemory -VM $vm
-    $mark = Get-Mark -Vm $vm
-    $owner = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
-    $state = ConvertTo-RunState -State $vm.State
-    @{
-        exists = $true; machine = ([string] $vm.Id).ToLowerInvariant(); name = [string] $vm.Name
-        generation = [long] $vm.Generation; processors = [long] $cpu.Count
-        reserve = [long] $cpu.Reserve; limit = [long] $cpu.Maximum; weight = [long] $cpu.RelativeWeight
-        memory = [long] $memory.Startup; dynamic_memory = [bool] $memory.DynamicMemoryEnabled
-        start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
-        stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
-        checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $mark.Set; taken = $taken
-        adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
-        disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
-        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
+    $live = Get-Known
+    if (-not $live.Contains('exists')) { Read-Machine -Live $live -Name $Name -Machine $Machine }
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    $vm = $live['vm']
+    $script:Vm = $vm
+    if (-not $live['exists']) { return $live }
+    if (Test-Unread -Live $live -Name 'processors', 'reserve', 'limit', 'weight') {
+        $cpu = Hyper-V\Get-VMProcessor -VM $vm
+        $live['processors'] = [long] $cpu.Count
+        $live['reserve'] = [long] $cpu.Reserve
+        $live['limit'] = [long] $cpu.Maximum
+        $live['weight'] = [long] $cpu.RelativeWeight
     }
+    if (Test-Unread -Live $live -Name 'memory', 'dynamic_memory') {
+        $memory = Hyper-V\Get-VMMemory -VM $vm
+        $live['memory'] = [long] $memory.Startup
+        $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
+    if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
+    if (Test-Unread -Live $live -Name 'snapshots') { $live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    $live
 }
 
-function Get-Machine {
-    # The one machine that a step changes.
-    param([string] $Name, [string] $Machine = '')
+function Read-Machine {
+    # Into the reading: whether there is the machine, and what it says of itself.
+    param([System.Collections.IDictionary] $Live, [string] $Name, [string] $Machine)
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if ($found.Count -ne 1) {
-        $detail = '{0} machines answer to {1}' -f $found.Count, $Name
-        Exit-Refused -Step @{ Address = 'partition/' + $Name; Number = 0 } -Detail $detail
-    }
-    $found[0]
+    if ($found.Count -gt 1) { Exit-Refused -Step $script:Current -Detail ('{0} machines answer to it' -f $found.Count) }
+    $Live['exists'] = $found.Count -eq 1
+    $Live['vm'] = $null
+    if (-not $found.Count) { return }
+    $vm = $found[0]
+    $mark = Get-Mark -Vm $vm
+    $state = ConvertTo-RunState -State $vm.State
+    $script:Machines[$Name] = ([string] $vm.Id).ToLowerInvariant()
+    $Live['vm'] = $vm
+    $Live['machine'] = $script:Machines[$Name]
+    $Live['name'] = [string] $vm.Name
+    $Live['generation'] = [long] $vm.Generation
+    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
+    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
+    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
+    $Live['state'] = $state
+    $Live['running'] = $state -ceq 'running'
+    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
+    $Live['set'] = $mark.Set
 }
 
 function Find-Machine {
-    # By id where the plan knew it; otherwise what carries our mark, or the pending name of this plan. Never by name.
+    # By id where it is known; otherwise what carries our mark, or the pending name of this plan. Never by name.
     param([string] $Name, [string] $Machine)
-    $pending = '{0}.rarms-{1}' -f $Name, $script:Definition.Plan
-    foreach ($vm in @(Hyper-V\Get-VM)) {
+    if (-not $Machine) { $Machine = [string] $script:Machines[$Name] }
+    if ($Machine -and -not $script:Looking) {
+        try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
+    }
+    $pending = Get-PendingName -Name $Name
+    foreach ($vm in @(Get-MachineList)) {
         if ($Machine) {
             if (([string] $vm.Id).ToLowerInvariant() -ceq $Machine) { $vm }
             continue
         }
         $mark = Get-Mark -Vm $vm
-        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Definition.Application
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
         if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
     }
+}
+
+function Get-MachineList {
+    # All machines of the host, listed once for all that is read until something changes.
+    if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
+    $script:Known['machines']
+}
+
+function Get-PendingName {
+    # What a partition is called while this plan makes it; a dot cannot occur in a manifest's name.
+    param([string] $Name)
+    '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
 }
 
 function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
-    foreach ($vm in @(Hyper-V\Get-VM)) {
+    foreach ($vm in @(Get-MachineList)) {
         if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
-        if ((Get-Mark -Vm $vm).Application -cne $script:Definition.Application) { return $true }
+        if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
 }
@@ -88,26 +121,22 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The only text that is built around what a host says. The user's lines of the notes stay.
-    param([string] $Name, [string] $Machine = '', [string] $Application, [string] $Partition, [string] $Digest)
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    $id = ([string] $vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0}/{1} vm={2} set={3}' -f $Application, $Partition, $id, $Digest
-    $other = Get-OtherNote -Vm $vm
+    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    $wanted = $script:Current.After
+    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+    $other = Get-OtherNote
     if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $vm -Notes $line
+    Hyper-V\Set-VM -VM $script:Vm -Notes $line
 }
 
 function Clear-Mark {
-    param([string] $Name, [string] $Machine = '')
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    Hyper-V\Set-VM -VM $vm -Notes (Get-OtherNote -Vm $vm)
+    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
 }
 
 function Get-OtherNote {
     # The user's lines of the notes.
-    param($Vm)
-    $lines = @([string] $Vm.Notes -split '\n')
+    $lines = @([string] $script:Vm.Notes -split '\n')
     @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
 }
 

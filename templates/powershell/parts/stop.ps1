@@ -3,8 +3,8 @@
 
 function Invoke-PartitionStop {
     # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
-    param([string] $Name, [string] $Machine = '', [long] $GraceMs)
-    $vm = Get-Machine -Name $Name -Machine $Machine
+    param([long] $GraceMs)
+    $vm = $script:Vm
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
     if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
     $state = ConvertTo-RunState -State $vm.State

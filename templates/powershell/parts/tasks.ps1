@@ -105,7 +105,7 @@ function Clear-TaskRecord {
 function Test-EmptyKey {
     # Whether a kill left keys that hold nothing: a class without values, a record without its digest, or ours above it.
     param([string] $Task)
-    $application = '{0}\{1}' -f $script:RecordRoot, $script:Definition.Application
+    $application = '{0}\{1}' -f $script:RecordRoot, $script:Plan.Application
     $record = '{0}\{1}' -f $application, $Task
     foreach ($path in @((Get-TaskPath -Task $Task), $application, $script:RecordRoot)) {
         if (Test-BareKey -Path $path) { return $true }

@@ -35,7 +35,8 @@ def _insert(*lines: str) -> Mutation:
 
     def mutate(script: str, pick: random.Random) -> str | None:
         starts = [
-            match.start() for match in re.finditer(r"(?m)^ +(?=\$\w+ = |Hyper-V\\|\[ordered\]|Add-Step|Write-)", script)
+            match.start()
+            for match in re.finditer(r"(?m)^ +(?=\$\w+ = |Hyper-V\\|\[ordered\]|Add-Step|Use-Target|Write-)", script)
         ]
         if not starts:
             return None
@@ -199,9 +200,9 @@ CHANGING: dict[str, Mutation] = {
     "a guard that lets anything through": lambda script, _: script.replace("{ Assert-VmHost }", "{ Get-Operator }"),
     "a guard that is gone": lambda script, _: script.replace("        Guard = { Assert-VmHost }" + LINE, ""),
     "a guard of a guest": lambda script, _: script.replace("{ Assert-VmHost }", "{ Assert-Guest }"),
-    "room that is not asked for": _replace(r"(?<=Fits = \{ )Test-Capacity", _before("Clear-Mark -Name 'x'; ")),
-    "something before the run is opened": lambda script, pick: script.replace(
-        LINE + "try {" + LINE,
+    "room that is not asked for": _replace(r"(?<=-Fits \{ )Test-Capacity", _before("Clear-Mark; ")),
+    "something behind what is fixed": lambda script, pick: script.replace(
+        LINE + "Invoke-Run",
         LINE
         + pick.choice(
             [
@@ -213,28 +214,36 @@ CHANGING: dict[str, Mutation] = {
             ]
         )
         + LINE
-        + "try {"
-        + LINE,
+        + "Invoke-Run",
     ),
+    "something beside the plan": lambda script, pick: script.replace(
+        LINE + "function Add-Plan {",
+        LINE
+        + pick.choice(["Hyper-V\\Get-VM", "$x = 5", "function Add-More { Hyper-V\\Get-VM }"])
+        + LINE
+        + "function Add-Plan {",
+    ),
+    "a plan that ends early": _replace(r"(?m)^    Use-Target", _before("}" + LINE + "function Add-More {" + LINE)),
+    "a profile that reaches in": lambda script, _: script.replace("$PSDefaultParameterValues = @{}" + LINE, ""),
     "a head that does something": lambda script, _: "Hyper-V\\Get-VM" + LINE + script,
     "a head that asks for less": lambda script, _: script.replace("#Requires -RunAsAdministrator" + LINE, ""),
+    "a help of another command": lambda script, _: script.replace(
+        ".NOTES" + LINE, ".FORWARDHELPTARGETNAME Get-Help" + LINE + ".NOTES" + LINE
+    ),
+    "a help that ends early": lambda script, _: script.replace(".NOTES" + LINE, "#>" + LINE + "Hyper-V\\Get-VM" + LINE),
     "a signature": lambda script, _: "# SIG # Begin signature block" + LINE + script,
     "a step that computes": _replace(
-        r"(?<=Before = )@\{ ", _after("'x' = (Get-Item -LiteralPath 'x'); ", "'x' = $vm; ")
+        r"(?<=-Before )@\{ ", _after("'x' = (Get-Item -LiteralPath 'x'); ", "'x' = $script:Vm; ")
     ),
     "a read that changes": _replace(
-        r"(?<=Read = \{ )Read-\w+", _before("Hyper-V\\Start-VM -Name 'x'; ", "Clear-Mark -Name 'x'; ")
+        r"(?<=-Read \{ )Read-\w+", _before("Hyper-V\\Start-VM -Name 'x'; ", "Clear-Mark; ")
     ),
-    "a set that loops": _replace(r"(?<=Set = \{)\r\n", _after("foreach ($x in 1, 2) { Write-Mark -Name 'x' }" + LINE)),
-    "a set that assigns": _replace(r"(?<=Set = \{)\r\n", _after("$x = 5" + LINE, "$script:Done = @{}" + LINE)),
-    "a set that runs the runtime": _replace(r"(?<=Set = \{)\r\n", _after("Exit-Host" + LINE, "exit 0" + LINE)),
-    "a step with a part more": _replace(r"(?<=Add-Step -Definition @\{)\r\n", _after("Force = $true" + LINE)),
-    "a step that says a part twice": _replace(
-        r"(?<=Add-Step -Definition @\{)\r\n", _after("Set = { Clear-Mark -Name 'x' }" + LINE)
-    ),
-    "another end": lambda script, _: script.replace(
-        "    Exit-Host" + LINE + "}" + LINE + "exit 0", "}" + LINE + "exit 0"
-    ),
+    "a set that loops": _replace(r"(?<=-Set \{)\r\n", _after("foreach ($x in 1, 2) { Write-Mark }" + LINE)),
+    "a set that assigns": _replace(r"(?<=-Set \{)\r\n", _after("$x = 5" + LINE, "$script:Done = @{}" + LINE)),
+    "a set that runs the runtime": _replace(r"(?<=-Set \{)\r\n", _after("Exit-Host" + LINE, "exit 0" + LINE)),
+    "a step with a part more": _replace(r"Add-Step(?= -Action)", _after(" -Force $true", " -Needs 'x'")),
+    "a step that says a part twice": _replace(r"Add-Step(?= -Action)", _after(" -Set { Clear-Mark }")),
+    "another end": lambda script, _: script.replace("Invoke-Run -Steps { Add-Plan }", "Add-Plan"),
 }
 
 READING: dict[str, Mutation] = {

@@ -16,8 +16,8 @@ from tests.unit.powershell.plans import all_changes, marked, rendered_plan, same
 
 
 def steps_of(script: bytes) -> str:
-    """What follows what is fixed, with LF."""
-    return script.decode("ascii").replace("\r\n", "\n").rpartition("# --- end of the ")[2]
+    """The head and the plan, with LF."""
+    return script.decode("ascii").replace("\r\n", "\n").partition("# --- runtime")[0]
 
 
 def renamed(change: Change, name: str, message: str) -> Change:
@@ -60,15 +60,24 @@ def test_every_script_carries_the_same_runtime() -> None:
     assert parts == {1}
 
 
-def test_a_reserve_is_one_readable_call_under_its_reason() -> None:
+def test_a_reserve_is_one_readable_call_under_the_banner_of_its_partition() -> None:
     (change, *_) = all_changes()
 
     text = steps_of(render_apply(*rendered_plan([change])))
 
-    assert "    # 1/2  partition/vision: reserve 70 -> 40 %, weight 100 -> 200\n    # why: " in text
-    assert "    # at:  rarms.yaml:31:5\n" in text
-    assert "Before = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 70; 'weight' = 100 }" in text
-    assert "            Hyper-V\\Set-VMProcessor -VM $vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n" in text
+    assert re.search(r"\n    # === vision =+\n    # rarms\.yaml:31:5: the manifest wants it\n", text)
+    assert "-Action 'reserve 70 -> 40 %, weight 100 -> 200' -Before @{" in text
+    assert "        limit = 100; reserve = 70; weight = 100\n" in text
+    assert "        Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n" in text
+
+
+def test_a_mark_is_one_line() -> None:
+    (change, *_) = all_changes()
+
+    (line,) = (line for line in steps_of(render_apply(*rendered_plan([change]))).split("\n") if "Write-Mark" in line)
+
+    assert line.startswith("    Add-Step -Action 'mark it as robot/vision, set aaaaaaaaaaaa' -Before @{ ")
+    assert line.endswith("-After @{ mark = 'robot/vision'; set = 'aaaaaaaaaaaa' } -Set { Write-Mark }")
 
 
 def test_making_a_machine_is_guarded_call_by_call() -> None:
@@ -76,8 +85,7 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
 
     text = steps_of(render_apply(*rendered_plan([new])))
 
-    calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
-    assert calls == [
+    assert calls_in(text) == [
         "Hyper-V\\New-VM",
         "Hyper-V\\Set-VMMemory",
         "Hyper-V\\Remove-VMNetworkAdapter",
@@ -90,11 +98,16 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
         "Hyper-V\\Rename-VM",
         "Hyper-V\\Start-VM",
     ]
-    assert "-Name 'planning.rarms-0123456789ab'" in text
-    assert "Hyper-V\\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 536870912\n" in text
-    assert "Before = @{ 'exists' = $false; 'taken' = $false }" in text
-    asked = "Fits = { Test-Capacity -Name 'planning' -Processors 2 -Reserve 40 -Memory 536870912 }"
-    assert text.count(asked) == text.count("Fits =") == 1
+    assert "-Name (Get-PendingName -Name 'planning')" in text
+    assert "Hyper-V\\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912\n" in text
+    assert "exists = $false; taken = $false" in text
+    asked = "-Fits { Test-Capacity -Processors 2 -Reserve 40 -Memory 536870912 }"
+    assert text.count(asked) == text.count("-Fits") == 1
+
+
+def calls_in(plan: str) -> list[str]:
+    """The first call of each `Set` block."""
+    return re.findall(r"-Set \{\s+([\w\\-]+)", plan)
 
 
 def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
@@ -102,7 +115,7 @@ def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
 
     text = steps_of(render_apply(*rendered_plan([new], image="D:\\images\\old.VHD")))
 
-    assert "-File 'planning-0123456789ab.vhd') -ParentPath 'D:\\images\\old.VHD' -Differencing\n" in text
+    assert "-Name 'planning' -Type 'vhd') -ParentPath 'D:\\images\\old.VHD' -Differencing\n" in text
 
 
 def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
@@ -110,9 +123,10 @@ def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
 
     text = steps_of(render_undo(*rendered_plan([new])))
 
-    calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
-    assert calls == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM", "Clear-DiskFile"]
-    assert re.findall(r"Undoes = (\d+)", text) == ["10", "0", "0"]
+    assert calls_in(text) == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM", "Clear-DiskFile"]
+    assert re.findall(r"-Undoes (\d+)", text) == ["10", "0", "0"]
+    actions = [action.split(" that")[0] for action in re.findall(r"-Action '([^']+)'", text)]
+    assert actions == ["stop it", "remove the machine", "delete the disk"]
 
 
 def test_a_task_class_is_written_value_by_value_with_types() -> None:
@@ -142,7 +156,7 @@ def test_a_template_that_asks_for_more_fails() -> None:
     from jinja2 import UndefinedError
 
     with pytest.raises(UndefinedError):
-        fill("script.ps1.j2", {"requirements": [], "title": "", "header": [], "fixed": []})
+        fill("script.ps1.j2", {"requirements": [], "name": "", "plan": [], "fixed": []})
 
 
 def test_the_observe_script_has_no_values() -> None:
