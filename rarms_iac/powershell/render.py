@@ -286,11 +286,11 @@ def _without_presence(before: Readings, after: Readings) -> tuple[Readings, Read
     """Without `exists` where it stays true and something else is read: what is not there has no other name either."""
     if before.get("exists") is not True or after.get("exists") is not True:
         return before, after
-    kept = [
+    tables = [
         {name: value for name, value in readings.items() if name != "exists" or len(readings) == 1}
         for readings in (before, after)
     ]
-    return kept[0], kept[1]
+    return tables[0], tables[1]
 
 
 def _code(numbered: _NumberedPiece) -> str:

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '52d4a485e255'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '337392581ad9ab75e1f5744aff9973b70f6a71b8b99b70d0dbf6d7dd49f9bbda'
+        UndoDigest = '4f2c89d95d48bf1d4cd37d99b3618da645610fc32c35c7357a456582002ab138'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -337,7 +337,8 @@ function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
-    if ($script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }

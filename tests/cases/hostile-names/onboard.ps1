@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c1af95b37ef1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4e2c59cd2a7681e4bf55e10b2c8a251fdb9a78564e8aa20e62feaa612cba5108'
+        UndoDigest = '5a4048946e79ebb6ff8889e9067b154c681e365cc20c000d3f01d2f7755cda80'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -326,7 +326,8 @@ function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
-    if ($script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }

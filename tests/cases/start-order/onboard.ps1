@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '67b0913a71ae'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '94665c174d6775e6ce42d0a58660d60005cc30842634b48f84a221ca141ff995'
+        UndoDigest = '3d41ff7d0f3268be99d507e67480e10bace47afba2b647358fe8fe39c1ba2602'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -435,7 +435,8 @@ function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
-    if ($script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '961689d5e053'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7ddcc4cf578892f8571626f6c98bf459389e468d07c8304da23e038573e1a899'
+        UndoDigest = '3403764c087602b46b777da1afc36d89fb4e16d08596d43214f6d2b28cb80ff4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -298,7 +298,8 @@ function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
     if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
-    if ($script:Touched.Contains($Step.Lost) -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }

@@ -59,6 +59,8 @@ def test_the_run_and_what_an_undo_takes_back() -> None:
         assert _lower(after) == _lower(brought_back)
         if step.read.name == "Read-MadePartition":
             assert step.before == {"exists": True, "added": ""}
+        elif step.read.name == "Read-Disk":
+            assert step.before == {"exists": True, "child": True, "used": False}
         else:
             assert _lower(step.before) == _lower({name: value for name, value in done.after.items() if name != "empty"})
     undoes = [step.undoes for step in undone.steps if step.undoes is not None]
