@@ -37,7 +37,8 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     host = observed.facts.name
     found = goals_of(system, {host: observed}, PLACES, limit)
     assert found.layout is not None, found.findings
-    request = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_build=guest_build))
+    builds = {partition.id: guest_build for partition in observed.partitions}
+    request = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_builds=builds))
     difference = compare(request.desired, observed, system.application.name, request.context, request.rules)
     held = hold_back(difference.changes, request.budget)
     return Route(request, difference, held, order(plan_changes(held.allowed, request.context), request.budget))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 from rarms_iac.applying.plan_summary import threads_of
 from rarms_iac.applying.preconditions import ignored_reserves, unproven_rights
@@ -14,9 +15,10 @@ from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
-from rarms_iac.model.host import HypervHost, SimulatedHost
+from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import ThreadClass
+from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import desired_state
@@ -208,8 +210,14 @@ def _host_goal(
 
 
 def _context(system: System, observed: State) -> HostContext:
-    settings = system.hosts[observed.facts.name].settings
-    guest_build = settings.guest_windows_build if isinstance(settings, SimulatedHost) else 0
     graces = {name: request.grace for name, request in system.partitions.items()}
+    stated = {name: request.guest.windows_build or 0 for name, request in system.partitions.items()}
     attached = {partition.id: count_disks(observed, partition.id) for partition in observed.partitions}
-    return HostContext(facts=observed.facts, guest_build=guest_build, graces=graces, attached=attached)
+    builds: dict[str, int] = {}
+    for partition in observed.of(system.application.name).partitions:
+        assert partition.mark is not None, "what is ours has a mark"
+        name = system.moved.get(partition.mark.name, partition.mark.name)
+        builds[partition.id] = partition.guest_build or stated.get(name, 0)
+        if partition.settings.running and not partition.can_be_asked:
+            graces[name] = Milliseconds(Fraction(0))
+    return HostContext(facts=observed.facts, guest_builds=builds, graces=graces, attached=attached)

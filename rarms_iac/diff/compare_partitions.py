@@ -4,7 +4,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
-from rarms_iac.diff.disruption import HostContext, can_change_now, changed_facets, disruption_of_update, stops
+from rarms_iac.diff.disruption import (
+    HostContext,
+    can_change_now,
+    changed_facets,
+    disruption_of_update,
+    stops,
+    why_memory_needs_off,
+)
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
@@ -145,6 +152,8 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
     if not differing:
         return "the mark does not say what was last written"
     stop = "; it has to stop for that" if stops(before, after.settings, context) and after.settings.running else ""
+    if stop and Facet.MEMORY in changed and (why := why_memory_needs_off(before, after.settings, context)):
+        stop += f" (memory: {why})"
     return f"not as wanted: {', '.join(differing)}{stop}"
 
 

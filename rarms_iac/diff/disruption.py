@@ -20,7 +20,7 @@ class HostContext:
     """The host, and what only some changes need: what its steps depend on beside the changes themselves."""
 
     facts: HostFacts
-    guest_build: int = 0  # of the Windows in the partitions; 0: not known, so nothing is promised of it
+    guest_builds: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: of its Windows; absent: unknown
     making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
     disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
@@ -68,33 +68,47 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> froze
     return frozenset(facet for facet, (old, new) in pairs.items() if old != new)
 
 
-def needs_off(before: PartitionSettings, after: PartitionSettings, context: HostContext) -> bool:
+def needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
     """Tell whether a setting changes for which the machine must be off: processors, memory, the action at a stop.
 
     On Linux there is none: a control group takes every value while its processes run. A running machine's memory
     changes live where it is static and both Windows are new enough (windows.md 3).
 
     Args:
-        before: the settings as observed.
+        before: the partition as observed.
         after: the settings as wanted.
-        context: the host's provider and version.
+        context: the host's provider and version, and the guest's.
 
     Returns:
         Whether it must be off; the answer does not depend on whether it runs.
     """
     if context.facts.provider is ProviderKind.LINUX:
         return False
-    if before.stop_action is not after.stop_action:
+    if before.settings.stop_action is not after.stop_action:
         return True
-    changed = changed_facets(before, after)
-    return Facet.PROCESSORS in changed or (Facet.MEMORY in changed and not _memory_is_live(before, after, context))
+    changed = changed_facets(before.settings, after)
+    return Facet.PROCESSORS in changed or bool(Facet.MEMORY in changed and why_memory_needs_off(before, after, context))
 
 
-def _memory_is_live(before: PartitionSettings, after: PartitionSettings, context: HostContext) -> bool:
-    if before.dynamic_memory or after.dynamic_memory:
-        return False
+def why_memory_needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> str:
+    """Tell why memory cannot change while the machine runs; empty where it can (FACTS 3).
+
+    Args:
+        before: the partition as observed.
+        after: the settings as wanted.
+        context: the host's version, and the guest's.
+    """
     host_since = WINDOWS_10 if context.facts.client else SERVER_2016
-    return context.facts.os_build >= host_since and context.guest_build >= WINDOWS_10
+    guest_build = context.guest_builds.get(before.id, 0)
+    if before.settings.dynamic_memory or after.dynamic_memory:
+        return "it is dynamic, or was"
+    if context.facts.os_build < host_since:
+        return f"the host's Windows has build {context.facts.os_build}, and it takes {host_since}"
+    if not guest_build:
+        return "its guest tells no build of Windows, and `guest.windows_build` says none"
+    if guest_build < WINDOWS_10:
+        return f"its guest's Windows has build {guest_build}, and it takes {WINDOWS_10}"
+    return ""
 
 
 def stops(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
@@ -109,7 +123,7 @@ def stops(before: Partition, after: PartitionSettings, context: HostContext) -> 
         False where it does not run now.
     """
     running = before.settings.running
-    return running and (not after.running or needs_off(before.settings, after, context))
+    return running and (not after.running or needs_off(before, after, context))
 
 
 def disruption_of_update(before: Partition, after: PartitionSettings, context: HostContext) -> Disruption:
@@ -155,7 +169,7 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
     Returns:
         False: nothing may be planned before the machine is at rest (`not_at_rest`).
     """
-    off_needed = needs_off(before.settings, after, context)
+    off_needed = needs_off(before, after, context)
     match before.state:
         case RunState.OFF | RunState.RUNNING:
             return True

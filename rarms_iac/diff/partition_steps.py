@@ -128,7 +128,7 @@ def update_partition(
         return
     grace = grace_ms(context.graces, address.partition)
     builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
-    off = needs_off(before.settings, after.settings, context)
+    off = needs_off(before, after.settings, context)
     # First, and alone: order.py takes this step out and does all renames of marks before anything else.
     yield from rename_mark(builder.address, before, reason)
     builder.now = _with_mark_name(before, address.partition)

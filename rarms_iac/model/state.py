@@ -139,6 +139,8 @@ class Partition:
     foreign_mark: str = ""  # why a line that looks like our mark does not count (a finding); empty: there is none
     checkpoints: int = 0  # how many were taken of it and are still there
     sharing: CoreSharing = ANY_THREAD
+    guest_build: int = 0  # of the Windows that runs in it, as it claims; 0: not known, or no Windows
+    can_be_asked: bool = True  # its guest, to shut down; where nobody could tell, it is tried
 
     @property
     def claim(self) -> Claim:

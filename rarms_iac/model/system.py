@@ -154,6 +154,7 @@ class Guest:
 
     connect: Connect | None = None
     credential: str | None = None
+    windows_build: int | None = None  # of its Windows, where it does not tell its host
 
 
 GRACE = Milliseconds(Fraction(120_000))

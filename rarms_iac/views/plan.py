@@ -211,12 +211,12 @@ def _note(change: Change, part: HostPlan) -> str:
     stop = next((operation for operation in operations if isinstance(operation, StopPartition)), None)
     if stop is None:
         return note or _left_stopped(change)
-    grace = show_milliseconds(stop.grace_ms)
+    grace = f"{show_milliseconds(stop.grace_ms)} to shut down" if stop.grace_ms else ""
     if not isinstance(change, Update):
-        return f"{note}; {grace} to shut down"
+        return f"{note}; {grace or 'turned off, not asked'}"
     start = ", then for its start" if any(isinstance(each, StartPartition) for each in operations) else ""
     made_again = "made again; " if symbol(change) == "-/+" else ""
-    return f"{made_again}stopped for up to {grace} to shut down{start}"
+    return f"{made_again}{f'stopped for up to {grace}' if grace else 'turned off, not asked'}{start}"
 
 
 def _left_stopped(change: Change) -> str:

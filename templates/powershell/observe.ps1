@@ -192,6 +192,22 @@ $document = [ordered] @{
             [ordered] @{ instance = [string] $one.InstanceID; group = [string] $one.CpuGroupId; reservation = [long] $one.Reservation }
         }
     }
+    # What guests tell of their system, and whether they can be asked to shut down, by the ids of their machines.
+    guests = Read-Probe -Many -Read {
+        foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_KvpExchangeComponent)) {
+            $system = @(foreach ($item in @($one.GuestIntrinsicExchangeItems)) {
+                if ([string] $item -clike '*>OSName<*' -or [string] $item -clike '*>OSBuildNumber<*') { [string] $item }
+            })
+            [ordered] @{ machine = ([string] $one.SystemName).ToLowerInvariant(); system = $system }
+        }
+    }
+    shutdown_services = Read-Probe -Many -Read {
+        foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ShutdownComponent)) {
+            $status = @(foreach ($each in @($one.OperationalStatus)) { [long] $each })
+            $machine = ([string] $one.SystemName).ToLowerInvariant()
+            [ordered] @{ machine = $machine; enabled = [long] $one.EnabledState; status = $status }
+        }
+    }
     profile = Read-Probe -Many -Read { Read-Key -Path $profile_ }
     tasks = Read-Probe -Many -Read {
         foreach ($key in @(Get-ChildItem -LiteralPath ($profile_ + '\Tasks'))) {

@@ -307,10 +307,35 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
                 Record(InstanceID=group["instance"], CpuGroupId=group["group"], Reservation=group["reservation"])
                 for group in host.cpu_groups
             ]
+        case "Msvm_KvpExchangeComponent":
+            return [
+                Record(SystemName=vm.id.upper(), GuestIntrinsicExchangeItems=_told(vm.guest_build * vm.tells_build))
+                for vm in host.vms.values()
+                if vm.state == "Running"
+            ]
+        case "Msvm_ShutdownComponent":
+            return [
+                Record(SystemName=vm.id.upper(), EnabledState=2, OperationalStatus=[2 if vm.shutdown_service else 12])
+                for vm in host.vms.values()
+                if vm.state == "Running"
+            ]
         case "Win32_PowerPlan":
             return [Record(InstanceID=one, IsActive=True) for one in host.power_plan]
         case _:
             raise Unsupported(f"the class {name}")
+
+
+def _told(build: int) -> list[Value]:
+    """What a guest tells its host of itself."""
+    if not build:
+        return []
+    pairs = {"FullyQualifiedDomainName": "robot", "OSName": "Windows Server 2025", "OSBuildNumber": str(build)}
+    return [
+        f'<INSTANCE CLASSNAME="Msvm_KvpExchangeDataItem"><PROPERTY NAME="Caption" TYPE="string"></PROPERTY>'
+        f'<PROPERTY NAME="Data" TYPE="string"><VALUE>{data}</VALUE></PROPERTY>'
+        f'<PROPERTY NAME="Name" TYPE="string"><VALUE>{name}</VALUE></PROPERTY></INSTANCE>'
+        for name, data in pairs.items()
+    ]
 
 
 def start_sleep(scope: Scope, given: Given) -> Value:

@@ -50,6 +50,14 @@ class Vm:
     adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch
     obeys: bool = True  # its guest shuts down when asked
     stopping: int | None = None  # ms of the clock at which it will be off
+    asked_at: int | None = None  # ms of the clock
+    needs_ms: int = 2000  # that its guest takes to shut down
+    was_cut: bool = False  # it was off before its guest was ready
+    guest_build: int = 26100  # of the Windows in it
+    tells_build: bool = False  # its host, while it runs
+    shutdown_service: bool = True  # it answers while the machine runs
+    services_at: int | None = None  # ms of the clock at which it begins to answer
+    stop_fails: bool = False  # the job of Stop-VM does
 
     @property
     def active(self) -> bool:

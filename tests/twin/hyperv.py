@@ -12,11 +12,13 @@ from tests.twin.scopes import Scope
 from tests.twin.values import EMPTY, Enumerated, Guid, Long, Record, ScriptError, Thing, Value, elements, number, text
 
 Given = Mapping[str, Value]
+WINDOWS_10 = 10240
 ROOT = 4
 """Event data of the root scheduler."""
 
 ADAPTER = "Network Adapter"
-SHUTDOWN_MS = 2000
+FIVE_MINUTES = 300_000
+"""What Stop-VM -Force gives the programs of a guest."""
 MOST_PROCESSORS = {1: 64, 2: 240}
 
 
@@ -49,6 +51,8 @@ def settle(host: WindowsHost) -> None:
     for vm in host.vms.values():
         if vm.stopping is not None and vm.stopping <= host.clock:
             vm.state, vm.stopping = "Off", None
+        if vm.services_at is not None and vm.services_at <= host.clock:
+            vm.shutdown_service = True
 
 
 def refuse(says: str, command: str, error_id: str = "InvalidState") -> ScriptError:
@@ -210,7 +214,8 @@ def set_memory(scope: Scope, given: Given) -> Value:
     vm, host = _vm(scope, given), scope.session.host
     size = _memory_of(given.get("startupbytes", vm.memory), "SetVMMemory")
     dynamic = given.get("dynamicmemoryenabled", vm.dynamic_memory)
-    if dynamic != vm.dynamic_memory or (size != vm.memory and (vm.dynamic_memory or vm.state != "Running")):
+    is_live = vm.state == "Running" and not vm.dynamic_memory and vm.guest_build >= WINDOWS_10
+    if dynamic != vm.dynamic_memory or (size != vm.memory and not is_live):
         _off(vm, "the memory", "SetVMMemory")
     if vm.state == "Running" and size > vm.memory:
         _check_memory(host, vm, size, "SetVMMemory")
@@ -256,10 +261,29 @@ def stop_vm(scope: Scope, given: Given) -> Value:
         raise refuse(f"'{vm.name}' cannot shut down: it is {vm.state}.", "StopVM")
     elif not given.get("asjob"):
         raise AssertionError("a shutdown that waits for ever")
+    elif vm.stop_fails or not vm.shutdown_service:
+        return Record(Id=1, State=Enumerated("Failed"))
     else:
-        _set(scope, vm, "Stop-VM", {"stopping": host.clock + SHUTDOWN_MS} if vm.obeys else {})
-        return Record(Id=1, State="Running")
+        allowed = FIVE_MINUTES if given.get("force") else vm.needs_ms
+        off = min(host.clock + min(vm.needs_ms, allowed), vm.stopping or 2**63)
+        cut = vm.was_cut or off < (vm.asked_at or host.clock) + vm.needs_ms
+        asked = {"stopping": off, "was_cut": cut, "asked_at": vm.asked_at or host.clock}
+        _set(scope, vm, "Stop-VM", asked if vm.obeys else {})
+        return Record(Id=1, State=Enumerated("Running"))
     return EMPTY
+
+
+def receive_job(scope: Scope, given: Given) -> Value:
+    raise ScriptError("The guest refused to shut down. (0x80070015)", error_id="OperationFailed")
+
+
+def get_services(scope: Scope, given: Given) -> Value:
+    vm = _vm(scope, given)
+    answers = "Ok" if vm.shutdown_service and vm.state == "Running" else "NoContact"
+    return [
+        Record(Id=f"Microsoft:{vm.id.upper()}\\{guid}", Enabled=True, PrimaryOperationalStatus=Enumerated(answers))
+        for guid in ("2A34B1C2-FD73-4043-8A5B-DD2159BC743F", "9F8233AC-BE49-4C79-8EE3-E7E1985B2077")
+    ]
 
 
 def remove_vm(scope: Scope, given: Given) -> Value:
@@ -345,6 +369,8 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vmnetworkadapter": lambda scope, given: [
         Record(Name=name, SwitchName=switch) for name, switch in _vm(scope, given).adapters
     ],
+    "get-vmintegrationservice": get_services,
+    "receive-job": receive_job,
     "get-vmsnapshot": _each(get_snapshots),
     "get-vmswitch": lambda scope, given: [Record(Name=one) for one in scope.session.host.switches],
     "get-vmhostnumanode": lambda scope, given: [

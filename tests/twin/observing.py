@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -31,6 +32,8 @@ _ASKS = {
     "numa": "Get-VMHostNumaNode",
     "processors": "Get-CimInstance Win32_Processor",
     "cpu_groups": "Get-CimInstance Msvm_ProcessorSettingData",
+    "guests": "Get-CimInstance Msvm_KvpExchangeComponent",
+    "shutdown_services": "Get-CimInstance Msvm_ShutdownComponent",
     "power_plan": "Get-CimInstance Win32_PowerPlan",
     "scheduler": "Get-WinEvent",
     "module": "Get-Module",
@@ -111,6 +114,19 @@ def _virtual_disks(host: WindowsHost, value: list[Document]) -> None:
                 host.write_file(one["parent"], b"an image")
 
 
+def _guests(host: WindowsHost, value: list[Document]) -> None:
+    for one in value:
+        told = "".join(one["system"])
+        build = re.search(r"<VALUE>(\d+)</VALUE>", told)
+        if build:
+            host.vms[one["machine"]].guest_build, host.vms[one["machine"]].tells_build = int(build[1]), True
+
+
+def _shutdown_services(host: WindowsHost, value: list[Document]) -> None:
+    for one in value:
+        host.vms[one["machine"]].shutdown_service = one["status"] == [2]
+
+
 def _tasks(host: WindowsHost, value: list[Document]) -> None:
     host.add_key(f"{PROFILE}\\Tasks")
     for one in value:
@@ -143,6 +159,8 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
     "hypervisor": _hypervisor,
     "machines": _machines,
     "virtual_disks": _virtual_disks,
+    "guests": _guests,
+    "shutdown_services": _shutdown_services,
     "tasks": _tasks,
     "records": _records,
     "journal": _journal,

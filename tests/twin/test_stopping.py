@@ -55,6 +55,72 @@ def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: i
     assert the_machine(host).state == "Running"
 
 
+@pytest.mark.parametrize(("grace_s", "needs_s", "stops_s"), [(600, 400, 400), (600, 30, 30), (200, 150, 150)])
+def test_no_guest_is_cut_off_within_its_grace_whatever_the_cmdlet_does_after_five_minutes(
+    grace_s: int, needs_s: int, stops_s: int
+) -> None:
+    host = running()
+    the_machine(host).needs_ms = 1000 * needs_s
+    begun = host.clock
+
+    ran = apply(host, cell(2, host, grace_s).plan())
+
+    assert ran.code == 0, ran.says
+    assert stops_s * 1000 <= host.clock - begun < (stops_s + 15) * 1000
+    assert not the_machine(host).was_cut
+
+
+def test_a_guest_that_needs_longer_is_off_when_its_grace_ends() -> None:
+    host = running()
+    the_machine(host).needs_ms = 900_000
+    begun = host.clock
+
+    ran = apply(host, cell(2, host, 600).plan())
+
+    assert ran.code == 0, ran.says
+    assert 600_000 <= host.clock - begun < 615_000
+    assert the_machine(host).was_cut
+
+
+def test_a_guest_that_refuses_to_be_asked_ends_the_run_with_the_reason() -> None:
+    host = running()
+    the_machine(host).stop_fails = True
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 1, ran.says
+    assert "The guest refused to shut down" in ran.says
+    assert the_machine(host).state == "Running"
+
+
+def test_a_guest_that_cannot_be_asked_is_turned_off_at_once_and_the_plan_says_so() -> None:
+    host = running()
+    the_machine(host).shutdown_service = False
+    begun = host.clock
+    wanted = cell(2, host)
+    told = wanted.prepare().findings
+
+    ran = apply(host, wanted.plan())
+
+    assert ran.code == 0, ran.says
+    assert "RARMS255" in [finding.code for finding in told]
+    assert host.clock - begun < 15_000
+
+
+def test_a_guest_that_starts_meanwhile_is_asked_as_soon_as_it_can_be() -> None:
+    host = running()
+    plan = cell(2, host, 120).plan()
+    machine = the_machine(host)
+    machine.shutdown_service, machine.services_at = False, host.clock + 20_000
+    begun = host.clock
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert 20_000 <= host.clock - begun < 40_000
+    assert not machine.was_cut
+
+
 @pytest.mark.parametrize("state", OTHER_STATES)
 def test_a_machine_that_left_its_state_since_the_plan_is_moved_and_not_stopped(state: str) -> None:
     host = running()

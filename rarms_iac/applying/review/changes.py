@@ -23,6 +23,9 @@ LIMIT_RAISED = Finding(code="RARMS221", severity=Severity.WARNING, summary="A li
 LIMIT_WIDENS = Finding(code="RARMS222", severity=Severity.NOTE, summary="A change widens a limit")
 DISKS_STAY = Finding(code="RARMS224", severity=Severity.NOTE, summary="A removed machine leaves its disks behind")
 NOT_UNDONE = Finding(code="RARMS225", severity=Severity.WARNING, summary="A step cannot be taken back")
+NOT_ASKED = Finding(
+    code="RARMS255", severity=Severity.WARNING, summary="A guest is turned off without being asked to shut down"
+)
 DISK_REMOVED = Finding(code="RARMS253", severity=Severity.WARNING, summary="A virtual disk is deleted")
 DISK_STAYS = Finding(
     code="RARMS254", severity=Severity.WARNING, summary="A virtual disk stays although its removal was asked for"
@@ -114,6 +117,21 @@ def review_restarts(part: ReviewedPlan) -> Iterator[Diagnostic]:
                 f'"{step.address.partition}" runs, and it is stopped for a while: {step.comment}.',
                 "Apply when its components may rest, or make room otherwise: a smaller reserve, or fewer changes at "
                 "once with `--target`.",
+                address=str(step.address),
+            )
+
+
+def review_guests_that_are_not_asked(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """A guest without the service through which it is asked to shut down is turned off, like a pulled plug."""
+    mute = {machine.id for machine in part.observed.partitions if machine.settings.running and not machine.can_be_asked}
+    for step in part.plan.steps:
+        if isinstance(step.operation, StopPartition) and step.address.machine in mute:
+            yield NOT_ASKED.at(
+                step.place,
+                f'The guest of "{step.address.partition}" does not answer to its shutdown service: its machine is '
+                "turned off without asking.",
+                "Install or start the integration service for shutdown in the guest, enable it for the machine "
+                "(`Enable-VMIntegrationService`), and plan again; or shut the guest down yourself.",
                 address=str(step.address),
             )
 

@@ -12,6 +12,7 @@ REVIEWS: tuple[Callable[[ReviewedPlan], Iterator[Diagnostic]], ...] = (
     host_effects.review_script_placement,
     host_effects.review_smt,
     changes.review_restarts,
+    changes.review_guests_that_are_not_asked,
     changes.review_memory,
     changes.review_raised_limits,
     changes.review_widened_limits,

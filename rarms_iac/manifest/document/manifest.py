@@ -110,6 +110,9 @@ class GuestBlock(Block):
 
     connect: Maybe[ConnectBlock] = optional("How the guest is reached.")
     credential: Maybe[Filled] = optional("The name under which a credential is stored; never the credential itself.")
+    windows_build: Maybe[Annotated[int, Field(ge=2600, le=99999)]] = optional(
+        "The build of its Windows, where the guest does not tell its host. From 10240 on memory changes while it runs."
+    )
 
 
 class PartitionStopBlock(Block):

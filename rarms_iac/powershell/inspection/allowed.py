@@ -68,7 +68,7 @@ _CHANGING = _READING | words(
 
 _READING_HYPERV = words(
     "Get-VM Get-VMHost Get-VMHostNumaNode Get-VMProcessor Get-VMMemory Get-VMHardDiskDrive Get-VMNetworkAdapter "
-    "Get-VHD Get-VMSnapshot Get-VMSwitch"
+    "Get-VHD Get-VMIntegrationService Get-VMSnapshot Get-VMSwitch"
 )
 _CHANGING_HYPERV = _READING_HYPERV | words(
     "New-VM Set-VM Rename-VM Remove-VM Start-VM Stop-VM Set-VMProcessor Set-VMMemory New-VHD Add-VMHardDiskDrive "
@@ -79,8 +79,8 @@ _READING_PLAIN = words(
     "Get-WinEvent Join-Path Set-StrictMode Sort-Object Test-Path Where-Object"
 )
 _CHANGING_PLAIN = (_READING_PLAIN - words("Get-CimInstance Get-Content Get-ExecutionPolicy")) | words(
-    "ConvertFrom-Json New-Item New-ItemProperty Remove-Item Remove-ItemProperty Set-Acl Start-Sleep Write-Information "
-    "Write-Verbose"
+    "ConvertFrom-Json New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl Start-Sleep "
+    "Write-Information Write-Verbose"
 )
 
 _READING_TYPES = words(
@@ -116,25 +116,25 @@ _HYPERV_MEMBERS = words(
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId Exception ExecutionPolicy FullName
-    FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames InstanceID
-    IsActive IsInRole MachineName MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId
-    NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors PSChildName PSEdition PSObject PSVersion
-    Properties Replace Reservation Scope Size SwitchName ToLowerInvariant Value Version VirtualMachinePath
-    new
+    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy FullName
+    FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
+    GuestIntrinsicExchangeItems InstanceID IsActive IsInRole MachineName MemoryAvailable MemoryCapacity MemoryTotal
+    Message Minimum NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors OperationalStatus PSChildName
+    PSEdition PSObject PSVersion Properties Replace Reservation Scope Size SwitchName SystemName ToLowerInvariant
+    Value Version VirtualMachinePath new
     """
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains
-    Cores Create CreateDirectory Delete Detail Dispose Equals Exception Fits Flush GetAttributes GetBytes
-    GetFolderPath GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors
-    Lost MachineName Memory FullyQualifiedErrorId InvocationInfo Kind Message Move MyCommand Needs Number
-    OpenOrCreate Ordinal PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes
-    ReadAllText ReleaseMutex ReparsePoint Replace Run ScriptLineNumber Serial Set SetLength
-    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString
-    Undo UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number plan record
-    run serials set status touched
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains Cores
+    Create CreateDirectory Delete Detail Dispose Enabled Equals Exception Fits Flush FullyQualifiedErrorId
+    GetAttributes GetBytes GetFolderPath GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest
+    InvocationInfo Keys Kind Length LogicalProcessors Lost MachineName Memory Message Move MyCommand Needs Number
+    OpenOrCreate Ordinal PSChildName PSObject Percent Plan Position PrimaryOperationalStatus Processors Properties
+    Read ReadAllBytes ReadAllText ReleaseMutex ReparsePoint Replace Run ScriptLineNumber Serial Set SetLength
+    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString Undo
+    UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number plan record run
+    serials set status touched
     """
 )
 

@@ -153,6 +153,23 @@ class ProcessorSetting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ToldByGuest:
+    """What a guest claims of its system: items of the key-value exchange as XML, none where its service is off."""
+
+    machine: str  # id
+    system: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShutdownService:
+    """The service that a machine's guest is asked through to shut down, in the numbers of WMI."""
+
+    machine: str  # id
+    enabled: int  # 2: on the host's side
+    status: tuple[int, ...]  # 2: the guest answers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NamedValue:
     """A registry value; a DWord or QWord has a number without sign, all others text."""
 
@@ -214,6 +231,8 @@ class HostObservation:
     unread_machines: Probe[tuple[UnreadMachine, ...]]
     virtual_disks: Probe[tuple[VirtualDisk, ...]]
     cpu_groups: Probe[tuple[ProcessorSetting, ...]]
+    guests: Probe[tuple[ToldByGuest, ...]]
+    shutdown_services: Probe[tuple[ShutdownService, ...]]
     profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile
     tasks: Probe[tuple[TaskKey, ...]]
     records: Probe[tuple[RecordKey, ...]]

@@ -1,6 +1,8 @@
 """An observation as a State: what a Hyper-V host, or a Windows inside one of its guests, looks like. Pure."""
 
+import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 from rarms_iac.model.capacity import core_sharing
@@ -145,7 +147,39 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
     """
     machines = sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id))
     readings = read_marks({machine.id: machine.notes for machine in machines})
-    return tuple(_partition(machine, readings[machine.id], facts) for machine in machines)
+    builds, mute = _guest_builds(observation), _mute_guests(observation)
+    return tuple(
+        replace(
+            _partition(machine, readings[machine.id], facts),
+            guest_build=builds.get(machine.id, 0),
+            can_be_asked=machine.id not in mute,
+        )
+        for machine in machines
+    )
+
+
+_ITEM = re.compile(r'<PROPERTY NAME="(?P<property>Name|Data)"[^>]*>\s*<VALUE>(?P<value>[^<]{0,200})</VALUE>')
+_ENABLED, _ANSWERS = 2, (2, 3)  # degraded: the guest's version of the service is another one, and it works
+
+
+def _guest_builds(observation: HostObservation) -> Mapping[str, int]:
+    """The builds of the Windows that guests say they run, by the ids of their machines (FACTS 3)."""
+    builds: dict[str, int] = {}
+    for guest in or_else(observation.guests, ()):
+        pairs = [{match["property"]: match["value"] for match in _ITEM.finditer(item)} for item in guest.system]
+        claims = {pair.get("Name"): pair.get("Data", "") for pair in pairs}
+        if "Windows" in claims.get("OSName", "") and (build := claims.get("OSBuildNumber", "")).isdecimal():
+            builds[guest.machine] = int(build)
+    return builds
+
+
+def _mute_guests(observation: HostObservation) -> frozenset[str]:
+    """The machines whose guests cannot be asked to shut down: the service is off, or nothing answers in the guest."""
+    return frozenset(
+        service.machine
+        for service in or_else(observation.shutdown_services, ())
+        if service.enabled != _ENABLED or not set(service.status[:1]) & set(_ANSWERS)
+    )
 
 
 def disks_of(observation: HostObservation) -> tuple[Disk, ...]:

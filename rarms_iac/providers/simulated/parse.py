@@ -8,10 +8,10 @@ import hashlib
 import re
 import uuid
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 from rarms_iac.model.capacity import core_sharing
-from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, RunState, State, TaskClass
 from rarms_iac.model.wording import quoted
@@ -79,7 +79,7 @@ def read_content(data: bytes) -> Content:
 def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
     """The State that an observation shows: without the rights, no machines and no guests (windows.md 5)."""
     facts = facts_of(content, host)
-    partitions = partitions_of(content, core_sharing(facts)) if facts.rights is Rights.PROVEN else ()
+    partitions = partitions_of(content, host) if facts.rights is Rights.PROVEN else ()
     return State(
         facts=facts,
         partitions=partitions,
@@ -95,11 +95,14 @@ def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
     return content.disks if facts.rights is Rights.PROVEN else ()
 
 
-def partitions_of(content: Content, sharing: CoreSharing) -> tuple[Partition, ...]:
-    """The machines by name, then id, with the marks that count; all of them share cores in the same way."""
+def partitions_of(content: Content, host: Host) -> tuple[Partition, ...]:
+    """The machines by name, then id, with the marks that count."""
+    sharing, build = core_sharing(facts_of(content, host)), description(host).guest_windows_build
     judged = read_marks({machine.id: machine.notes for machine in content.machines.values()})
     machines = sorted(content.machines.values(), key=lambda machine: (machine.settings.name, machine.id))
-    return tuple(_partition(machine, judged[machine.id], sharing) for machine in machines)
+    return tuple(
+        replace(_partition(machine, judged[machine.id]), sharing=sharing, guest_build=build) for machine in machines
+    )
 
 
 def tasks_of(content: Content, partitions: Iterable[Partition]) -> tuple[TaskClass, ...]:
@@ -144,7 +147,7 @@ def _checksum(text: str) -> str:
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
-def _partition(machine: SimulatedMachine, judged: MarkReading, sharing: CoreSharing) -> Partition:
+def _partition(machine: SimulatedMachine, judged: MarkReading) -> Partition:
     return Partition(
         settings=machine.settings,
         id=machine.id,
@@ -152,7 +155,6 @@ def _partition(machine: SimulatedMachine, judged: MarkReading, sharing: CoreShar
         mark=judged.mark,
         other_notes=judged.other_notes,
         foreign_mark=judged.foreign,
-        sharing=sharing,
     )
 
 

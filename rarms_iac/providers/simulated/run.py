@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
-from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.changes import Address
 from rarms_iac.model.host import Fault, FaultEffect, Host
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
@@ -183,7 +182,7 @@ class SimulatedHostProvider:
         """The state as far as names need it to be resolved, without task classes."""
         if self._last_state is None or self._last_state[0] is not content:
             facts = facts_of(content, self._host)
-            visible = partitions_of(content, core_sharing(facts)) if facts.rights is Rights.PROVEN else ()
+            visible = partitions_of(content, self._host) if facts.rights is Rights.PROVEN else ()
             self._last_state = (content, State(facts=facts, partitions=visible, disks=visible_disks(content, facts)))
         return self._last_state[1]
 
