@@ -91,12 +91,15 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
 
 
 def why_memory_needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> str:
-    """Tell why memory cannot change while the machine runs; empty where it can (FACTS 3).
+    """Tell why memory cannot change while the machine runs (FACTS 3).
 
     Args:
         before: the partition as observed.
         after: the settings as wanted.
         context: the host's version, and the guest's.
+
+    Returns:
+        The reason as part of a sentence; empty where memory changes live.
     """
     host_since = WINDOWS_10 if context.facts.client else SERVER_2016
     guest_build = context.guest_builds.get(before.id, 0)

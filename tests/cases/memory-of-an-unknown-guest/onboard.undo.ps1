@@ -312,6 +312,7 @@ function ConvertTo-AsciiJson {
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+$script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
@@ -335,11 +336,16 @@ function Enter-Host {
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     [System.IO.File]::WriteAllText($path, $script:Operator)
+    $script:OwnerFile = $path
 }
 
 function Exit-Host {
+    if ($script:OwnerFile) {
+        try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
+    }
     if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
 }
 
@@ -355,9 +361,12 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do.
+    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
+    if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
+        throw ('{0} is a link: look where it leads, then remove it' -f $Path)
+    }
     $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
     throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
