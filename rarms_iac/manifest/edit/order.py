@@ -90,7 +90,7 @@ _PARTITION = _map(
     cpu=_CPU,
     stop=_quantities("grace"),
     hyperv=_map("generation switch image vm_path"),
-    guest=_map("connect credential", connect=_CONNECT),
+    guest=_map("connect credential windows_build", connect=_CONNECT),
 )
 
 MANIFEST = _map(

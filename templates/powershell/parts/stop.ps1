@@ -18,7 +18,7 @@ function Invoke-PartitionStop {
             throw 'its guest could not be asked to shut down'
         }
         if ($null -eq $forced -and [string] $now.State -ceq 'Running' -and (Test-ShutdownService -Vm $now)) {
-            if ([DateTime]::UtcNow -ge $force) { $forced = Hyper-V\Stop-VM -VM $vm -Force -AsJob }
+            if (-not ([DateTime]::UtcNow -lt $force)) { $forced = Hyper-V\Stop-VM -VM $vm -Force -AsJob }
             elseif ($null -eq $asked) { $asked = Hyper-V\Stop-VM -VM $vm -AsJob }
         }
         Start-Sleep -Milliseconds 500
