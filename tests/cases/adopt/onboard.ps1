@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ede934439406 of application robot, for the host itself.
+    rarms apply script: plan 2fe02d26ed08 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ede934439406'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '2fe02d26ed08'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bd44f9c263858ff5b8fd1c15117350cdeed6721b7573d3c5a1a90ed6bda7770d'
+        UndoDigest = 'ef15e29554925d570b06ecc92124b23a277e880322d628fc643cbeefd9fadd3c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5f595890e332 of application robot, for the host itself.
+    rarms apply script: plan 3f3e976342ba of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5f595890e332'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '3f3e976342ba'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9856eec12db39bca25de5b6ed5f6c59eda37ca7c85610b1984c470d67079f5a4'
+        UndoDigest = '6e57f07681dfc71e08f6283fe11debd7cbb7ead5579bc1f6f37531d9039eb001'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

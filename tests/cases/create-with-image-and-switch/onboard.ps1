@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 52d4a485e255 of application robot, for the host itself.
+    rarms apply script: plan 78f711f35fb5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '52d4a485e255'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '78f711f35fb5'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4f2c89d95d48bf1d4cd37d99b3618da645610fc32c35c7357a456582002ab138'
+        UndoDigest = '746ad2bbe50a328f32d398a9abb0904ec172e23cb9428e310c8bea8e1ba90dff'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

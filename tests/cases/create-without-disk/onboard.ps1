@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 361005bc73d6 of application robot, for the host itself.
+    rarms apply script: plan 51ea7f7b4246 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '361005bc73d6'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '51ea7f7b4246'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b3d60e41663b44d87e9e73ef524ecf7f2db4a096093bd32f93f61c980ea00b7c'
+        UndoDigest = '47ecc772c4400043b17047adbe4baf97de57c6764a70c50c6c6d1ec09b864661'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

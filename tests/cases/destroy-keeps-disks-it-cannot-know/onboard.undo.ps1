@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 590c1d7eaca4 of application robot, for the host itself.
+    rarms undo script: plan b203f0fe04c5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -39,7 +39,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '590c1d7eaca4'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'b203f0fe04c5'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 518ef04e1590 of application robot, for the host itself.
+    rarms apply script: plan fe6dcef05725 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '518ef04e1590'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fe6dcef05725'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b3d3379abfbda76025b48e09177a3fa6255d68425e6137e81567813df95671f5'
+        UndoDigest = '25d03b1a1e57c6d6d64b0af010bff93e8ee8197a7ad2a58ca012c0cf5aa1b7ff'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 9b8c1e4301c6 of application robot, for the host itself.
+    rarms apply script: plan 4968ef33c036 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 60 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '9b8c1e4301c6'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '4968ef33c036'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e514ca44537dae11601e237bc56eb879a780c8d3265b0612190b96ebc6d3c4ef'
+        UndoDigest = '6d99ac4db1da55eebd814c5691d283835da4005e3a3af4c377f79b0a3e4635cf'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 9b8c1e4301c6 of application robot, for the host itself.
+    rarms undo script: plan 4968ef33c036 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 %, limit 100 %, weight 100)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '9b8c1e4301c6'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '4968ef33c036'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

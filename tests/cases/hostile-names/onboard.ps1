@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c1af95b37ef1 of application robot, for the host itself.
+    rarms apply script: plan 03649a5809a0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c1af95b37ef1'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '03649a5809a0'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5a4048946e79ebb6ff8889e9067b154c681e365cc20c000d3f01d2f7755cda80'
+        UndoDigest = 'd35be53c73e5ac8595ce220889110a40a0818319dd23c58d109cb7d020f2fb74'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d8bf198a3122 of application robot, for the host itself.
+    rarms apply script: plan 3b0dc23892d8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd8bf198a3122'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '3b0dc23892d8'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a91844292677ce1e18b5e4c86849334a611ec7370b0349210e666546e0d26620'
+        UndoDigest = '30d16b2fb5f52323781df16f01a10233ae85666f6b902791e11733148e210ee8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,32 +1,77 @@
+<#
+.SYNOPSIS
+    rarms apply script: plan d11c3047ebbf of application robot, for the host itself.
+.DESCRIPTION
+    Host onboard of rarms.yaml, computer ONBOARD.
+    speech: changed (memory 512 MiB -> 1 GiB)
+.PARAMETER AsJson
+    One JSON object a line on standard output, for a program to read.
+.PARAMETER LockTimeout
+    Seconds to wait for another run on this computer to end, 0 to 86400.
+.PARAMETER Abandon
+    Close this plan's unfinished run and change nothing else.
+.EXAMPLE
+    .\onboard.ps1 -WhatIf
+    Show what it would do; nothing is changed. With -Confirm it asks before each step.
+.EXAMPLE
+    .\onboard.ps1
+    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+.NOTES
+    Exit code 0: done, or all is as wanted already.
+    Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
+    Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
+    Manifest e79577edb49e, rarms 0.1.0.
+#>
+
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script.
-# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
-# Application  robot, host onboard: the host itself
-# Plan         d11c3047ebbf, manifest e79577edb49e, rarms 0.1.0
-# Steps        2
-# Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
-# --- runtime: the same bytes in every script --------------------------------------------------
-# Read from the top: what a run does, what a step does, how readings are compared, how it is told.
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
-param(
-    # One JSON object a line on standard output, for a program to read.
-    [switch] $AsJson,
-    # Seconds to wait for another run to end.
-    [int] $LockTimeout = 0,
-    # Close this plan's unfinished run and change nothing else.
-    [switch] $Abandon
-)
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)
 
 # A profile's would reach into every call.
 $PSDefaultParameterValues = @{}
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
 
+function Add-Plan {
+    $script:Plan = @{
+        Run = 'apply'; Plan = 'd11c3047ebbf'; Application = 'robot'; Serial = 1
+        Undo = 'onboard.undo.ps1'; Guest = ''
+        UndoDigest = '52711045d91fc646fedd4ca86fc0f024b3175b07721e82e2f0b6e791dd9cd969'
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Computer = 'ONBOARD'; LogicalProcessors = 4
+        Cores = 4; ThreadsPerCore = 1
+        Percent = 360; Memory = 7516192768; AcceptScheduler = $false
+        Guard = { Assert-VmHost }
+    }
+
+    # === speech =======================================================================================================
+    # rarms.yaml:19:3: not as wanted: memory
+    Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
+    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
+        dynamic_memory = $false; memory = 536870912
+    } -After @{
+        dynamic_memory = $false; memory = 1073741824
+    } -Set {
+        Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+    }
+    Add-Step -Action 'mark it as robot/speech, set cf356994122a' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = 'robot/speech'; set = 'cf356994122a' } -Set { Write-Mark }
+}
+
+# What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
+
+# --- runtime: the same bytes in every script --------------------------------------------------
+# Read from the top: what a run does, what a step does, how readings are compared, how it is told.
 $script:Cmdlet = $PSCmdlet
-$script:Definition = @{ Plan = ''; Total = 0 }
-$script:Steps = @()
+$script:Plan = @{ Plan = '' }   # the run's facts, which Add-Plan gives
+$script:Steps = @()             # those of the plan
+$script:Target = $null          # address and reader of the steps that are added
+$script:Vm = $null              # the virtual machine that was read last
+$script:Known = @{}             # by address: what was read of it, until a step changes something
+$script:Wanted = @()            # the names that are read for
+$script:Looking = $false        # whether everything is looked at, and no step done
+$script:Moved = @()             # what such a look found otherwise than planned
 $script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
 $script:Started = $null         # the journal's first record: which run was the last one here
 $script:Closing = ''            # how it was closed: done or abandoned
@@ -39,18 +84,32 @@ $script:Refusal = $null         # kind and step of what ends the run with 3
 
 # A run ------------------------------------------------------------------------------------------
 
+function Invoke-Run {
+    # Everything that a script does. Its exit code is 0, 1 or 3, and the host is given back however it ends.
+    param([scriptblock] $Steps)
+    try {
+        & $Steps
+        Open-Run
+        Complete-Run
+    } catch {
+        Exit-Failed -Failure $_
+    } finally {
+        Exit-Host
+    }
+    exit 0
+}
+
 function Open-Run {
     # Lock, guard, journal. A run of this plan that was killed goes on; one that ended is only looked at.
-    param([System.Collections.IDictionary] $Definition)
-    $script:Definition = $Definition
-    $guard = $Definition.Guard
+    $plan = $script:Plan
+    $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
     Enter-Host
     if (-not $Abandon) { & $guard }
     Read-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
-    $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
+    $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = 'unchanged'
@@ -62,16 +121,16 @@ function Open-Run {
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
-    if ($same -and $last.run -ceq $Definition.Run -and $script:Closing -cne 'abandoned') { return }
+    if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     $script:Touched = @{}
-    if ($Definition.Run -ceq 'undo') {
+    if ($plan.Run -ceq 'undo') {
         if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
         foreach ($number in $script:Recorded.Keys) {
             if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
         }
     } elseif ($open) {
         Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
-    } elseif (-not $Definition.Guest -and [long] $script:Serials[$Definition.Application] -ne $Definition.Serial) {
+    } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
         Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
     }
     $script:Started = $null
@@ -79,14 +138,31 @@ function Open-Run {
     $script:Recorded = @{}
 }
 
+function Use-Target {
+    # What the steps that follow are about, and how it is read.
+    param([string] $Address, [scriptblock] $Read)
+    $script:Target = @{ Address = $Address; Read = $Read }
+}
+
 function Add-Step {
-    param([System.Collections.IDictionary] $Definition)
-    $script:Steps += $Definition
+    # A step of the plan: what is to be read before it and after it, and what makes it so.
+    param(
+        [string] $Action, [System.Collections.IDictionary] $Before, [System.Collections.IDictionary] $After,
+        [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
+    )
+    $address = $script:Target.Address
+    $script:Steps += @{
+        Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
+        # It builds on the steps of its own address, and on those of the machine that it lies in.
+        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
+        Action = $Action; Before = $Before; After = $After; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
+    }
 }
 
 function Complete-Run {
     # Look at everything, do the steps, look once more at everything together, and only then close the journal.
-    foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
+    Find-Moved
+    foreach ($one in $script:Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
@@ -95,21 +171,30 @@ function Complete-Run {
         exit 1
     }
     if ($script:Closing -cne 'done') {
-        foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
+        Find-Moved
+        foreach ($one in $script:Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
     }
     Write-RunEvent -Kind 'run' -Status 'done'
 }
 
 function Find-Moved {
-    # Reads everything. What was done is still so; what is to be done finds what was planned before it, unless a step
-    # ahead of it is to make that so. Gives what is otherwise.
+    # Reads everything once. What was done is still so; what is to be done finds what was planned before it, unless a
+    # step ahead of it is to make that so. Keeps what is otherwise.
     $made = @{}     # by address: the last step that was done, and what all of them made of it
     $ahead = @{}    # addresses with names that a step is to change yet
+    $script:Known = @{}
+    $script:Looking = $true
+    $script:Moved = @()
+    $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
     foreach ($step in $script:Steps) {
         $at = $step.Address
-        $read = $step.Read
         $script:Current = $step
+        if ([DateTime]::UtcNow -gt $alive) {
+            # A host of many machines is read for minutes; whoever waits for a word shall have one.
+            Write-RunEvent -Kind 'step' -Step $step -Status 'reading' -Detail 'the host is still being read'
+            $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
+        }
         $leave = Get-Leave -Step $step
         if ($leave -ceq 'done before') {
             if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) { $made[$at] = @{ After = @{} } }
@@ -118,9 +203,9 @@ function Find-Moved {
         }
         if ($leave) { continue }
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
-            foreach ($name in @(Compare-Step -Step $step -Live (& $read))) {
+            foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                @{ Step = $step; Detail = 'changed since the plan: ' + $name }
+                $script:Moved += @{ Step = $step; Detail = 'changed since the plan: ' + $name }
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -130,14 +215,16 @@ function Find-Moved {
     foreach ($at in @($made.Keys | Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]['Step']
-        $read = $script:Current.Read
-        foreach ($name in @(Compare-Reading -Live (& $read) -Expected $made[$at]['After'])) {
+        $wanted = $made[$at]['After']
+        foreach ($name in @(Compare-Reading -Live (Get-Reading -Name $wanted.Keys) -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
-            @{ Step = $made[$at]['Step']; Detail = 'is not as wanted: ' + $name }
+            $script:Moved += @{ Step = $script:Current; Detail = 'is not as wanted: ' + $name }
         }
     }
     $script:Current = $script:Whole
+    $script:Known = @{}
+    $script:Looking = $false
 }
 
 # A step -----------------------------------------------------------------------------------------
@@ -145,9 +232,9 @@ function Find-Moved {
 function Invoke-Step {
     # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
     param([System.Collections.IDictionary] $Step)
-    $read = $Step.Read
     $set = $Step.Set
-    $fits = $Step['Fits']
+    $fits = $Step.Fits
+    if ($script:Current.Address -cne $Step.Address) { $script:Known = @{} }
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) {
@@ -160,7 +247,7 @@ function Invoke-Step {
         exit 1
     }
     $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
-    $live = & $read
+    $live = Get-Reading -Step $Step
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
     if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
         # One that was begun and killed has changed something.
@@ -190,7 +277,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
-    $missed = @(Compare-Reading -Live (& $read) -Expected $Step.After)
+    $script:Known = @{}
+    $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
 }
@@ -209,10 +297,9 @@ function Test-Wanted {
 function Get-Leave {
     # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
     param([System.Collections.IDictionary] $Step)
-    $read = $Step.Read
-    if ($Step.Contains('Undoes') -and -not $script:Touched.Contains([string] $Step.Undoes)) { return 'was not done' }
-    $lost = $Step.Contains('Lost') -and $script:Touched.Contains([string] $Step.Lost)
-    if ($lost -and -not (& $read)['exists']) { return 'went with its machine' }
+    if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
     $recorded = $script:Recorded[[string] $Step.Number]
     if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
 }
@@ -226,12 +313,33 @@ function Add-StepRecord {
 
 # Readings: tables of names and values -------------------------------------------------------------
 
+function Get-Reading {
+    # What the host shows of a step's names, or of others, at the address of the current step.
+    param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
+    $read = $script:Current.Read
+    $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
+    & $read
+}
+
+function Get-Known {
+    # What was read already at the address of the current step: nothing is read twice until a step changes something.
+    $at = $script:Current.Address
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = @{} }
+    $script:Known[$at]
+}
+
+function Test-Unread {
+    # Whether one of these names is wanted and was not read yet.
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
+}
+
 function Compare-Step {
     # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
     param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
     if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
     # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
-    if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Contains('Undoes')) {
+    if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Undoes -cne '') {
         $names = @($Step.Before.Keys) + @($Step.After.Keys)
         if ($names -ccontains 'values') { $names += @(@($Live.Keys) -clike 'value:*') }
         $odd = @($names | Where-Object -FilterScript {
@@ -264,8 +372,8 @@ function Write-RunEvent {
     param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
     if ($AsJson) {
         $line = [ordered] @{
-            format = 'rarms-event/1'; kind = $Kind; plan = $script:Definition.Plan; number = $Step.Number
-            total = $script:Definition.Total; address = $Step.Address; status = $Status; detail = $Detail
+            format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
+            total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
         }
         ConvertTo-AsciiJson -Value $line
     } else {
@@ -436,7 +544,7 @@ function Add-Record {
 function Write-FirstRecord {
     # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
     if ($WhatIfPreference) { return }
-    $plan = $script:Definition
+    $plan = $script:Plan
     $undo = ''
     if ($plan.Undo) {
         # It must lie beside this one, as it was made.
@@ -465,7 +573,7 @@ function Write-FirstRecord {
 
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
-    $plan = $script:Definition
+    $plan = $script:Plan
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
         Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
@@ -499,64 +607,97 @@ function Test-RootScheduler {
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
+$script:Machines = @{}          # by partition: the id of the machine that answered to it
 
 function Read-Partition {
+    # What the host shows of the wanted names: one call for the machine, and one for each kind of its settings.
     param([string] $Name, [string] $Machine = '')
-    $taken = Test-Stranger -Name $Name
-    if (-not @(Find-Machine -Name $Name -Machine $Machine).Count) { return @{ exists = $false; taken = $taken } }
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
-    $memory = Hyper-V\Get-VMMemory -VM $vm
-    $mark = Get-Mark -Vm $vm
-    $owner = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
-    $state = ConvertTo-RunState -State $vm.State
-    @{
-        exists = $true; machine = ([string] $vm.Id).ToLowerInvariant(); name = [string] $vm.Name
-        generation = [long] $vm.Generation; processors = [long] $cpu.Count
-        reserve = [long] $cpu.Reserve; limit = [long] $cpu.Maximum; weight = [long] $cpu.RelativeWeight
-        memory = [long] $memory.Startup; dynamic_memory = [bool] $memory.DynamicMemoryEnabled
-        start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
-        stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
-        checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $mark.Set; taken = $taken
-        adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
-        disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
-        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
+    $live = Get-Known
+    if (-not $live.Contains('exists')) { Read-Machine -Live $live -Name $Name -Machine $Machine }
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    $vm = $live['vm']
+    $script:Vm = $vm
+    if (-not $live['exists']) { return $live }
+    if (Test-Unread -Live $live -Name 'processors', 'reserve', 'limit', 'weight') {
+        $cpu = Hyper-V\Get-VMProcessor -VM $vm
+        $live['processors'] = [long] $cpu.Count
+        $live['reserve'] = [long] $cpu.Reserve
+        $live['limit'] = [long] $cpu.Maximum
+        $live['weight'] = [long] $cpu.RelativeWeight
     }
+    if (Test-Unread -Live $live -Name 'memory', 'dynamic_memory') {
+        $memory = Hyper-V\Get-VMMemory -VM $vm
+        $live['memory'] = [long] $memory.Startup
+        $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
+    if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
+    if (Test-Unread -Live $live -Name 'snapshots') { $live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    $live
 }
 
-function Get-Machine {
-    # The one machine that a step changes.
-    param([string] $Name, [string] $Machine = '')
+function Read-Machine {
+    # Into the reading: whether there is the machine, and what it says of itself.
+    param([System.Collections.IDictionary] $Live, [string] $Name, [string] $Machine)
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if ($found.Count -ne 1) {
-        $detail = '{0} machines answer to {1}' -f $found.Count, $Name
-        Exit-Refused -Step @{ Address = 'partition/' + $Name; Number = 0 } -Detail $detail
-    }
-    $found[0]
+    if ($found.Count -gt 1) { Exit-Refused -Step $script:Current -Detail ('{0} machines answer to it' -f $found.Count) }
+    $Live['exists'] = $found.Count -eq 1
+    $Live['vm'] = $null
+    if (-not $found.Count) { return }
+    $vm = $found[0]
+    $mark = Get-Mark -Vm $vm
+    $state = ConvertTo-RunState -State $vm.State
+    $script:Machines[$Name] = ([string] $vm.Id).ToLowerInvariant()
+    $Live['vm'] = $vm
+    $Live['machine'] = $script:Machines[$Name]
+    $Live['name'] = [string] $vm.Name
+    $Live['generation'] = [long] $vm.Generation
+    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
+    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
+    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
+    $Live['state'] = $state
+    $Live['running'] = $state -ceq 'running'
+    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
+    $Live['set'] = $mark.Set
 }
 
 function Find-Machine {
-    # By id where the plan knew it; otherwise what carries our mark, or the pending name of this plan. Never by name.
+    # By id where it is known; otherwise what carries our mark, or the pending name of this plan. Never by name.
     param([string] $Name, [string] $Machine)
-    $pending = '{0}.rarms-{1}' -f $Name, $script:Definition.Plan
-    foreach ($vm in @(Hyper-V\Get-VM)) {
+    if (-not $Machine) { $Machine = [string] $script:Machines[$Name] }
+    if ($Machine -and -not $script:Looking) {
+        try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
+    }
+    $pending = Get-PendingName -Name $Name
+    foreach ($vm in @(Get-MachineList)) {
         if ($Machine) {
             if (([string] $vm.Id).ToLowerInvariant() -ceq $Machine) { $vm }
             continue
         }
         $mark = Get-Mark -Vm $vm
-        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Definition.Application
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
         if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
     }
+}
+
+function Get-MachineList {
+    # All machines of the host, listed once for all that is read until something changes.
+    if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
+    $script:Known['machines']
+}
+
+function Get-PendingName {
+    # What a partition is called while this plan makes it; a dot cannot occur in a manifest's name.
+    param([string] $Name)
+    '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
 }
 
 function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
-    foreach ($vm in @(Hyper-V\Get-VM)) {
+    foreach ($vm in @(Get-MachineList)) {
         if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
-        if ((Get-Mark -Vm $vm).Application -cne $script:Definition.Application) { return $true }
+        if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
 }
@@ -583,26 +724,22 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The only text that is built around what a host says. The user's lines of the notes stay.
-    param([string] $Name, [string] $Machine = '', [string] $Application, [string] $Partition, [string] $Digest)
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    $id = ([string] $vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0}/{1} vm={2} set={3}' -f $Application, $Partition, $id, $Digest
-    $other = Get-OtherNote -Vm $vm
+    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    $wanted = $script:Current.After
+    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+    $other = Get-OtherNote
     if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $vm -Notes $line
+    Hyper-V\Set-VM -VM $script:Vm -Notes $line
 }
 
 function Clear-Mark {
-    param([string] $Name, [string] $Machine = '')
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    Hyper-V\Set-VM -VM $vm -Notes (Get-OtherNote -Vm $vm)
+    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
 }
 
 function Get-OtherNote {
     # The user's lines of the notes.
-    param($Vm)
-    $lines = @([string] $Vm.Notes -split '\n')
+    $lines = @([string] $script:Vm.Notes -split '\n')
     @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
 }
 
@@ -625,30 +762,29 @@ function ConvertTo-Word {
 
 function Test-Capacity {
     # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
-    param([string] $Name, [string] $Machine = '', [long] $Processors, [long] $Reserve, [long] $Memory)
-    $own = Get-Machine -Name $Name -Machine $Machine
-    $cores = Get-CoreCount -Vm $own -Processors $Processors
-    $claims = @(@{ Cores = $cores; Reserve = $Reserve; Memory = $Memory })
-    foreach ($vm in @(Hyper-V\Get-VM)) {
-        if ([string] $vm.Id -ceq [string] $own.Id) { continue }
-        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Definition.Application
+    param([long] $Processors, [long] $Reserve, [long] $Memory)
+    $others = @(foreach ($vm in @(Get-MachineList)) {
+        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
+        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
-        $itself = -not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing'
-        if (-not ($active -or $itself)) { continue }
-        $cpu = Hyper-V\Get-VMProcessor -VM $vm
-        $startup = [long] (Hyper-V\Get-VMMemory -VM $vm).Startup
-        $cores = Get-CoreCount -Vm $vm -Processors $cpu.Count
-        $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve; Memory = $startup }
+        if ($active -or (-not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing')) { $vm }
+    })
+    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
+    $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
+    $bytes = $Memory
+    if ($others.Count) {
+        foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
+            $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
+        }
+        foreach ($memory in @(Hyper-V\Get-VMMemory -VM $others)) { $bytes += [long] $memory.Startup }
     }
     $percent = [long] 0
-    $bytes = [long] 0
-    $free = @(100) * $script:Definition.Cores
+    $free = @(100) * $script:Plan.Cores
     foreach ($one in $claims) {
-        $percent += $one.Cores * $script:Definition.ThreadsPerCore * $one.Reserve
-        $bytes += $one.Memory
+        $percent += $one.Cores * $script:Plan.ThreadsPerCore * $one.Reserve
         if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
     }
-    if ($percent -gt $script:Definition.Percent -or $bytes -gt $script:Definition.Memory) { return $false }
+    if ($percent -gt $script:Plan.Percent -or $bytes -gt $script:Plan.Memory) { return $false }
     # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
     $wide = 0
     $sizes = @()
@@ -668,73 +804,12 @@ function Test-Capacity {
 
 function Get-CoreCount {
     # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
-    param($Vm, [long] $Processors)
-    if ($script:Definition.ThreadsPerCore -eq 1) { return $Processors }
-    $own = (Hyper-V\Get-VMProcessor -VM $Vm).PSObject.Properties['HwThreadCountPerCore']
+    param($Cpu, [long] $Processors)
+    if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
+    $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
     # Without SMT of its own, it leaves the other thread of each core idle.
     if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
     ($Processors + ($Processors -band 1)) / 2
 }
 # --- end of the part capacity ------------------------------------------------------------------
-try {
-    Open-Run -Definition @{
-        Run = 'apply'
-        Plan = 'd11c3047ebbf'
-        Application = 'robot'
-        Serial = 1
-        Total = 2
-        Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ddc0cc7278cbe3a129cafb5147c9aabb51bbc1c98bed2e2d360578fcf49d8320'
-        Guest = ''
-        # The host, and what it has to give: per cent of its processors, bytes of its memory.
-        Computer = 'ONBOARD'
-        LogicalProcessors = 4
-        Cores = 4
-        ThreadsPerCore = 1
-        Percent = 360
-        Memory = 7516192768
-        AcceptScheduler = $false
-        Guard = { Assert-VmHost }
-    }
-
-    # 1/2  partition/speech: memory 512 MiB -> 1 GiB
-    # why: not as wanted: memory; after the others gave back
-    # at:  rarms.yaml:19:3
-    Add-Step -Definition @{
-        Number = 0
-        Address = 'partition/speech'
-        Action = 'memory 512 MiB -> 1 GiB'
-        Needs = @('partition/speech')
-        Fits = { Test-Capacity -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' -Processors 1 -Reserve 40 -Memory 1073741824 }
-        Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912 }
-        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 1073741824 }
-        Set = {
-            $vm = Get-Machine -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001'
-            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
-        }
-    }
-
-    # 2/2  partition/speech: mark it as robot/speech, set cf356994122a
-    # why: not as wanted: memory; the mark says what was last written
-    # at:  rarms.yaml:19:3
-    Add-Step -Definition @{
-        Number = 1
-        Address = 'partition/speech'
-        Action = 'mark it as robot/speech, set cf356994122a'
-        Needs = @('partition/speech')
-        Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'exists' = $true; 'mark' = 'robot/speech'; 'set' = '63f8fd0cdc73' }
-        After = @{ 'exists' = $true; 'mark' = 'robot/speech'; 'set' = 'cf356994122a' }
-        Set = {
-            Write-Mark -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' -Application 'robot' -Partition 'speech' -Digest 'cf356994122a'
-        }
-    }
-
-    Complete-Run
-} catch {
-    Exit-Failed -Failure $_
-} finally {
-    Exit-Host
-}
-exit 0
+Invoke-Run -Steps { Add-Plan }

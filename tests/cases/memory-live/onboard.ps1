@@ -1,10 +1,9 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e5de8f7bb2ac of application robot, for the host itself.
+    rarms apply script: plan 8c34b6133046 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
-    speech: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
-    Not undone: it starts anew: what its programs had in memory is lost
+    speech: changed (memory 512 MiB -> 1 GiB)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -37,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e5de8f7bb2ac'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '8c34b6133046'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7632d0c032e040d5fddaa8761ebda4c97eb8f0dbd4c885289cc1345d7ff154f0'
+        UndoDigest = 'f2da553b26d3c24ede22a4e7d23d6974d1c57dfb2d45586507dd9e6f36388aa4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,29 +47,16 @@ function Add-Plan {
     }
 
     # === speech =======================================================================================================
-    # rarms.yaml:13:3: not as wanted: memory; it has to stop for that
+    # rarms.yaml:13:3: not as wanted: memory
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-    # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ running = $true; state = 'running' } -After @{
-        running = $false; state = 'off'
-    } -Set {
-        Invoke-PartitionStop -GraceMs 120000
-    }
-    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Before @{
-        dynamic_memory = $false; memory = 536870912; state = 'off'
+    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
+        dynamic_memory = $false; memory = 536870912
     } -After @{
-        dynamic_memory = $false; memory = 1073741824; state = 'off'
+        dynamic_memory = $false; memory = 1073741824
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
     }
     Add-Step -Action 'mark it as robot/speech, set cf356994122a' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = 'robot/speech'; set = 'cf356994122a' } -Set { Write-Mark }
-    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
-        running = $false; state = 'off'
-    } -After @{
-        running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -826,21 +812,4 @@ function Get-CoreCount {
     ($Processors + ($Processors -band 1)) / 2
 }
 # --- end of the part capacity ------------------------------------------------------------------
-# --- part stop: the same bytes in every script that carries it ---------------------------------
-# How a virtual machine is stopped.
-
-function Invoke-PartitionStop {
-    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
-    param([long] $GraceMs)
-    $vm = $script:Vm
-    $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    $state = ConvertTo-RunState -State $vm.State
-    while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains $state) {
-        Start-Sleep -Milliseconds 500
-        $state = ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State
-    }
-    if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
-}
-# --- end of the part stop ----------------------------------------------------------------------
 Invoke-Run -Steps { Add-Plan }

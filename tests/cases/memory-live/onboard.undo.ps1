@@ -1,10 +1,9 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e5de8f7bb2ac of application robot, for the host itself.
+    rarms undo script: plan 8c34b6133046 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
-    speech: changed, stopped, started (memory 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
-    Not undone: it starts anew: what its programs had in memory is lost
+    speech: changed (memory 512 MiB)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -37,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e5de8f7bb2ac'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '8c34b6133046'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -50,26 +49,11 @@ function Add-Plan {
     # === speech =======================================================================================================
     # rarms.yaml:13:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-    # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 3 -Before @{ running = $true; state = 'running' } -After @{
-        running = $false; state = 'off'
-    } -Set {
-        Invoke-PartitionStop -GraceMs 120000
-    }
-    Add-Step -Action 'mark it as robot/speech' -Undoes 2 -Before @{ mark = 'robot/speech'; set = 'cf356994122a' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
-    Add-Step -Action 'memory 512 MiB' -Undoes 1 -Before @{
-        dynamic_memory = $false; memory = 1073741824; state = 'off'
-    } -After @{
-        dynamic_memory = $false; memory = 536870912; state = 'off'
+    Add-Step -Action 'mark it as robot/speech' -Undoes 1 -Before @{ mark = 'robot/speech'; set = 'cf356994122a' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
+    Add-Step -Action 'memory 512 MiB' -Undoes 0 -Before @{ dynamic_memory = $false; memory = 1073741824 } -After @{
+        dynamic_memory = $false; memory = 536870912
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
-    }
-    Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
-        running = $false; state = 'off'
-    } -After @{
-        running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
     }
 }
 
@@ -771,76 +755,4 @@ function ConvertTo-Word {
     ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
 }
 # --- end of the part machines ------------------------------------------------------------------
-# --- part capacity: the same bytes in every script that carries it -----------------------------
-# Whether the host can keep what it promises, its unmanaged machines included.
-
-function Test-Capacity {
-    # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
-    param([long] $Processors, [long] $Reserve, [long] $Memory)
-    $others = @(foreach ($vm in @(Get-MachineList)) {
-        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
-        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
-        $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
-        if ($active -or (-not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing')) { $vm }
-    })
-    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
-    $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
-    $bytes = $Memory
-    if ($others.Count) {
-        foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
-            $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
-        }
-        foreach ($memory in @(Hyper-V\Get-VMMemory -VM $others)) { $bytes += [long] $memory.Startup }
-    }
-    $percent = [long] 0
-    $free = @(100) * $script:Plan.Cores
-    foreach ($one in $claims) {
-        $percent += $one.Cores * $script:Plan.ThreadsPerCore * $one.Reserve
-        if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
-    }
-    if ($percent -gt $script:Plan.Percent -or $bytes -gt $script:Plan.Memory) { return $false }
-    # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
-    $wide = 0
-    $sizes = @()
-    foreach ($one in $claims) {
-        if ($one.Cores -eq $free.Count) { $wide += $one.Reserve }
-        else { $sizes += @($one.Reserve) * $one.Cores }
-    }
-    for ($at = 0; $at -lt $free.Count; $at++) { $free[$at] -= $wide }
-    foreach ($size in @($sizes | Sort-Object -Descending)) {
-        $at = 0
-        while ($at -lt $free.Count -and $free[$at] -lt $size) { $at++ }
-        if ($at -eq $free.Count) { return $false }
-        $free[$at] -= $size
-    }
-    $wide -le 100
-}
-
-function Get-CoreCount {
-    # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
-    param($Cpu, [long] $Processors)
-    if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
-    $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
-    # Without SMT of its own, it leaves the other thread of each core idle.
-    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
-    ($Processors + ($Processors -band 1)) / 2
-}
-# --- end of the part capacity ------------------------------------------------------------------
-# --- part stop: the same bytes in every script that carries it ---------------------------------
-# How a virtual machine is stopped.
-
-function Invoke-PartitionStop {
-    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
-    param([long] $GraceMs)
-    $vm = $script:Vm
-    $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    $state = ConvertTo-RunState -State $vm.State
-    while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains $state) {
-        Start-Sleep -Milliseconds 500
-        $state = ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State
-    }
-    if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
-}
-# --- end of the part stop ----------------------------------------------------------------------
 Invoke-Run -Steps { Add-Plan }

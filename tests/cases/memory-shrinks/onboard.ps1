@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7470d9413d26 of application robot, for the host itself.
+    rarms apply script: plan 8934b22576b7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (memory 1 GiB -> 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7470d9413d26'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '8934b22576b7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '898febf5a317576cdea4c27e83c320dbecf295e7d2097081c274b9b7f50e4eb8'
+        UndoDigest = '34ed8eb1403dc6bfa2057893fe4bd97c8ca51d09d3858dc6eef2f315e145dc37'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +48,7 @@ function Add-Plan {
     }
 
     # === vision =======================================================================================================
-    # rarms.yaml:12:3: not as wanted: memory; it has to stop for that
+    # rarms.yaml:12:3: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ running = $true; state = 'running' } -After @{
@@ -830,17 +830,39 @@ function Get-CoreCount {
 # How a virtual machine is stopped.
 
 function Invoke-PartitionStop {
-    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
+    # Asks a guest to shut down as soon as it can be asked; at the end of the grace the machine is turned off.
     param([long] $GraceMs)
     $vm = $script:Vm
-    $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    $state = ConvertTo-RunState -State $vm.State
-    while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains $state) {
+    $begun = [DateTime]::UtcNow
+    $until = $begun.AddMilliseconds($GraceMs)
+    # -Force gives programs five minutes and no more: a longer grace begins without it.
+    $force = $begun.AddMilliseconds($GraceMs - 300000)
+    $asked = $null
+    $forced = $null
+    $now = $vm
+    while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains (ConvertTo-RunState -State $now.State)) {
+        if ($null -ne $forced -and [string] $forced.State -ceq 'Failed') {
+            Receive-Job -Job $forced
+            throw 'its guest could not be asked to shut down'
+        }
+        if ($null -eq $forced -and [string] $now.State -ceq 'Running' -and (Test-ShutdownService -Vm $now)) {
+            if (-not ([DateTime]::UtcNow -lt $force)) { $forced = Hyper-V\Stop-VM -VM $vm -Force -AsJob }
+            elseif ($null -eq $asked) { $asked = Hyper-V\Stop-VM -VM $vm -AsJob }
+        }
         Start-Sleep -Milliseconds 500
-        $state = ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State
+        $now = Hyper-V\Get-VM -Id $vm.Id
     }
-    if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
+    if ([string] $now.State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
+}
+
+function Test-ShutdownService {
+    # Whether the guest answers to what asks it to shut down; by id, as the service's name is in the host's language.
+    param($Vm)
+    foreach ($one in @(Hyper-V\Get-VMIntegrationService -VM $Vm)) {
+        if (-not (([string] $one.Id).ToLowerInvariant() -clike '*9f8233ac-be49-4c79-8ee3-e7e1985b2077')) { continue }
+        return $one.Enabled -and @('Ok', 'Degraded') -ccontains [string] $one.PrimaryOperationalStatus
+    }
+    $false
 }
 # --- end of the part stop ----------------------------------------------------------------------
 Invoke-Run -Steps { Add-Plan }

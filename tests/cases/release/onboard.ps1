@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a5ef2d3dbcd9 of application robot, for the host itself.
+    rarms apply script: plan a3efc409ce99 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (erase the mark)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a5ef2d3dbcd9'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'a3efc409ce99'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b4d22c730b4764aa1d6224b8f6947ca85313fffe9cc80fc006730bf8633f320b'
+        UndoDigest = '65d2ec4fac0e930ea2904fd5d412409bcb005fa26ae696938506f1952831ffb2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

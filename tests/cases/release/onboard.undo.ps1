@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan a5ef2d3dbcd9 of application robot, for the host itself.
+    rarms undo script: plan a3efc409ce99 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'a5ef2d3dbcd9'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'a3efc409ce99'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 9d2c6b23cadc of application robot, for the host itself.
+    rarms apply script: plan 4fe998ce3771 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (name speech -> voice)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '9d2c6b23cadc'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '4fe998ce3771'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '394eeb49262ba3a8a2ad736d76b7468639a83405775cf09528199138a3a64cac'
+        UndoDigest = '98d2e2a026c316663bb0bbcf3c58f67c65c3f1b351da935afd7026014e6a6b3d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 9d2c6b23cadc of application robot, for the host itself.
+    rarms undo script: plan 4fe998ce3771 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (give it its name speech)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '9d2c6b23cadc'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '4fe998ce3771'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4865b2725de0 of application robot, for the host itself.
+    rarms apply script: plan cf4abc0023f2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4865b2725de0'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'cf4abc0023f2'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e39e13b8e58f607cc8cd0a13110ef9fc5b28c08b533c2cfe428a9cd481b9ff7e'
+        UndoDigest = '687af8613ab3d471f04d0d046b2023a85250eca1c45998505c294ba06563d05f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

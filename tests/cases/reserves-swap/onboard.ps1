@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a556d3a8e8cc of application robot, for the host itself.
+    rarms apply script: plan 487159e85b36 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (reserve 20 -> 60 %)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a556d3a8e8cc'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '487159e85b36'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '748d94b5e72b1ef9909d633ce34e406e5b1596364ca23a934f970c233cba8ae0'
+        UndoDigest = '3133b384af1b6753b893300c1af5397375061e6cd35b54ef9e7dd853732298be'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

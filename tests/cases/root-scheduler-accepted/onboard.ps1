@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b279170aff4b of application robot, for the host itself.
+    rarms apply script: plan 8da9006c6691 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b279170aff4b'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '8da9006c6691'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '79638dbff1f1b1f0cc0940dafc62eb8882f19ed42277a94c7de6b0d40af4447b'
+        UndoDigest = '583fb8f5f3a338431171a30d64b2b04fe9b1d2485e3b73c22f97a72111a5bb40'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

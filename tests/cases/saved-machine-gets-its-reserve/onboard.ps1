@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 14526800cf74 of application robot, for the host itself.
+    rarms apply script: plan 318a73824b0c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, started (reserve 80 -> 40 %, weight 100 -> 200)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '14526800cf74'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '318a73824b0c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f6cef8bcebd32f997d2c005abfa80995dc13bd13201908939bf359ad689df6bc'
+        UndoDigest = '714b6cb41342cd240d921ba3369952c2de03c6f9abcefdfd18cf31930596a545'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

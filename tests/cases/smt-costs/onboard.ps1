@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 92f841cb8b9c of application robot, for the host itself.
+    rarms apply script: plan a5d5522038ad of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '92f841cb8b9c'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'a5d5522038ad'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b6d117a82d743f0f251e2523f72cd6279343ea53d4bbb5c3cc2231443e0065c2'
+        UndoDigest = 'ab750caf2917ea34a9190c299944e1d2e3118c40b9b12d3a58327bc068c86d6b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b47b23cbbd26 of application robot, for the host itself.
+    rarms apply script: plan e25d8155639d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 55 -> 80 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b47b23cbbd26'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e25d8155639d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '51728e3dd5a02247b5051bfc28e5f2b55c83378380169c1d5ed0f35ec4af9327'
+        UndoDigest = 'b2794d39185e8b3726a316f5ca191ff51e1ba79264407a13fda9682fa66c9d0d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

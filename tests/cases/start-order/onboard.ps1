@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 67b0913a71ae of application robot, for the host itself.
+    rarms apply script: plan f0b85b96c784 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '67b0913a71ae'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f0b85b96c784'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3d41ff7d0f3268be99d507e67480e10bace47afba2b647358fe8fe39c1ba2602'
+        UndoDigest = 'a8dca32f7996a43ded2be9c3585f12dacca0bffe508011265d44adddb075ba57'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

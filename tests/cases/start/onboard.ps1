@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 961689d5e053 of application robot, for the host itself.
+    rarms apply script: plan cd1e5c8b87ac of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '961689d5e053'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'cd1e5c8b87ac'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3403764c087602b46b777da1afc36d89fb4e16d08596d43214f6d2b28cb80ff4'
+        UndoDigest = '3fb71fa6b48e6b8f017023f79a224bcfd254f57b28325b9d1fac2d5586927f4c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

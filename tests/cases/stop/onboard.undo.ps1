@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan caa70e667615 of application robot, for the host itself.
+    rarms undo script: plan a994119c964e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'caa70e667615'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'a994119c964e'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1d6482416f63 of application robot, for the host itself.
+    rarms apply script: plan 8ff09f904cd6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1d6482416f63'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '8ff09f904cd6'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9e60125ac7652824683ed89c4b16835efed7be9c48c2bc8b94e3c1ce7b7cf972'
+        UndoDigest = 'c4e90c454fa31d5cb048e76c8668db93b1f1ca8d5e9e4004628393901d2064b1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f80890e74916 of application robot, for the host itself.
+    rarms apply script: plan 6e9c4d1522cd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f80890e74916'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '6e9c4d1522cd'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bd14d3fd08a134d229992c48faabdb39f38bb4a74aeb698e6697bb70be0a85d1'
+        UndoDigest = '2534bb376ec98b480cb26c4a51f028d7b91ca248621cc965281c78df6223cf06'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

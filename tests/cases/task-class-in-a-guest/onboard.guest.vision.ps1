@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7465976da193 of application robot, for the guest of partition vision.
+    rarms apply script: plan 12b68ff97f59 of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7465976da193'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '12b68ff97f59'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'd5de0be998ee94d9b566d82f564995e1b8bef5d118e017ddde140eb44358aabb'
+        UndoDigest = '5de65f517231aaa1b21ed50dc5797792b99fe0034a41da99b160b87d3cdd9a95'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7465976da193 of application robot, for the host itself.
+    rarms apply script: plan 12b68ff97f59 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7465976da193'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '12b68ff97f59'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '92bf945e1b308b1d223de99f308fcc910367e8e22076441fc3b79520b31673e4'
+        UndoDigest = '0d9dae434f518c1e39460ab09b946d76e3d17a10725d64fc13feade25639b7c8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0b551172ab29 of application robot, for the host itself.
+    rarms apply script: plan 7e09b34bbeff of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0b551172ab29'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '7e09b34bbeff'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '34d58236984819a6e8512e1f7c885a458fd91f8228cb8a07f3f6c8dc87ade1d4'
+        UndoDigest = 'ff4441c2a795897a204df48ed506bb03cf9db0b062e5d7427e31f7db82691670'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5bc444105aff of application robot, for the host itself.
+    rarms apply script: plan c1649f789181 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5bc444105aff'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'c1649f789181'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7d8bfa48ea18b956ce5c971aadf1253948558515fba4a33365ee394c630c4e89'
+        UndoDigest = 'c76fdb25bbcb6e9b5ea02d5540edbecec5e3ee691caa9f05c959508d317ef8cb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

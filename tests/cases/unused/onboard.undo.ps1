@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 092a4d93b1fc of application robot, for the host itself.
+    rarms undo script: plan 8f14239d0ec7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, started (when the host starts: start)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '092a4d93b1fc'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '8f14239d0ec7'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
