@@ -11,7 +11,7 @@ from pathlib import Path
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import DEFAULT_MANIFEST
 from rarms_iac.measuring.setup import experiment_of, interference_of
-from rarms_iac.model.host import Host, HypervHost, ProviderKind
+from rarms_iac.model.host import Host, HypervHost
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.state import HostFacts, State
@@ -110,7 +110,7 @@ def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
         return "its data log is damaged"
     if log is None:
         return "its data log is gone"
-    return "; ".join(map(str, compare_log(log, subject, Files(folder), bench_now(host), here=is_here(host)).changed))
+    return "; ".join(map(str, compare_log(log, subject, Files(folder), bench_now(host)).changed))
 
 
 def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
@@ -139,7 +139,7 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
-def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
+def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow) -> Comparison:
     """Compare a data log with what is now.
 
     Args:
@@ -147,22 +147,11 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow
         subject: What it is to be about.
         files: Of the manifest's folder.
         bench: The host as it is now.
-        here: Whether components of that host are started on this computer.
+
+    NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
+    below the folder is opened for a manifest that a stranger may have written.
     """
-    interpreters = files.interpreters(subject) if here else {}
-    return compare(log.header, identity_of(subject, files.of(subject), interpreters), bench)
-
-
-def is_here(host: Host) -> bool:
-    """Tell whether programs of this computer run on the host.
-
-    Args:
-        host: of the manifest.
-
-    Returns:
-        True for a Linux host without a connection.
-    """
-    return host.connect is None and host.provider is ProviderKind.LINUX
+    return compare(log.header, identity_of(subject, files.of(subject), {}), bench)
 
 
 def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
@@ -185,7 +174,6 @@ class _Kind:
 
     platform: str
     bench: BenchNow
-    here: bool
 
 
 Reader = Callable[[Path], DataLog | LogUnreadable | None]
@@ -212,7 +200,7 @@ def _measured_together(
         return _not_measured(group, findings.UNREADABLE.code, f"{path_shown}, line {log.line}: {log.message}.", advice)
     own = group.request.hyperv.image
     now = replace(bench, guest_image=own) if own is not None else bench
-    comparison = compare_log(log, subject, files, now, here=is_here(host))
+    comparison = compare_log(log, subject, files, now)
     if comparison.changed:
         message = (
             f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(comparison.changed)}."
@@ -300,7 +288,7 @@ def _list_some(things: tuple[object, ...] | list[str]) -> str:
 def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
     state = states.get(host.name)
     bench = bench_now(host, state.facts if state else None)
-    return _Kind(platform=host.platform, bench=bench, here=is_here(host))
+    return _Kind(platform=host.platform, bench=bench)
 
 
 def _may_run_on(group: Group, hosts: list[str]) -> bool:

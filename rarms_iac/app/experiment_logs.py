@@ -9,13 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac import __version__
-from rarms_iac.app.data_logs import is_here, subject_of
+from rarms_iac.app.data_logs import subject_of
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
 from rarms_iac.measuring.loop import SettingsLog
 from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.state import Partition
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
@@ -93,7 +94,7 @@ def _header(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> Heade
     """What the data log of this experiment begins with, as everything is now."""
     subject = subject_of(hosts.system, experiment.host, experiment.setup.members, experiment.setup.interference)
     files = Files(Path(hosts.folder))
-    interpreters = files.interpreters(subject) if is_here(experiment.host) else {}
+    interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
     return header_of(subject, identity_of(subject, files.of(subject), interpreters), bench.bench())
 
 
@@ -187,3 +188,8 @@ def _begin(hosts: Hosts, log: ExperimentLog, asked: str, begun: str, request: Me
             begin_log(log.path, log.header)
         append_remeasurement(log.path, begins)
     return begins
+
+
+def _runs_here(host: Host) -> bool:
+    """Whether programs of this computer run on the host."""
+    return host.connect is None and host.provider is ProviderKind.LINUX

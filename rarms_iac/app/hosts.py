@@ -15,6 +15,7 @@ from rarms_iac.app.snapshots import Snapshot, Snapshots, add_guest_tasks, read_s
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_steps import hold
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
@@ -86,7 +87,7 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     """Choose hosts of a manifest, and read the snapshots that stand for some of them.
 
     Raises:
-        RequestError: a name is not in the manifest.
+        RequestError: a name is not in the manifest; or there are snapshots, and of a chosen host there is none.
         UseCaseError: a snapshot cannot be read (failed).
     """
     system = manifest.system
@@ -98,6 +99,16 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
                 f"It has: {', '.join(sorted(system.hosts)) or 'none'}."
             )
     snapshots = read_snapshots(selection.snapshots, sorted(system.hosts), sorted(selection.hosts or system.hosts))
+    lacking = [
+        name
+        for name in sorted(selection.hosts or system.hosts)
+        if snapshots.hosts and name not in snapshots.hosts and _would_be_asked(system.hosts[name])
+    ]
+    if lacking:
+        raise RequestError(
+            f"Beside a snapshot no host is asked, and there is none of {', '.join(lacking)}: "
+            f"give `--snapshot {lacking[0]}=FILE`, or name other hosts with --host."
+        )
     return Hosts(manifest=manifest, selection=selection, snapshots=snapshots)
 
 
@@ -118,6 +129,8 @@ def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Map
     snapshots, application = hosts.snapshots, hosts.system.application.name
     states: dict[str, State] = {}
     for name in sorted(hosts.system.hosts):
+        if snapshots.hosts and name not in snapshots.hosts and _would_be_asked(hosts.system.hosts[name]):
+            continue
         try:
             snapshot = snapshots.hosts.get(name)
             state = _state_of(snapshot) if snapshot else observe_host(hosts.open(name))
@@ -128,6 +141,11 @@ def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Map
         if name in required or state.facts.rights is Rights.PROVEN:
             states[name] = add_guest_tasks(state, snapshots.guests, application)
     return states
+
+
+def _would_be_asked(host: Host) -> bool:
+    """Whether looking at the host means starting a program or connecting to it; a simulated one is a file."""
+    return host.provider is not ProviderKind.SIMULATED
 
 
 def _state_of(snapshot: Snapshot) -> State:

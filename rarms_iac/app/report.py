@@ -7,7 +7,6 @@ from pathlib import Path
 from rarms_iac.app.data_logs import (
     bench_now,
     compare_log,
-    is_here,
     measured_reservations,
     measurements_of,
     path_of,
@@ -117,7 +116,7 @@ def _log_beside_manifest(
     setup = log.header.setup
     expected_path = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
     subject = subject_of(system, host, setup.members, setup.interference)
-    comparison = compare_log(log, subject, files, bench_now(host), here=is_here(host))
+    comparison = compare_log(log, subject, files, bench_now(host))
     return LogBesideManifest(
         path=path.relative_to(folder).as_posix(),
         log=log,

@@ -39,17 +39,30 @@ def open_regular(path: Path | str) -> BinaryIO:
 
     A symbolic link is followed; what counts is what it leads to. The caller closes the file.
 
+    NOTE: in a git repository no link is followed out of it. Who wrote what lies there may be a stranger whose pull
+    request is being looked at, and a finding shows lines of files.
+
     Raises:
-        NotRegular: it is no regular file: a pipe would block, a device may be endless.
+        NotRegular: it is no regular file: a pipe would block, a device may be endless. Or a link leads out.
         OSError: there is no such file, or the system does not let us read it.
         ValueError: no file can have this name (it holds a NUL).
     """
+    if _leads_out(path):
+        raise NotRegular(path, "a link that leads out of the repository")
     handle = _open(path)
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):
         os.close(handle)
         raise NotRegular(path, "a folder" if stat.S_ISDIR(mode) else "a device, a pipe or a socket")
     return os.fdopen(handle, "rb")
+
+
+def _leads_out(path: Path | str) -> bool:
+    named, real = Path(os.path.normpath(Path(path).absolute())), Path(path).resolve()
+    if named == real:
+        return False
+    repository = next((folder for folder in named.parents if (folder / ".git").exists()), None)
+    return repository is not None and not real.is_relative_to(repository.resolve())
 
 
 def _open(path: Path | str) -> int:

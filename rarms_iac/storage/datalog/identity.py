@@ -6,6 +6,7 @@ out, so that a field that a later rarms adds makes no log stale.
 """
 
 import hashlib
+import os
 import shutil
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
@@ -193,6 +194,8 @@ class Files:
                 parts = base.joinpath(*module.split("."))
                 yield from self._that_are(parts.with_name(f"{parts.name}.py"), parts / "__init__.py")
         for pattern in run.files:
+            if not self._is_below(Path(os.path.normpath(base.resolve() / pattern))):
+                continue  # it finds nothing that counts, and could walk all of the disk
             names = glob(pattern, root_dir=base, recursive=True)  # noqa: PTH207 - Path.glob refuses an absolute pattern
             yield from self._that_are(*(base / name for name in names))
 
