@@ -58,7 +58,8 @@ def open_regular(path: Path | str) -> BinaryIO:
 
 
 def _leads_out(path: Path | str) -> bool:
-    named, real = Path(os.path.normpath(Path(path).absolute())), Path(path).resolve()
+    # NOTE: Path.resolve raises a RuntimeError where links go in a circle.
+    named, real = Path(os.path.normpath(Path(path).absolute())), Path(os.path.realpath(path))
     if named == real:
         return False
     repository = next((folder for folder in named.parents if (folder / ".git").exists()), None)

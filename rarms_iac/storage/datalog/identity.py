@@ -206,7 +206,7 @@ class Files:
     def _that_are(self, *paths: Path) -> Iterator[Path]:
         for path in paths:
             try:
-                real = path.resolve()
+                real = Path(os.path.realpath(path))
                 if real.is_file() and self._is_below(real):
                     yield real
             except OSError:  # too long to be a path
