@@ -125,13 +125,15 @@ def _other_readers(path: Path, tree: ast.Module) -> Iterator[str]:
 
 
 def _opens_a_file(call: ast.Call) -> bool:
-    """Whether it is `open(...)`, `os.open(...)`, `path.open("r")`, `path.read_text()` or the like."""
+    """Whether it is `open(...)`, `os.open(...)`, `path.open("r")`, `path.read_text()`, `stdin.read()` or the like."""
     match call.func:
         case ast.Name(id="open"):
             return True
         case ast.Attribute(value=ast.Name(id="os" | "io"), attr="open" | "fdopen"):
             return True
         case ast.Attribute(attr="read_text" | "read_bytes"):
+            return True
+        case ast.Attribute(value=ast.Attribute(attr="stdin" | "buffer"), attr="read"):
             return True
         case ast.Attribute(attr="open"):
             modes = [*call.args[:1], *(keyword.value for keyword in call.keywords)]

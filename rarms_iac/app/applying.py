@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.files import STANDARD_INPUT, folder_of
+from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import hold_hosts, run_origin
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
@@ -17,6 +17,7 @@ from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
+from rarms_iac.storage.reading import STANDARD_INPUT
 
 ELSEWHERE = Finding(code="RARMS213", severity=Severity.ERROR, summary="The plan's simulated host is not in this folder")
 

@@ -1,44 +1,38 @@
 """Files that a user names: read up to a limit, and written whole or not at all."""
 
 import stat
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import Outcome, UseCaseError, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.storage.reading import open_regular
+from rarms_iac.storage.reading import STANDARD_INPUT, read_input
 from rarms_iac.storage.replace import replace
 
 if TYPE_CHECKING:
     from rarms_iac.model.plan import Plan
     from rarms_iac.storage.plan_file import PlanFileError
 
-STANDARD_INPUT = "-"
 
-
-def read_file(path: str, limit: int, origin: str) -> bytes:
-    """Read a regular file, or standard input for `-`.
+def read_input_file(path: str, limit: int, origin: str) -> bytes:
+    """Read what a user named, with `storage.reading`.
 
     Args:
-        path: as the user gave it.
-        limit: bytes.
+        path: as the user gave it; `-` is standard input.
+        limit: bytes that it may have.
         origin: the command that makes such a file, for the advice where this one cannot be read.
 
     Returns:
-        Its bytes; one byte more than the limit shows that the file is larger.
+        All of its bytes.
 
     Raises:
-        UseCaseError: it cannot be read.
+        UseCaseError: it cannot be read, or is too large (failed).
     """
-    advice = f"Look at the path and its rights; `{origin}` writes such a file."
-    if path == STANDARD_INPUT:
-        return sys.stdin.buffer.read(limit + 1)
     try:
-        with open_regular(path) as file:
-            return file.read(limit + 1)
+        return read_input(path, limit)
     except (OSError, ValueError) as error:
         message = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        advice = f"Look at the path and its rights; `{origin}` writes such a file."
         raise UseCaseError(Outcome.FAILED, [read_finding(path, message, advice)]) from error
 
 
@@ -86,7 +80,7 @@ def read_plan_file(path: str) -> "Plan":
     from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 
     try:
-        return read_plan(read_file(path, MAX_BYTES, "rarms plan --out FILE"))
+        return read_plan(read_input_file(path, MAX_BYTES, "rarms plan --out FILE"))
     except PlanFileError as error:
         raise refuse_plan_file(path, error) from error
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.files import make_folder, read_file, refuse_plan_file, write_file
+from rarms_iac.app.files import make_folder, read_input_file, refuse_plan_file, write_file
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
@@ -165,7 +165,7 @@ def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     Raises:
         UseCaseError: it cannot be read.
     """
-    data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
+    data = read_input_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     text = data.decode("ascii", "replace")
     kind = _kind_of(text)
     if kind is None:
@@ -212,7 +212,7 @@ def _outline_of(script: PlanScript) -> Outline:
 
 def _outline_in(path: str, like: PlanScript) -> Outline:
     """What the script of this file does, or that of the same name in the plan that it is."""
-    data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
+    data = read_input_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
         try:
             scripts = {script.name: script for script in plan_scripts(read_plan(data))}

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.files import read_file
+from rarms_iac.app.files import read_input_file
 from rarms_iac.app.requests import SnapshotFile
 from rarms_iac.app.wiring import ScriptObservation, read_script_output
 from rarms_iac.diff.readings import is_marked
@@ -66,7 +66,7 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
     snapshots: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
     for option in options:
-        data = read_file(option.file, MAX_BYTES, "rarms snapshot --out FILE")
+        data = read_input_file(option.file, MAX_BYTES, "rarms snapshot --out FILE")
         try:
             observation = read_script_output(data, option.host)
             if option.guest:

@@ -11,9 +11,9 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
-from rarms_iac.manifest.text.reading import MAX_BYTES, STANDARD_INPUT
+from rarms_iac.manifest.text.reading import MAX_BYTES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
-from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.reading import STANDARD_INPUT, read_file
 
 _KEY = re.compile(rb"^([A-Za-z_]+)[ \t]*:", re.MULTILINE)
 _OVERLAY_KEYS = frozenset(

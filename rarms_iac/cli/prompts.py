@@ -9,7 +9,6 @@ import click
 from rarms_iac.app.combining import CombiningOffer
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments import ExperimentResult
-from rarms_iac.app.files import STANDARD_INPUT
 from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
@@ -20,6 +19,7 @@ from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
 from rarms_iac.planner.combining.oracle import Members
+from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views import questions
 from rarms_iac.views.console import paragraph, render
 from rarms_iac.views.questions import Question

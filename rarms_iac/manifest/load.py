@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from rarms_iac.manifest.overlays import Combined, combine
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.manifest.text.reading import STANDARD_INPUT, ParsedText, read
+from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.system import System
+from rarms_iac.storage.reading import STANDARD_INPUT
 
 if TYPE_CHECKING:
     from pydantic import ValidationError

@@ -110,8 +110,6 @@ def read_plan(data: bytes) -> Plan:
 
 def _parsed(data: bytes) -> dict[str, Json]:
     again = "Give a file that `rarms plan --out FILE` wrote"
-    if len(data) > MAX_BYTES:
-        raise PlanUnreadable(f"it has more than {MAX_BYTES // 2**20} MiB", again)
     try:
         document = parse_json(data.decode("utf-8-sig"))
     except ValueError as error:

@@ -10,6 +10,9 @@ import time
 from pathlib import Path
 from typing import BinaryIO
 
+STANDARD_INPUT = "-"
+"""The path that stands for standard input."""
+
 MEBIBYTE = 2**20
 STATE_LIMIT = 64 * MEBIBYTE
 LOG_LIMIT = 1024 * MEBIBYTE
@@ -98,6 +101,27 @@ def read_file(path: Path | str, limit: int) -> bytes:
         if os.fstat(file.fileno()).st_size > limit:
             raise TooLarge(path, limit)
         data = file.read()
+    if len(data) > limit:
+        raise TooLarge(path, limit)
+    return data
+
+
+def read_input(path: str, limit: int) -> bytes:
+    """Read what a user named: a whole regular file, or standard input.
+
+    Args:
+        path: a link is followed; `STANDARD_INPUT` is standard input, which is read to its end.
+        limit: bytes that it may have.
+
+    Raises:
+        NotRegular: it is no regular file.
+        TooLarge: it has more bytes than the limit.
+        OSError: as `open_regular`.
+        ValueError: as `open_regular`.
+    """
+    if path != STANDARD_INPUT:
+        return read_file(path, limit)
+    data = sys.stdin.buffer.read(limit + 1)
     if len(data) > limit:
         raise TooLarge(path, limit)
     return data

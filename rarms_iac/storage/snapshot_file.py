@@ -36,8 +36,6 @@ def read_snapshot(data: bytes) -> State:
     Raises:
         SnapshotUnreadable: it is no snapshot, or one of another version.
     """
-    if len(data) > MAX_BYTES:
-        raise SnapshotUnreadable(f"it has more than {MAX_BYTES // 2**20} MiB")
     try:
         document = parse_json(data.decode("utf-8-sig"))
     except ValueError as error:

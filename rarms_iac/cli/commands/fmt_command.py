@@ -10,7 +10,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.edit.formatting import diff_text
-from rarms_iac.manifest.text.reading import STANDARD_INPUT
+from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.output.common import FmtOutput, FormattedFileOutput
 

@@ -6,7 +6,6 @@ import click
 
 from rarms_iac.app.combining import combine_if_wanted
 from rarms_iac.app.experiments import MeasureRequest, reserves_between
-from rarms_iac.app.files import STANDARD_INPUT
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import MeasureOutcome, measure_components
@@ -29,6 +28,7 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.wording import quoted
+from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.measure import measure_json, summary_text
 from rarms_iac.views.questions import narrow_question
 from rarms_iac.views.tune import manifest_changes, tuned_text

@@ -2,7 +2,6 @@
 
 import os
 import re
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.tree import Node, build_positions
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.reading import NotRegular, TooLarge, read_file
+from rarms_iac.storage.reading import STANDARD_INPUT, NotRegular, TooLarge, read_input
 
 NOT_READABLE = Finding(code="RARMS001", severity=Severity.ERROR, summary="The file cannot be read")
 NOT_REGULAR = Finding(code="RARMS002", severity=Severity.ERROR, summary="Not a regular file")
@@ -23,7 +22,6 @@ TOO_LARGE = Finding(code="RARMS003", severity=Severity.ERROR, summary="The file 
 MAX_BYTES = 8 * 2**20
 """The largest manifest or overlay."""
 
-STANDARD_INPUT = "-"
 
 _LINE_END = re.compile("\r\n|\n|\r")
 _SPLIT_BELOW = 2**20  # characters; a larger text is searched line by line, so that 4 million empty lines cost nothing
@@ -101,7 +99,7 @@ def read(path: str, *, overlay: bool = False) -> ParsedText:
     file = shown_path(path)
     folder = os.curdir if path == STANDARD_INPUT else str(Path(path).parent)
     try:
-        data = _standard_input() if path == STANDARD_INPUT else read_file(path, MAX_BYTES)
+        data = read_input(path, MAX_BYTES)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
         diagnostic = _not_readable(file, problem, overlay=overlay)
         return ParsedText(source=_source(file, folder, b""), value=None, readable=False, diagnostics=(diagnostic,))
@@ -132,13 +130,6 @@ def shown_path(path: str) -> str:
 
 def _source(file: str, folder: str, data: bytes) -> Source:
     return Source(file=file, folder=folder, data=data, lines=Lines(data))
-
-
-def _standard_input() -> bytes:
-    data = sys.stdin.buffer.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise TooLarge(STANDARD_INPUT, MAX_BYTES)
-    return data
 
 
 def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) -> Diagnostic:

@@ -1,3 +1,4 @@
+import io
 import os
 from pathlib import Path
 
@@ -5,7 +6,7 @@ import pytest
 
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.digest import parse_json
-from rarms_iac.storage.reading import NotRegular, TooLarge, open_regular, read_file
+from rarms_iac.storage.reading import NotRegular, TooLarge, open_regular, read_file, read_input
 from tests.needs import require
 
 
@@ -16,6 +17,15 @@ def test_a_file_is_read_up_to_its_limit_and_no_further(tmp_path: Path) -> None:
     assert read_file(file, 5) == b"12345"
     with pytest.raises(TooLarge, match="more than 4 bytes"):
         read_file(file, 4)
+
+
+def test_standard_input_is_read_up_to_its_limit_and_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"12345678")))
+
+    assert read_input("-", 4096) == b"12345678"
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"12345678")))
+    with pytest.raises(TooLarge):
+        read_input("-", 7)
 
 
 def test_a_folder_is_refused_by_name(tmp_path: Path) -> None:
