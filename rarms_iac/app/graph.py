@@ -11,7 +11,7 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
-from rarms_iac.model.system import PartitionRequest, System
+from rarms_iac.model.system import PartitionRequest, System, Threshold
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
@@ -20,7 +20,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
-from rarms_iac.statistics.curves import holds
+from rarms_iac.statistics.curves import Curve, components_not_shown
 from rarms_iac.storage.datalog.files import log_path
 
 
@@ -110,15 +110,14 @@ def _answers(measurements: Measurements, host: Host, names: Members, states: Map
         return
     for reserve in log.measured:
         enough = least is not None and reserve >= least.reserve
-        yield Answer(members=names, reserve=reserve, worse=() if enough else tuple(_worse(group, log, reserve)))
+        worse = () if enough else components_not_shown(_curves(group, log), reserve)
+        yield Answer(members=names, reserve=reserve, worse=worse)
 
 
-def _worse(group: Group, log: MeasuredTogether, reserve: int) -> Iterator[str]:
-    """The members that do not meet all their thresholds at a setting for sure, by name."""
-    for member in sorted(group.members, key=lambda member: member.name):
-        curves = ((log.curves(member.name, index), threshold) for index, threshold in member.apt.items())
-        if not all(holds(curve, threshold, reserve) for curve, threshold in curves):
-            yield member.name
+def _curves(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Threshold]]:
+    for member in group.members:
+        for index, threshold in member.apt.items():
+            yield log.curves(member.name, index), threshold
 
 
 def _together(system: System, names: Members) -> System:

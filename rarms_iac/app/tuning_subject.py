@@ -32,7 +32,7 @@ from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, p
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.statistics.curves import curves_of, holds
+from rarms_iac.statistics.curves import components_not_shown, curves_of
 
 
 class TuningStopped(Unanswered):
@@ -258,8 +258,7 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
         settings: What was measured of them together.
         reserve: The CR in question, in per cent of P1's processors.
     """
-    curves = curves_of(settings, experiment.runs, apts_of(experiment))
-    return frozenset(curve.component for curve, threshold in curves if not holds(curve, threshold, reserve))
+    return frozenset(components_not_shown(curves_of(settings, experiment.runs, apts_of(experiment)), reserve))
 
 
 def _without(members: Members, name: str) -> str:

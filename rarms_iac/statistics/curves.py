@@ -182,6 +182,32 @@ def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
             return safe >= float(limit)
 
 
+def components_not_shown(apts: Iterable[tuple[Curve, Threshold]], reserve: int) -> tuple[str, ...]:
+    """Name the components that a measured CR does not show to meet all of their thresholds.
+
+    Args:
+        apts: each threshold with the curve of its index.
+        reserve: the CR, in whole per cent.
+
+    Returns:
+        Names in order, none where all curves hold. Named is whose own band there misses, since the curve moves with
+        whatever is measured later; where no band does, whose curve does not hold.
+    """
+    pairs = list(apts)
+    on_the_curve = {curve.component for curve, threshold in pairs if not holds(curve, threshold, reserve)}
+    alone = {curve.component for curve, threshold in pairs if not holds(_unpooled(curve), threshold, reserve)}
+    return tuple(sorted(on_the_curve & alone or on_the_curve))
+
+
+def _unpooled(curve: Curve) -> Curve:
+    """The curve as it was measured, not made monotone."""
+    points = (
+        Point(reserve=point.reserve, value=estimate.value, lower=estimate.lower, upper=estimate.upper)
+        for point, estimate in zip(curve.points, curve.estimates, strict=True)
+    )
+    return replace(curve, points=tuple(points))
+
+
 DIGITS = 1000
 """Thresholds are offered with three digits, as a person would write them."""
 

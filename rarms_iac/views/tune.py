@@ -58,8 +58,8 @@ class TuningProgress(SilentReporter):
 
 
 def answer_text(worse: Sequence[str]) -> str:
-    """Whether a setting is enough for the components together; `worse`: those of whom that is not sure."""
-    return f"too little for {', '.join(worse)}" if worse else "all met"
+    """Whether a setting is enough for the components together; `worse`: those of whom that was not shown."""
+    return f"not shown for {', '.join(worse)}" if worse else "all met"
 
 
 def tuned_text(result: TuningResult) -> "RenderableType":

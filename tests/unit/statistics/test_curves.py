@@ -5,7 +5,14 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.measurement import Setting
-from rarms_iac.statistics.curves import Curve, LeastReserve, curve_of, highest_missed, least_reserve
+from rarms_iac.statistics.curves import (
+    Curve,
+    LeastReserve,
+    components_not_shown,
+    curve_of,
+    highest_missed,
+    least_reserve,
+)
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
@@ -48,6 +55,23 @@ def test_all_members_and_all_indexes_must_hold() -> None:
     fast, slow = measured({20: 100.0, 40: 50.0}), measured({20: 400.0, 40: 200.0})
 
     assert least_reserve([(fast, at_most(110)), (slow, at_most(300))]) == LeastReserve(reserve=31, interpolated=True)
+
+
+def test_who_is_named_at_a_setting_stays_the_same_when_more_is_measured() -> None:
+    """Its 205 ms at 60 % are made 202.5 on the curve by what is measured later, at 70 %: it had missed 200 ms alone."""
+    slow, fast = {40: 400.0, 60: 205.0}, replace(measured({40: 400.0, 60: 150.0}), component="fast")
+
+    for points in (slow, slow | {70: 202.0}, slow | {70: 208.0}):
+        apts = [(measured(points), at_most(200)), (fast, at_most(200))]
+        assert components_not_shown(apts, 60) == ("coi",)
+        assert components_not_shown(apts, 40) == ("coi", "fast")
+    assert components_not_shown([(fast, at_most(200))], 60) == ()
+
+
+def test_who_misses_only_on_the_curve_is_named_where_nobody_misses_alone() -> None:
+    rising = measured({40: 190.0, 60: 260.0})
+
+    assert components_not_shown([(rising, at_most(200))], 40) == ("coi",)
 
 
 def test_the_highest_setting_that_misses_for_sure_lies_below_the_noise() -> None:
