@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint test-windows generated figures pictures docs bench clean
+.PHONY: help demo test test-long test-lowest lint test-windows generated figures pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -19,8 +19,11 @@ demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the
 test: $(TESTS) ## All tests, with branch coverage
 	@scripts/test
 
-test-long: $(TESTS) ## The same tests with the large counts (many times longer)
-	@RARMS_LONG=1 scripts/test
+test-long: $(TESTS) ## The same with the large counts, then unit tests and laws on all Pythons (much longer)
+	@RARMS_LONG=1 scripts/test && scripts/all-pythons
+
+test-lowest: $(TESTS) ## The unit tests and laws with the lowest allowed versions of all dependencies
+	@scripts/lowest-versions
 
 lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and the house rules
 	@scripts/lint

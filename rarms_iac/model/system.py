@@ -78,6 +78,7 @@ class Application:
 
     name: str
     description: str = ""
+    requires_rarms: str | None = None  # `>=0.2`; None: any version
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

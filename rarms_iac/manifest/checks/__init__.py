@@ -16,6 +16,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, in_order
 from rarms_iac.model.system import System
 
 CHECKS: Mapping[Finding, Check] = {
+    names.OLDER_THAN_REQUIRED: names.older_than_required,
     names.UNKNOWN_NAME: names.unknown_name,
     names.DEVICE_NAME: names.device_name,
     names.POWERSHELL_NAME: names.powershell_name,

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Iterator
 
+from rarms_iac import __version__
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.measurement import TEST_PARTITIONS
@@ -21,6 +22,9 @@ MOVED_FROM_EXISTING = Finding(
     code="RARMS081", severity=Severity.ERROR, summary="A renamed partition is still in the manifest"
 )
 NO_COMPONENTS = Finding(code="RARMS089", severity=Severity.WARNING, summary="The manifest has no component")
+OLDER_THAN_REQUIRED = Finding(
+    code="RARMS312", severity=Severity.ERROR, summary="The manifest asks for a newer version of rarms"
+)
 UNUSED_INTERFERENCE = Finding(code="RARMS086", severity=Severity.NOTE, summary="An interference is not used")
 
 MOST_SUGGESTIONS = 20
@@ -42,6 +46,24 @@ def unknown_name(system: System) -> Iterator[Violation]:
                 advice=f"Correct the name, or add the {kind}.",
                 address="" if path[0] in {"policy", "moved"} else None,
             )
+
+
+def older_than_required(system: System) -> Iterator[Violation]:
+    """A least version that this rarms does not reach."""
+    required = (system.application.requires_rarms or "").removeprefix(">=").strip()
+    if _numbers(required) > _numbers(__version__):
+        yield Violation(
+            path=("application", "requires_rarms"),
+            detail=f"It requires rarms {required} or newer, and this is rarms {__version__}.",
+            advice="Install a newer rarms, or ask whoever raised the requirement what it is for.",
+            address="",
+        )
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """`0.2` as `(0, 2, 0)`; no version is the oldest."""
+    numbers = [int(number) for number in version.split(".") if number]
+    return tuple([*numbers, 0, 0, 0][:3])
 
 
 def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str]]]:

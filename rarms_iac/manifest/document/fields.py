@@ -85,6 +85,7 @@ SSH_PATTERN = r"^([A-Za-z0-9_][A-Za-z0-9_.\\-]{0,127}@)?[A-Za-z0-9\[][A-Za-z0-9_
 SLICE_PATTERN = "^[a-z0-9][a-z0-9_-]{0,62}$"
 OPERATION_PATTERN = "^[a-z][a-z_]{0,62}$"
 CODE_PATTERN = "^RARMS[0-9]{3}$"
+VERSION_PATTERN = "^>= ?[0-9]{1,6}([.][0-9]{1,6}){0,2}$"
 DAY_PATTERN = "^[0-9]{4}-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])$"
 
 FORMS: dict[str, tuple[str, str]] = {
@@ -107,6 +108,7 @@ FORMS: dict[str, tuple[str, str]] = {
         "Such names have small letters, digits, hyphens and underscores, and start with a letter or digit.",
     ),
     OPERATION_PATTERN: ("an operation", "Write its kind in small letters and underscores, as in start_partition."),
+    VERSION_PATTERN: ("a least version", "Write >= and the version, as in '>=0.2'."),
     CODE_PATTERN: ("a finding's id", "Write RARMS and three digits, as in RARMS041."),
     DAY_PATTERN: ("a day", "Write year-month-day, as in 2027-01-31."),
 }
@@ -120,6 +122,7 @@ SshTarget = Annotated[str, StringConstraints(pattern=SSH_PATTERN)]
 SliceName = Annotated[str, StringConstraints(pattern=SLICE_PATTERN)]
 Operation = Annotated[str, StringConstraints(pattern=OPERATION_PATTERN)]
 Code = Annotated[str, StringConstraints(pattern=CODE_PATTERN)]
+LeastVersion = Annotated[str, StringConstraints(pattern=VERSION_PATTERN)]
 Filled = Annotated[str, StringConstraints(min_length=1)]
 
 

@@ -12,6 +12,7 @@ from rarms_iac.manifest.document.fields import (
     Day,
     Filled,
     KeysLike,
+    LeastVersion,
     Maybe,
     Name,
     TaskName,
@@ -148,6 +149,9 @@ class ApplicationBlock(Block):
 
     name: Name = needed("The application's name; it is in the mark of everything that rarms makes.")
     description: str = optional("What it does, for people.", "")
+    requires_rarms: Maybe[LeastVersion] = optional(
+        "The least version of rarms that reads this manifest right: `>=0.2`."
+    )
 
 
 class ManifestDocument(Block):

@@ -7,7 +7,7 @@ from rarms_iac.model.system import System
 
 EVERYTHING = """\
 schema: rarms/v1
-application: { name: cell-7, description: Says everything. }
+application: { name: cell-7, description: Says everything., requires_rarms: ">=0.1" }
 hosts:
   onboard:
     provider: simulated

@@ -1,4 +1,6 @@
+from dataclasses import replace
 from datetime import date
+from unittest.mock import patch
 
 import pytest
 
@@ -93,6 +95,18 @@ def test_moves(moved: dict[str, str], expected: list[str]) -> None:
     system = a_system(components=[VISION, SPEECH], moved=moved)
 
     assert sorted(code for code, _ in found(system)) == expected
+
+
+@pytest.mark.parametrize(
+    ("required", "codes_found"),
+    [(None, []), (">=0.1", []), (">= 0.0.9", []), (">=0.1.1", ["RARMS312"]), (">=99", ["RARMS312"])],
+)
+def test_a_manifest_may_require_a_version(required: str | None, codes_found: list[str]) -> None:
+    system = a_system(components=[VISION])
+    requiring = replace(system, application=replace(system.application, requires_rarms=required))
+
+    with patch("rarms_iac.manifest.checks.names.__version__", "0.1.0"):
+        assert [code for code, _ in found(requiring)] == codes_found
 
 
 def test_a_manifest_without_components() -> None:
