@@ -22,7 +22,7 @@ from rarms_iac.planner.combining.oracle import WHOLE, Consent, PlannerReporter, 
 class CombiningOffer:
     """All in per cent of one logical processor."""
 
-    need: int  # what is reserved apart
+    need: int  # what is reserved apart, by all partitions
     have: int
     predicted: int | None  # what would be reserved with the best single compound; None: none would save anything
 
@@ -105,7 +105,7 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
         subject = subject_of_tuning(hosts, bench_of(hosts), states)
     except UseCaseError:
         return None
-    need = total(subject.cois)
+    need = total(subject.cois) + subject.fixed
     if need <= subject.capacity:
         return None
     return CombiningOffer(need=need, have=subject.capacity, predicted=_predicted(subject, need))

@@ -5,7 +5,7 @@ Begin at `measure_components`. `run_experiment` is one experiment, for who asks 
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rarms_iac.app.configuration_log import record_choices
@@ -25,6 +25,8 @@ from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
 from rarms_iac.app.level_prompt import LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import hold_data_log, log_errors
+from rarms_iac.app.report_measurements import fixed_on
+from rarms_iac.app.report_model import FixedReservation
 from rarms_iac.app.resting import (
     PartitionRest,
     StopConsent,
@@ -73,6 +75,7 @@ class MeasureOutcome:
     results: tuple[ExperimentResult, ...]
     findings: tuple[Diagnostic, ...]
     not_begun: tuple[Experiment, ...] = ()
+    fixed: Mapping[str, tuple[FixedReservation, ...]] = field(default_factory=dict)  # by host, by the manifest itself
     ended: bool = False  # somebody asked for an end at a question
 
     @property
@@ -173,7 +176,13 @@ def _measure_all(
             if is_stopped or ended:
                 break
     not_begun = experiments[len(results) :]
-    outcome = MeasureOutcome(results=tuple(results), findings=tuple(findings), not_begun=not_begun, ended=ended)
+    outcome = MeasureOutcome(
+        results=tuple(results),
+        findings=tuple(findings),
+        not_begun=not_begun,
+        fixed={name: fixed_on(hosts.system, name) for name in names},
+        ended=ended,
+    )
     return outcome, complete
 
 

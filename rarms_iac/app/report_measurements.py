@@ -141,12 +141,17 @@ def _capacity(system: System, platform: str) -> PlatformCapacity:
         hosts=tuple(sorted(host.name for host in hosts)),
         processors=processors,
         capacity=processors - kept_for_hosts,
-        fixed=tuple(_fixed(system, hosts)),
+        fixed=tuple(fixed_reservations(system, hosts)),
     )
 
 
-def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
-    """What the manifest itself reserves on these hosts, as their first would."""
+def fixed_reservations(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
+    """Yield what the manifest itself reserves on these hosts, a partition each, by name.
+
+    Args:
+        system: What the manifest says.
+        hosts: Of one platform; shares are of the first one's processors. Partitions that may run on any of them count.
+    """
     host, names = hosts[0], {host.name for host in hosts}
     for group in groups_of(system):
         if rests_on_a_log(group) or not all(
@@ -160,6 +165,21 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
             amount = in_processors(own, host.logical_processors)
         if amount:
             yield FixedReservation(name=group.name, components=names_of(group.members), amount=amount)
+
+
+def fixed_on(system: System, host: str) -> tuple[FixedReservation, ...]:
+    """Return what the manifest itself reserves on a host, of partitions that can run nowhere else, by name.
+
+    Args:
+        system: What the manifest says.
+        host: The name of one of its hosts.
+    """
+
+    def is_here(name: str) -> bool:
+        return set(system.components[name].hosts or system.hosts) == {host}
+
+    on_host = fixed_reservations(system, [system.hosts[host]])
+    return tuple(fixed for fixed in on_host if all(map(is_here, fixed.components)))
 
 
 def _facts(log: DataLog) -> Iterator[tuple[str, str]]:

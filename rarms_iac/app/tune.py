@@ -154,7 +154,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
         advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
         yield findings.NO_ANSWER.at(None, end.unanswered, advice)
     elif end.ending == "unable":
-        reserved, capacity = map(show_lp_percent, (total(end.subject.cois), end.subject.capacity))
+        reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."
         advice = "Relax an APT (`rarms select`), lift an `apart`, `dedicated` or `protect`, or add a logical processor."
         if not end.subject.cois:
@@ -192,7 +192,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     if isinstance(plan_layout(system, reservations, views, manifest.places).answer, Layout):
         return
-    now, capacity = show_lp_percent(total(end.cois)), show_lp_percent(end.subject.capacity)
+    now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
     yield findings.STILL_TOO_MUCH.at(
         None,
         f"{now} are reserved now, and {capacity} are there; `rarms plan` tells more.",
@@ -218,8 +218,9 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
         ending=end.ending,
         message=message,
         capacity=end.subject.capacity,
-        before=total(end.subject.cois),
-        after=total(end.cois),
+        fixed=end.subject.fixed,
+        before=end.before,
+        after=end.after,
         proved=end.proved,
         contradictions=tuple(contradiction.message for contradiction in end.contradictions),
         partitions=tuple(

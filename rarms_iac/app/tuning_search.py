@@ -26,6 +26,16 @@ class TuningConclusion:
     unanswered: str = ""  # why a compound could not be measured
 
     @property
+    def before(self) -> int:
+        """What all partitions reserved before, in per cent of one logical processor."""
+        return total(self.subject.cois) + self.subject.fixed
+
+    @property
+    def after(self) -> int:
+        """What all partitions reserve as the search leaves them, in per cent of one logical processor."""
+        return total(self.cois) + self.subject.fixed
+
+    @property
     def compounds(self) -> tuple[Coi, ...]:
         """The compounds that tuning made."""
         return tuple(coi for coi in self.cois if coi not in self.subject.cois)
@@ -88,7 +98,7 @@ class _TrailReporter:
 
 def _by_the_paper(start: TuningConclusion, inquiry: Inquiry, *, repeat: bool) -> TuningConclusion:
     subject = start.subject
-    done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, inquiry, repeat=repeat)
+    done = tune_performance_to_use_less_resource(subject.cois, subject.remaining, inquiry, repeat=repeat)
     ending: TuningEnding = "nothing_to_do"
     if done.needed:
         ending = "successful" if done.combinations else "unable"

@@ -48,13 +48,19 @@ class TuningSubject:
     problem: Problem  # as it is planned now
     state: State  # of the bench
     cois: tuple[Coi, ...]
-    capacity: int  # that these may reserve together, in per cent of one logical processor
+    capacity: int  # of the chosen hosts, in per cent of one logical processor
+    fixed: int  # what partitions reserve that are not tuned, in the same unit
     predictor: Predictor = NOTHING
 
     @property
     def system(self) -> System:
         """What the manifest says."""
         return self.hosts.system
+
+    @property
+    def remaining(self) -> int:
+        """What the CoIs may reserve together, in per cent of one logical processor."""
+        return max(0, self.capacity - self.fixed)
 
     def may_share(self, members: Members) -> bool:
         """Return whether these components may share a partition on some host, and be measured on the bench."""
@@ -79,7 +85,7 @@ class TuningSubject:
     def objective(self, layout_fit: "LayoutFit") -> Objective:
         """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep."""
         return Objective(
-            capacity=self.capacity,
+            capacity=self.remaining,
             fits=layout_fit.fits,
             minimise=self.system.policy.minimise,
             criticalities={name: self.system.components[name].criticality for coi in self.cois for name in coi.members},
@@ -152,15 +158,14 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     )
     tuned = {coi.name for coi in cois}
     chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
-    others = sum(min(map(cost, item.claims.values())) for item in problem.items if item.name not in tuned)
-    capacity = sum(free_in(host_bin).percent for host_bin in chosen) - others
     return TuningSubject(
         hosts=hosts,
         bench=bench,
         problem=problem,
         state=states[bench.name],
         cois=cois,
-        capacity=max(0, capacity),
+        capacity=sum(free_in(host_bin).percent for host_bin in chosen),
+        fixed=sum(min(map(cost, item.claims.values())) for item in problem.items if item.name not in tuned),
         predictor=predictor_of(alone_in(groups, reservations, bench)),
     )
 

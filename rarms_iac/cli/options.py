@@ -1,5 +1,6 @@
 """The options that several commands share, each read once into a frozen value."""
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
@@ -7,6 +8,7 @@ from functools import wraps
 from typing import TypeVar, cast
 
 import click
+from click.core import ParameterSource
 
 from rarms_iac.app.requests import (
     DEFAULT_MANIFEST,
@@ -45,6 +47,7 @@ def manifest_options(function: F) -> F:
 
     def collect(*args: object, manifest: str, overlay: tuple[str, ...], today: date | None, **rest: object) -> object:
         source = ManifestSource(manifest=manifest, overlays=overlay, today=today or today_utc())
+        _repeat_in_advice(click.get_current_context(), source)
         return function(*args, source=source, **rest)
 
     return _with_options(
@@ -61,6 +64,17 @@ def manifest_options(function: F) -> F:
             help="The day by which acceptances are judged, as 2026-01-31. [default: today in UTC]",
         ),
     )
+
+
+def _repeat_in_advice(context: click.Context, source: ManifestSource) -> None:
+    """From now on, commands that messages recommend name the same manifest and overlays."""
+    session = context.find_object(Session)
+    if session is None:  # options may be read without a session
+        return
+    words = [word for overlay in source.overlays for word in ("--overlay", overlay)]
+    if context.get_parameter_source("manifest") is ParameterSource.COMMANDLINE:
+        words = ["-f", source.manifest, *words]
+    session.terminal.manifest_options = f" {shlex.join(words)}" if words else ""
 
 
 def host_options(function: F) -> F:

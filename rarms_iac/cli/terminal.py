@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import shutil
 import sys
 from collections.abc import Mapping
@@ -21,6 +22,11 @@ WIDEST = 100
 """Longer lines are harder to read, however wide the terminal is."""
 DEFAULT_WIDTH = 80
 
+_RECOMMENDED = re.compile(
+    r"`rarms (?!(?:init|completion|schema|explain|show|fmt)\b|apply [^-`])[a-z]+(?![^`]* -f )[^`]*(?=`)"
+)
+"""A command that a message recommends, where it takes a manifest and names none."""
+
 
 @dataclass(slots=True)
 class Terminal:
@@ -37,6 +43,7 @@ class Terminal:
     talk_piped: bool = False  # the same of standard error
     debug: bool = False
     answered: bool = False  # data was written
+    manifest_options: str = ""  # ` -f cell`, as they were given: recommended commands repeat them
     _live_table: "LiveTable | None" = None
 
     @property
@@ -68,7 +75,7 @@ class Terminal:
         """Write what a person asked for, laid out for standard output."""
         from rarms_iac.views.console import UNLIMITED, render
 
-        self.data(render(content, UNLIMITED if self.piped else self.width, colour=self.colour))
+        self.data(render(self._named(content), UNLIMITED if self.piped else self.width, colour=self.colour))
 
     def talk(self, content: "RenderableType") -> None:
         """Write what is said beside it, with a line end; a `str` as it is, anything else laid out by rich."""
@@ -77,7 +84,7 @@ class Terminal:
             from rarms_iac.views.console import UNLIMITED, render
 
             width = UNLIMITED if self.talk_piped else self.width
-            content = render(content, width, colour=self.talk_colour).removesuffix("\n")
+            content = render(self._named(content), width, colour=self.talk_colour).removesuffix("\n")
         self.err = write_text(self.err, content + "\n")
 
     def tell(self, text: str) -> None:
@@ -85,9 +92,19 @@ class Terminal:
 
         NOTE: without rich, whose import a command with `--json` would wait for.
         """
+        if self.manifest_options:
+            text = _RECOMMENDED.sub(lambda found: found[0] + self.manifest_options, text)
         if not self.talk_piped:
             text = fill(text, self.width, break_long_words=False, break_on_hyphens=False)
         self.talk(text)
+
+    def _named(self, content: "RenderableType") -> "RenderableType":
+        """The content, in which recommended commands name the manifest that this one was given."""
+        if not self.manifest_options:
+            return content
+        from rarms_iac.views.console import insert
+
+        return insert(content, _RECOMMENDED, self.manifest_options)
 
     def live(self) -> "Console":
         """A console on standard error for what is updated in place; only where `lively`."""

@@ -10,7 +10,7 @@ import io
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 if TYPE_CHECKING:
@@ -122,6 +122,32 @@ def paragraph(content: Content, *, indent: int = 0, more: int = 0, start: Conten
 def _item(line: "Text") -> "RenderableType":
     marker = _ITEM.match(line.plain)
     return _HangingIndent(head=line[: marker.end()], more=0, content=line[marker.end() :]) if marker else line
+
+
+def insert(content: "RenderableType", pattern: re.Pattern[str], words: str) -> "RenderableType":
+    """Return the content with these words behind each match of a pattern, in paragraphs and plain text.
+
+    Args:
+        content: made of `stack`, `paragraph` and `str`; a table stays as it is.
+        pattern: looked for in texts before they are wrapped.
+        words: in the style of what they stand behind.
+    """
+    from rich.console import Group
+    from rich.text import Text
+
+    match content:
+        case str():
+            return pattern.sub(lambda found: found[0] + words, content)
+        case Text():
+            for found in reversed(list(pattern.finditer(content.plain))):
+                content = content[: found.end()].append(words).append_text(content[found.end() :])
+            return content
+        case _HangingIndent():
+            return replace(content, content=insert(content.content, pattern, words))
+        case Group():
+            return Group(*(insert(part, pattern, words) for part in content.renderables))
+        case _:
+            return content
 
 
 def indented(content: "RenderableType", indent: int) -> "RenderableType":

@@ -3,9 +3,11 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from math import isfinite
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, assert_never
 
 from rarms_iac.app.experiments import ExperimentResult
+from rarms_iac.app.report_model import FixedReservation
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
@@ -42,14 +44,25 @@ Row = tuple[str, str, str, str, str]
 HEADER = ("component", "threshold", "CR", "LP", "remark")
 
 
-def summary_text(results: Sequence[ExperimentResult], waiting: Sequence[Experiment] = ()) -> "RenderableType":
+FixedOnHosts = Mapping[str, Sequence[FixedReservation]]
+"""By host: what the manifest itself reserves there."""
+
+
+def summary_text(
+    results: Sequence[ExperimentResult], waiting: Sequence[Experiment] = (), fixed: FixedOnHosts = MappingProxyType({})
+) -> "RenderableType":
     """A table, a row a threshold of a component; below it what the reservations add up to, and how sure they are.
 
     The reservation stands in the first row of the components that were measured together.
+
+    Args:
+        results: of the experiments that were begun.
+        waiting: those that an early end left out.
+        fixed: what counts beside the results, or instead of what was measured of the same components.
     """
     rows = [row for result in results for row in _rows(result.experiment, *_outcome(result))]
     rows += [row for experiment in waiting for row in _rows(experiment, "-", "", "not begun")]
-    return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(results)))
+    return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(results, fixed)))
 
 
 def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) -> Iterator[Row]:
@@ -121,14 +134,20 @@ def _planned(result: ExperimentResult, reserve: int | None) -> str:
     return f"a plan reserves {planned.reserve} %{', interpolated' if planned.interpolated else ''}"
 
 
-def _totals(results: Sequence[ExperimentResult]) -> Iterator[str]:
+def _totals(results: Sequence[ExperimentResult], fixed: FixedOnHosts) -> Iterator[str]:
     for name, size in {result.experiment.host.name: result.experiment.host for result in results}.items():
         here = [result for result in results if result.experiment.host.name == name]
-        amount = sum(map(_reserved, here), Fraction(0))
+        fixed_here = fixed.get(name, ())
+        own = {component for partition in fixed_here for component in partition.components}
+        by_manifest = sum((partition.amount for partition in fixed_here), Fraction(0))
+        amount = by_manifest + sum(
+            map(_reserved, (each for each in here if not own & set(each.experiment.setup.members)))
+        )
+        note = f" ({show_processors(by_manifest)} of it fixed in the manifest)" if by_manifest else ""
         settings = counted(sum(len(result.settings) for result in here), "setting")
         new = sum(result.new for result in here)
         yield (
-            f"{name}: {show_processors(amount)} of {show_processors(size.logical_processors)} in all, "
+            f"{name}: {show_processors(amount)} of {show_processors(size.logical_processors)} in all{note}, "
             f"by {settings}, {new} of them new."
         )
     footnotes = []

@@ -87,16 +87,17 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
 def _sentences(result: TuningResult) -> Sequence[str]:
     run, hosts = result.run, ", ".join(result.hosts)
     before, after, capacity = map(show_lp_percent, (run.before, run.after, run.capacity))
+    fixed = f", {show_lp_percent(run.fixed)} of it by partitions that are not tuned" if run.fixed else ""
     match run.ending:
         case "nothing_to_do":
-            return [f"{hosts}: nothing to do, {before} of {capacity} are reserved."]
+            return [f"{hosts}: nothing to do, {before} of {capacity} are reserved{fixed}."]
         case "stopped":
-            return [f"{hosts}: stopped, {before} are reserved, and there are {capacity}."]
+            return [f"{hosts}: stopped, {before} are reserved{fixed}, and there are {capacity}."]
         case "unable":
-            return [f"{hosts}: {before} are reserved, and there are {capacity}. {run.message}."]
+            return [f"{hosts}: {before} are reserved{fixed}, and there are {capacity}. {run.message}."]
         case "successful":
             claim = [f"No other layout is better, if {ASSUMED}."] if run.proved else []
-            return [f"{hosts}: {run.message}, {before} became {after} of {capacity}.", *claim]
+            return [f"{hosts}: {run.message}, {before} became {after} of {capacity}{fixed}.", *claim]
 
 
 def _number(percent: int) -> str:

@@ -142,7 +142,7 @@ def command(
     if as_json:
         session.terminal.data(measure_json(outcome.results, outcome.findings, outcome.not_begun))
     else:
-        session.terminal.show(summary_text(outcome.results, outcome.not_begun))
+        session.terminal.show(summary_text(outcome.results, outcome.not_begun, outcome.fixed))
     if outcome.stopped:
         return stopped(session)
     if outcome.ended:

@@ -141,7 +141,7 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
             advice = "Check that it is the manifest, or move what differs between machines into overlays."
             return TOO_LARGE.at(place, f"{file} has more than 8 MiB, the largest size of a manifest.", advice)
         case FileNotFoundError():
-            advice = "Check the path, or create a manifest with `rarms init`."
+            advice = "Name the manifest or its folder with `-f PATH`, or create one with `rarms init`."
             if overlay:
                 advice = "Check the path. An overlay is a file with the keys that differ from the manifest."
             return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", advice)

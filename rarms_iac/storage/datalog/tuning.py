@@ -51,7 +51,8 @@ class TuningRun:
     strategy: TuningStrategy
     ending: TuningEnding
     message: str
-    capacity: int
+    capacity: int  # of the hosts, without what is kept for them or unmanaged
+    fixed: int = 0  # what partitions reserve that are not tuned: a part of `before` and of `after`
     before: int
     after: int
     proved: bool  # that no other layout is better

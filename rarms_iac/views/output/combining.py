@@ -48,6 +48,7 @@ class TuneOutput:
     ending: Literal["nothing_to_do", "successful", "unable", "stopped"]
     message: str
     capacity: int
+    fixed: int  # what partitions reserve that are not tuned: a part of `before` and of `after`
     before: int
     after: int
     proved: bool  # that no other layout is better, under the assumption of docs/combining.md

@@ -207,6 +207,17 @@ def test_where_all_reserves_are_fixed_that_is_said_once_and_without_a_table(tmp_
     assert "The manifest fixes all reserves, they do not fit, and nothing can be combined." in ran.err
 
 
+def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_path: Path) -> None:
+    fixed = MANIFEST.replace("reserve: measured", "reserve: 20 %")
+    (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
+
+    with chdir(tmp_path):
+        ran = rarms("tune")
+
+    amount = "1.2 LP of 2 LP are reserved, 1.2 LP of it by partitions that are not tuned."
+    assert (ran.code, ran.out) == (0, f"onboard: nothing to do, {amount}\n")
+
+
 def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: Path) -> None:
     protected = "\npartitions:\n  {}: {{ protect: true }} # never lose it\n"
     (here / "rarms.yaml").write_text(MANIFEST + protected.format("video"), encoding="utf-8", newline="\n")

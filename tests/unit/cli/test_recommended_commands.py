@@ -248,7 +248,7 @@ SITUATIONS = {
         says="RARMS267",
         recommends=("rarms measure vision --again --samples 2000",),
     ),
-    "there is no manifest": Situation(steps=(), words=("validate",), says="RARMS001", recommends=("rarms init",)),
+    "there is no manifest": Situation(steps=(), words=("plan",), says="with `-f PATH`", recommends=("rarms init",)),
     "the manifest is empty": Situation(
         steps=(write("\n  \n"),), words=("validate",), says="The file has no content", recommends=("rarms init",)
     ),
@@ -323,3 +323,19 @@ def test_what_is_recommended_works_where_it_is_recommended(situation: Situation,
         folder = tmp_path / f"copy-{number}"
         copy_files(origin, folder)
         run_as_printed(command, folder)
+
+
+def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Path) -> None:
+    folder = tmp_path / "my robot"
+    folder.mkdir()
+    with chdir(folder):
+        write(MEASURED)()
+    Path(tmp_path, "test.yaml").write_text("policy: { headroom: none }\n", encoding="utf-8")
+
+    with chdir(tmp_path):
+        ran = rarms("plan", "-f", "my robot", "--overlay", "test.yaml")
+    commands = recommended(ran.err)
+
+    assert "rarms measure vision -f 'my robot' --overlay test.yaml" in commands
+    for command in commands:
+        run_as_printed(command, tmp_path)
