@@ -39,7 +39,7 @@ class GuideFacts:
     memory_mib: int
     task: str | None
     task_values: tuple[str, ...]  # `Priority = 5 (DWORD)`
-    command: str
+    command: str  # for a shell; empty: the manifest names no program
     rests_on: str  # what the reserve comes from
     shortest_ms: float | None  # the shortest response time that a threshold allows
 
@@ -114,10 +114,8 @@ def _facts(
 
 
 def _command(component: Component) -> str:
-    if component.run is None:
-        return component.name
-    start = component.run.start
-    return shlex.join(start.words) if isinstance(start, Command) else f"{start.module}:{start.function}"
+    start = None if component.run is None else component.run.start
+    return shlex.join(start.words) if isinstance(start, Command) else ""
 
 
 def _shortest(component: Component) -> float | None:

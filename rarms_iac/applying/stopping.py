@@ -34,7 +34,8 @@ def stop_changes(
     Args:
         state: the host as observed.
         application: whose partitions.
-        scope: which of them, and who stops them. One that does not run is only marked, where it is wanted running.
+        scope: which of them, and who stops them. What runs is stopped, whatever its mark says; what does not run is
+            only marked, where it is wanted running.
         locate: the manifest line of a partition.
 
     Returns:
@@ -46,7 +47,7 @@ def stop_changes(
         after = stopped_partition(before, scope.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
             findings.append(not_at_rest(address, before.state, locate(address)))
-        elif before.mark != after.mark and _is_wanted_running(before):
+        elif before.settings.running or (before.mark != after.mark and _is_wanted_running(before)):
             changes.append(_update(address, before, after, "rarms stop", locate))
     return tuple(changes), tuple(findings)
 
@@ -91,7 +92,7 @@ def _partitions(state: State, application: str, names: Collection[str]) -> Itera
 
 
 def _is_wanted_running(partition: Partition) -> bool:
-    return partition.settings.running or partition.settings.start_action is not StartAction.NOTHING
+    return partition.settings.start_action is not StartAction.NOTHING
 
 
 def _update(address: Address, before: Partition, after: Partition, why: str, locate: Locator) -> Update:

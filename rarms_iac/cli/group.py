@@ -50,6 +50,8 @@ class LazyGroup(click.Group):
         Raises:
             click.UsageError: there is none; the message offers the nearest.
         """
+        if args and ctx.obj is not None:
+            ctx.obj.command = args[0]  # before it is imported: an interrupt may come as early
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             from rarms_iac.model.wording import suggestion
 

@@ -206,22 +206,23 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
     if before.state in {RunState.RUNNING, RunState.PAUSED}:
         yield stop_step(builder, f"a {before.state.value} machine cannot be removed")
     going = context.disks.get(before.id, ())
-    others = "keep its other disks" if going else "keep its disks"
+    attached = context.attached.get(before.id, 0)
+    others = ", keep its other disks" if going else ", keep its disks" if attached else ""
     operation = RemovePartition(partition=address.partition, machine=address.machine)
     removal = Step(
         address=address,
-        title=f"{operation}, {others}",
+        title=f"{operation}{others}",
         operation=operation,
         # What it got since the plan was seen by nobody: a checkpoint is merged, a disk would be left behind.
         before={
             **some_readings(builder.now, ("machine", "name", "state", "snapshots")),
-            "disks": context.attached.get(before.id, 0),
+            "disks": attached,
         },
         after=NOTHING,
         undo=Undo(
             level=UndoLevel.NONE,
             operation=None,
-            message="the machine is not made again" + ("" if going else "; its disks are still there"),
+            message="the machine is not made again" + ("; its disks are still there" if attached and not going else ""),
         ),
         disruption=Disruption.REMOVAL,
         claim_before=claim_of(builder.now),

@@ -16,7 +16,7 @@ from rarms_iac.model.quantities import (
     show_processors,
 )
 from rarms_iac.model.system import Measured
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import limit_of, weight_of
@@ -128,7 +128,6 @@ def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, p
         return "no reservation: none of its components asks for one"
     share = show_percent(Fraction(100) * wanted / host.logical_processors)
     names = ", ".join(member.name for member in group.members)
-    each = "its virtual processor" if processors == 1 else f"each of its {processors} virtual processors"
     lost = guaranteed(reserve, processors) - wanted
     rounding = f", rounded up by {show_processors(lost)}" if lost else ""
-    return f"{share} of {host.name} for {names}: {reserve} % of {each}{rounding}"
+    return f"{share} of {host.name} for {names}: {reserve} % of {each_processor(processors)}{rounding}"

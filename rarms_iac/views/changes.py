@@ -61,7 +61,7 @@ def describe_disruption(change: Change) -> str:
         case Disruption.HOST_RESTART:
             return "when the host starts again"
         case Disruption.REMOVAL:
-            return "made again" if isinstance(change, Update) else "removed, its disks stay"
+            return "made again" if isinstance(change, Update) else "removed"
         case _:
             assert_never(change.disruption)
 

@@ -8,7 +8,7 @@ from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanati
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.plan import describe_placement
@@ -265,8 +265,7 @@ def _rounding(explanation: Explanation) -> Iterator[str]:
         yield "none: nothing is reserved"
         return
     lost = guaranteed(placed.reserve, placed.processors) - explanation.wanted
-    each = "its virtual processor" if placed.processors == 1 else f"each of its {placed.processors} virtual processors"
-    grain = f"{placed.reserve} % of {each} (whole per cent are the provider's grain)"
+    grain = f"{placed.reserve} % of {each_processor(placed.processors)} (whole per cent are the provider's grain)"
     yield f"{grain}: {show_processors(placed.reserved)}, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )

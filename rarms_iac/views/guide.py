@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterator
 
 from rarms_iac.app.guide import GuideFacts
+from rarms_iac.model.wording import each_processor
 
 
 def guide(facts: GuideFacts) -> str:
@@ -19,8 +20,8 @@ def _head(facts: GuideFacts) -> Iterator[str]:
     yield f"# {facts.component} by hand, on {facts.platform}"
     yield ""
     yield f"Good enough is: {'; '.join(facts.apt) or 'no threshold is set'}."
-    yield f"Its partition {facts.partition} gets {facts.reserve} % of each of its {facts.processors} virtual"
-    yield f"processors, {facts.rests_on}."
+    yield f"Its partition {facts.partition} gets {facts.reserve} % of {each_processor(facts.processors)},"
+    yield f"{facts.rests_on}."
     if facts.beside:
         yield f"In the same partition run: {', '.join(facts.beside)}."
     yield "Choose the section of the host's kind. Lower other reserves before raising this one, so that the host never"
@@ -41,7 +42,8 @@ def _hyperv(facts: GuideFacts) -> Iterator[str]:
     yield f"   -Maximum {facts.limit} -RelativeWeight {facts.weight}`."
     yield f"5. Start it: `Hyper-V\\Start-VM -Name '{name}'`. Over-commitment shows only here: a start that fails for"
     yield "   processor resources means that all reserves add up to more than the host has."
-    yield f"6. In the guest, have {facts.component} start with Windows, as: `{facts.command}`."
+    command = f", as: `{facts.command}`" if facts.command else ""
+    yield f"6. In the guest, have {facts.component} start with Windows{command}."
     yield ""
 
 
@@ -80,8 +82,9 @@ def _linux(facts: GuideFacts) -> Iterator[str]:
         yield "   the shortest response time that is allowed: with a longer one, response times come in steps."
     else:
         yield f"4. No limit: leave `{group}/cpu.max` at `max`; a cap would falsify what was measured."
-    inside = shlex.quote(f"echo $$ > {group}/cgroup.procs && exec {facts.command}")
-    yield f"5. Start it inside: `sh -c {inside}`."
+    inside = shlex.quote(f"echo $$ > {group}/cgroup.procs && exec {facts.command or 'COMMAND'}")
+    command = "" if facts.command else f", with what starts {facts.component} in place of COMMAND"
+    yield f"5. Start it inside: `sh -c {inside}`{command}."
     if facts.task is not None:
         yield f"6. {facts.task} is a real-time priority: `chrt --fifo --pid 10 <thread id>` for each of its threads; of"
         yield "   two components the more critical one gets the higher number."

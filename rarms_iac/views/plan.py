@@ -7,10 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
+from rarms_iac.applying.undo import is_removal
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import Placement
-from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
+from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import (
     guaranteed,
@@ -128,7 +129,7 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
         )
     for name in part.stopped:
         yield paragraph(
-            f"partition/{name} stays stopped: `rarms stop` stopped it. `rarms start {name}` starts it.", indent=2
+            f"partition/{name} stays stopped, as somebody asked for. `rarms start {name}` starts it.", indent=2
         )
     yield from _not_undone(part)
     if verbose:
@@ -204,16 +205,19 @@ def _note(change: Change, part: HostPlan) -> str:
         )
         # the guest of a machine that is only being made starts with its task classes
         return "" if created and change.address.partition else describe_disruption(change)
-    operations = [step.operation for step in part.steps if is_part_of(step, change)]
+    steps = [step for step in part.steps if is_part_of(step, change)]
+    operations = [step.operation for step in steps]
     note = describe_disruption(change)
     if any(isinstance(operation, RemoveDisk) for operation in operations):
         note = "removed with a disk"
+    elif any(isinstance(step.operation, RemovePartition) and step.before.get("disks") for step in steps):
+        note = f"{note}, disks stay"
     stop = next((operation for operation in operations if isinstance(operation, StopPartition)), None)
     if stop is None:
         return note or _left_stopped(change)
     grace = f"{show_milliseconds(stop.grace_ms)} to shut down" if stop.grace_ms else ""
     if not isinstance(change, Update):
-        return f"{note}; {grace or 'turned off, not asked'}"
+        return f"{note}; {f'up to {grace}' if grace else 'turned off, not asked'}"
     start = ", then for its start" if any(isinstance(each, StartPartition) for each in operations) else ""
     made_again = "made again; " if symbol(change) == "-/+" else ""
     return f"{made_again}{f'stopped for up to {grace}' if grace else 'turned off, not asked'}{start}"
@@ -267,9 +271,15 @@ def _held_back(part: HostPlan, plan: Plan) -> "Iterator[RenderableType]":
 
 
 def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
-    lasting = [step for step in part.steps if step.undo.level is not UndoLevel.FULL]
+    removed = {step.address.partition for step in part.steps if is_removal(step)}
+    lasting = [
+        step
+        for step in part.steps
+        if step.undo.level is UndoLevel.NONE
+        or (step.undo.level is UndoLevel.PARTIAL and step.address.partition not in removed)
+    ]
     if lasting:
-        yield "  What `rarms undo` cannot bring back:"
+        yield "  What an undo cannot bring back:"
     for step in lasting:
         level = "partly" if step.undo.level is UndoLevel.PARTIAL else "not at all"
         yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.message}", indent=4)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.select import SelectedLevel, Selection
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_processors
+from rarms_iac.model.wording import each_processor
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.output.common import output_of
@@ -60,8 +61,8 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str
     for level in selection.levels:
         amount = show_processors(guaranteed(level.reserve, level.processors))
         yield (
-            f"partition {level.partition} on {level.host}: {level.reserve} % of each of its {level.processors} virtual "
-            f"processors, {amount} of {show_processors(level.host_processors)}"
+            f"partition {level.partition} on {level.host}: {level.reserve} % of {each_processor(level.processors)}, "
+            f"{amount} of {show_processors(level.host_processors)}"
         )
         if level.expected is not None:
             value, lower, upper = level.expected

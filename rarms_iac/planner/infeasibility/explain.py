@@ -66,7 +66,7 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
     hosts = _listed([host.name for host in conflict.bins])
     match conflict.lacking:
         case "processors":
-            finding, message = findings.RESERVATIONS, _processors_exceed(conflict)
+            finding, message = findings.RESERVATIONS, _processors_exceed(conflict, problem)
         case "memory":
             finding, message = findings.MEMORY, _memory_exceeds(conflict, problem)
         case _ if len(conflict.bins) == 1:
@@ -100,11 +100,12 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
     )
 
 
-def _processors_exceed(conflict: Conflict) -> str:
+def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
     """As in: FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors."""
     if len(conflict.bins) > 1:
         free = sum(max(0, free_in(host).percent) for host in conflict.bins)
-        return f"{_needs(conflict, least_cost, show_lp_percent)}; {_have(conflict, show_lp_percent(free))}"
+        message = f"{_needs(conflict, least_cost, show_lp_percent)}; {_have(conflict, show_lp_percent(free))}"
+        return f"{message}{_all_together(conflict, problem, least_cost, show_lp_percent)}"
     host = conflict.bins[0]
     whole = host.capacity.logical_processors
 
@@ -116,21 +117,27 @@ def _processors_exceed(conflict: Conflict) -> str:
         (sum(map(cost, host.foreign_claims)), "taken by unmanaged machines"),
     )
     parts = [f"{share(amount)} {purpose}" for amount, purpose in promised if amount]
-    missing = f", of which {in_a_row(parts)} are not to be had" if parts else ""
-    return f"{_needs(conflict, least_cost, share)} of the {_logical_processors(host)}{missing}."
+    free = f"; {share(max(0, free_in(host).percent))} is free beside {in_a_row(parts)}" if parts else ""
+    message = f"{_needs(conflict, least_cost, share)} of the {_logical_processors(host)}{free}."
+    return f"{message}{_all_together(conflict, problem, least_cost, share)}"
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
-    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise.
-
-    Where other partitions need memory of the same hosts, all are summed up as well, since the ways out count them.
-    """
+    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise."""
     free = sum(max(0, free_in(host).memory) for host in conflict.bins)
     message = f"{_needs(conflict, least_memory, show_bytes)}; {_have(conflict, show_bytes(free))}"
+    return f"{message}{_all_together(conflict, problem, least_memory, show_bytes)}"
+
+
+def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
+    """The sum of all partitions, where others need the same hosts: ways out count them, and a conflict leaves them out.
+
+    Nothing where all are in the conflict, or where some may run elsewhere.
+    """
     if len(conflict.items) == len(problem.items) or len(conflict.bins) < len(problem.bins):
-        return message
-    total = show_bytes(sum(map(least_memory, problem.items)))
-    return f"{message} All {number(len(problem.items))} partitions together need {total}."
+        return ""
+    both = "Both" if len(problem.items) == 2 else f"All {number(len(problem.items))}"
+    return f" {both} partitions together need {show(sum(map(need, problem.items)))}."
 
 
 def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int], str]) -> str:

@@ -74,8 +74,8 @@ class LocalTransport:
         raise HostFailed(
             self._host,
             f"{names} is not on this computer, which the manifest says is the host",
-            "say how the host is reached (`connect: {ssh: user@host}`), or run the scripts there by hand: "
-            "`rarms show --script PLAN`",
+            "say how the host is reached (`connect: {ssh: user@host}`), or plan without it: run the script that "
+            f"`rarms snapshot --script` writes there, then `rarms plan --snapshot {self._host}=FILE`",
         )
 
 

@@ -42,3 +42,14 @@ def test_without_a_log_there_is_no_guide_and_without_a_component_neither(here: P
     unknown = rarms("explain", "visoin", "--guide", "-f", str(here))
     assert unknown.code == 64
     assert 'Did you mean "vision"?' in " ".join(unknown.err.split())
+
+
+def test_a_component_without_a_program_and_with_one_processor_has_a_guide_without_invented_words(here: Path) -> None:
+    program = "    run:\n      command: [python3, vision.py]\n      until: { samples: 200 }\n"
+    edit(here / "rarms.yaml", program, "    processors: 1\n    cpu: { reserve: 40 % }\n")
+
+    answer = rarms("explain", "vision", "--guide", "-f", str(here))
+
+    assert "gets 80 % of its virtual processor,\n" in answer.out
+    assert "have vision start with Windows.\n" in answer.out
+    assert "exec COMMAND'`, with what starts vision in place of COMMAND.\n" in answer.out

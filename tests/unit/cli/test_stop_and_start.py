@@ -1,11 +1,13 @@
 """`rarms stop` and `rarms start` on a simulated host: what they leave, what plan and drift say of it, and undo."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.state import Partition
+from rarms_iac.model.state import Partition, RunState
+from rarms_iac.providers.simulated.parse import read_content, write_content
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.unit.cli.running import rarms
 
@@ -49,7 +51,7 @@ def test_what_was_stopped_is_off_without_drift_until_it_is_started() -> None:
     assert running() == ["speech"]
     planned, drifted = rarms("plan"), rarms("drift")
     assert (planned.code, drifted.code) == (0, 0)
-    assert "partition/vision stays stopped: `rarms stop` stopped it. `rarms start vision` starts it." in planned.out
+    assert "partition/vision stays stopped, as somebody asked for. `rarms start vision` starts it." in planned.out
     assert json.loads(rarms("plan", "--json").out)["hosts"][0]["stopped"] == ["vision"]
 
     assert rarms("start", "--auto-approve").code == 0
@@ -97,6 +99,26 @@ def test_a_partition_that_is_started_by_hand_is_started_where_it_is_named() -> N
     assert rarms("stop", "--auto-approve").code == 0
     assert running() == []
     assert (rarms("plan").code, rarms("drift").code) == (0, 0)
+
+
+def test_what_somebody_started_on_the_host_although_it_was_stopped_is_stopped_again() -> None:
+    assert rarms("stop", "vision", "--auto-approve").code == 0
+    started_on_the_host("vision")
+    assert running() == ["speech", "vision"]
+
+    assert rarms("stop", "vision", "--auto-approve").code == 0
+
+    assert running() == ["speech"]
+
+
+def started_on_the_host(name: str) -> None:
+    """Start a machine as the host's own tools do, past rarms: its mark stays."""
+    path = Path(".rarms", "hosts", "onboard.json")
+    content = read_content(path.read_bytes())
+    machine = next(each for each in content.machines.values() if each.settings.name == name)
+    running_settings = replace(machine.settings, running=True)
+    content = content.with_machine(replace(machine, settings=running_settings, state=RunState.RUNNING))
+    path.write_bytes(write_content(content))
 
 
 def test_a_stop_in_a_plan_file_is_applied_like_any_other() -> None:

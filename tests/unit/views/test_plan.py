@@ -3,8 +3,8 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.changes import Adopt, Change, Release
-from rarms_iac.model.operations import StartPartition, StopPartition
-from rarms_iac.model.plan import HostPlan, Plan, Purpose, ThreadClass
+from rarms_iac.model.operations import RemovePartition, StartPartition, StopPartition
+from rarms_iac.model.plan import HostPlan, Plan, Purpose, ThreadClass, Undo, UndoLevel
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.console import render
 from rarms_iac.views.plan import plan_text, summary
@@ -95,7 +95,7 @@ def test_a_removal_says_how_long_the_machine_has_to_shut_down() -> None:
 
     shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
 
-    assert "removed, its disks stay; 1 min to shut down" in shown
+    assert "removed; up to 1 min to shut down" in shown
 
 
 def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
@@ -130,8 +130,30 @@ def test_a_reserve_is_shown_as_a_share_of_the_host_where_that_is_another_number(
     assert "      reserve         30 %" in wide
 
 
-def test_a_removal_says_that_disks_stay() -> None:
-    assert "  - vision  40 %  0.8 LP  512 MiB  removed, its disks stay" in shown_alone(delete(partition()))
+@pytest.mark.parametrize(("disks", "note"), [(0, "removed"), (1, "removed, disks stay")])
+def test_a_removal_says_that_disks_stay_where_there_are_some(disks: int, note: str) -> None:
+    change = delete(partition())
+    operation = RemovePartition(partition="vision", machine="an id")
+    steps = [replace(step(change.address, operation=operation), before={"disks": disks})]
+
+    assert f"  - vision  40 %  0.8 LP  512 MiB  {note}" in lines_of(plan(host_plan(changes=[change], steps=steps)))
+
+
+def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part() -> None:
+    change = delete(partition(settings()))
+    stop = StopPartition(partition="vision", grace_ms=60_000)
+    partly = Undo(level=UndoLevel.PARTIAL, operation=None, message="it starts anew")
+    lost = Undo(level=UndoLevel.NONE, operation=None, message="it is not made again")
+    removal = step(change.address, operation=RemovePartition(partition="vision", machine="an id"))
+    steps = [
+        replace(step(change.address, operation=stop), undo=partly),
+        replace(removal, undo=lost, after={"exists": False}),
+    ]
+
+    shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
+
+    assert "not at all; it is not made again" in shown
+    assert "it starts anew" not in shown
 
 
 def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:

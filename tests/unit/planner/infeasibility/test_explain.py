@@ -68,6 +68,15 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
     assert planning.findings[0].detail == "a 60 % and b 60 % need 120 % of the two logical processors."
 
 
+def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
+    components = [a_component(name, reserve=reserve) for name, reserve in (("a", "60 %"), ("b", "50 %"), ("c", "10 %"))]
+
+    planning = planned(a_system(hosts=[a_host(logical_processors=2, memory="16 GiB")], components=components))
+
+    sums = "a 60 % and b 50 % need 110 % of the two logical processors. All three partitions together need 120 %."
+    assert [finding.detail for finding in planning.findings] == [sums]
+
+
 @pytest.mark.parametrize(
     ("way", "advice"),
     [
