@@ -117,8 +117,8 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
         (sum(map(cost, host.foreign_claims)), "taken by unmanaged machines"),
     )
     parts = [f"{share(amount)} {purpose}" for amount, purpose in promised if amount]
-    free = f"; {share(max(0, free_in(host).percent))} is free beside {in_a_row(parts)}" if parts else ""
-    message = f"{_needs(conflict, least_cost, share)} of the {_logical_processors(host)}{free}."
+    note = f"; {share(max(0, free_in(host).percent))} is free beside {in_a_row(parts)}" if parts else ""
+    message = f"{_needs(conflict, least_cost, share)} of the {_logical_processors(host)}{note}."
     return f"{message}{_all_together(conflict, problem, least_cost, share)}"
 
 
