@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f63b33c78a54 of application robot, for the host itself.
+    rarms apply script: plan 9f44d18c1a66 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -8,7 +8,6 @@
     vision: removed, stopped (delete its disk D:\vms\vision-0123456789ab.vhdx). It is off after 120 s at the latest, and stays off
     Not undone: it starts anew: what its programs had in memory is lost
     Not undone: the machine is not made again
-    Not undone: the machine is not made again; its disks are still there
     Not undone: what is on the disk is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -42,9 +41,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f63b33c78a54'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '9f44d18c1a66'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '69cc6278d2143b5b007220e01ccecd8a2166eed150c846daa8eccb1ebfd86acc'
+        UndoDigest = '689e9a55d540993e400be077a6987159a9150c4acaedda86982eced19a32597f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -61,7 +60,7 @@ function Add-Plan {
     } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'remove the machine, keep its disks' -Before @{
+    Add-Step -Action 'remove the machine' -Before @{
         disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0
         state = 'off'
     } -After @{

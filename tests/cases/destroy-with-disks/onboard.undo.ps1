@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f63b33c78a54 of application robot, for the host itself.
+    rarms undo script: plan 9f44d18c1a66 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -39,7 +39,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f63b33c78a54'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '9f44d18c1a66'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,13 +1,13 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 41ee3bbbe290 of application robot, for the host itself.
+    rarms apply script: plan 7164eaf37e25 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
     Not undone: it starts anew: what its programs had in memory is lost
-    Not undone: the machine is not made again; its disks are still there
+    Not undone: the machine is not made again
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -40,9 +40,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '41ee3bbbe290'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7164eaf37e25'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2c27d8b6b350a7c3948c7a914f0816fb0776ae0d29875b2833bea15ae54c7078'
+        UndoDigest = '1fd9ce0052b779fe5978b56a6a1abe5289eff59e64a8a2c5909d9f35973825eb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -59,7 +59,7 @@ function Add-Plan {
     } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'remove the machine, keep its disks' -Before @{
+    Add-Step -Action 'remove the machine' -Before @{
         disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0
         state = 'off'
     } -After @{
@@ -77,7 +77,7 @@ function Add-Plan {
     } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'remove the machine, keep its disks' -Before @{
+    Add-Step -Action 'remove the machine' -Before @{
         disks = 0; exists = $true; machine = '00000002-5ade-4000-8000-000000000002'; name = 'vision'; snapshots = 0
         state = 'off'
     } -After @{

@@ -1,11 +1,11 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5a1b524ace3d of application robot, for the host itself.
+    rarms apply script: plan 97c7c0c4e102 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     Not undone: it starts anew: what its programs had in memory is lost
-    Not undone: the machine is not made again; its disks are still there
+    Not undone: the machine is not made again
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5a1b524ace3d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '97c7c0c4e102'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'df7dbfdb756ff226bcad71b1a679f108063c1759ac59fdf9160ce98c07d1ae37'
+        UndoDigest = '7b130c5cad9d75a28138281a5f688a234ed4143642eafd7be25306f3458a2d68'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -57,7 +57,7 @@ function Add-Plan {
     } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'remove the machine, keep its disks' -Before @{
+    Add-Step -Action 'remove the machine' -Before @{
         disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0
         state = 'off'
     } -After @{

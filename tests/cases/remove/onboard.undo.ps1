@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 5a1b524ace3d of application robot, for the host itself.
+    rarms undo script: plan 97c7c0c4e102 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '5a1b524ace3d'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '97c7c0c4e102'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
