@@ -13,6 +13,7 @@ from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.undo import abandon
+from rarms_iac.manifest.load import manifest_digest
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
@@ -117,6 +118,27 @@ def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
         source: where overlays and the day come from; also the manifest, where the plan's came from standard input.
     """
     return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
+
+
+def describe_changed_manifest(plan: Plan, source: ManifestSource) -> str | None:
+    """Say that a plan's manifest reads differently now; the plan is applied as it was reviewed all the same.
+
+    Args:
+        plan: The plan, with the digest of the texts that it was made of.
+        source: As `manifest_of` returns it: the manifest, and the overlays that are laid over it.
+
+    Returns:
+        Two sentences; None where the texts are the same, or cannot be read here.
+    """
+    if source.manifest == STANDARD_INPUT:
+        return None
+    if manifest_digest(source.manifest, source.overlays) in {None, plan.manifest_digest}:
+        return None
+    overlays = "" if source.overlays else ", or the plan was made with overlays"
+    return (
+        f"{source.manifest} has changed since plan {plan.id} was made{overlays}. The plan is applied as it was "
+        "reviewed; `rarms plan` shows what the manifest asks for now."
+    )
 
 
 def combine_reports(reports: Sequence[RunReport]) -> RunReport:

@@ -16,6 +16,10 @@ from rarms_iac.app.tuning_subject import TuningSubject, bench_of, subject_of_tun
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.guiding import guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Consent, PlannerReporter, total
+from rarms_iac.planner.findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
+
+NO_SUBJECT = {finding.code for finding in (UNMEASURED, STALE, NOT_MET, PLATFORMS)}
+"""Codes of findings with which there is nothing to combine yet; whoever plans or tunes is told of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,13 +102,18 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
         hosts: Of one platform; they are looked at.
 
     Returns:
-        None where all fits, or not all is measured.
+        None where all fits, or where tuning has no subject yet: not all is measured, or the hosts differ in platform.
+
+    Raises:
+        UseCaseError: A host cannot be looked at (failed), or a data log is damaged (negative).
     """
     try:
         states = all_at_rest(observe_hosts(hosts), hosts.system.application.name)
         subject = subject_of_tuning(hosts, bench_of(hosts), states)
-    except UseCaseError:
-        return None
+    except UseCaseError as problem:
+        if {finding.code for finding in problem.diagnostics} <= NO_SUBJECT:
+            return None
+        raise
     need = total(subject.cois) + subject.fixed
     if need <= subject.capacity:
         return None

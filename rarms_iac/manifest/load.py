@@ -131,6 +131,24 @@ def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
     return EMPTY.at(Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice)
 
 
+def manifest_digest(path: str, overlays: Sequence[str] = ()) -> str | None:
+    """Return the digest of a manifest's texts as they are now, as `load` has it; None where one cannot be read.
+
+    Args:
+        path: the manifest, or the folder of one.
+        overlays: files that are laid over it, in their order.
+    """
+    texts = [read(manifest_path(path)), *(read(overlay, overlay=True) for overlay in overlays)]
+    return _digest(texts) if all(text.readable for text in texts) else None
+
+
+def _digest(texts: list[ParsedText]) -> str:
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(hashlib.sha256(text.source.data).digest())
+    return digest.hexdigest()
+
+
 def _loaded(
     texts: list[ParsedText],
     system: System | None,
@@ -138,9 +156,6 @@ def _loaded(
     findings: list[Diagnostic],
     remaining: System | None = None,
 ) -> Loaded:
-    digest = hashlib.sha256()
-    for text in texts:
-        digest.update(hashlib.sha256(text.source.data).digest())
     about_texts = [diagnostic for text in texts for diagnostic in text.diagnostics]
     return Loaded(
         system=None if has_errors(about_texts) else system,
@@ -149,5 +164,5 @@ def _loaded(
         diagnostics=in_order([*about_texts, *findings]),
         sources={text.source.file: text.source.lines for text in texts},
         folder=texts[0].source.folder or os.curdir,
-        digest=digest.hexdigest(),
+        digest=_digest(texts),
     )

@@ -109,9 +109,9 @@ def _not_achievable(
 ) -> Iterator[Diagnostic]:
     last = [setting for setting in settings if setting.reserve == reserve][-1:]
     most = "" if reserve == 100 else f" {reserve} % is the most that {experiment.host.name} can give it now."
-    advice = "Relax the threshold, make the component cheaper, or use a faster platform."
+    advice = "Relax the threshold{}, make the component cheaper, or use a faster platform."
     if most:
-        advice = "Free the host, where something else holds its processors; else relax the threshold."
+        advice = "Free the host, where something else holds its processors; else relax the threshold{}."
     for setting in last:
         indexes = measured_indexes(setting, experiment)
         # What is on the right side, and not for sure, is not met either.
@@ -120,7 +120,7 @@ def _not_achievable(
                 places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
                 f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
-                advice,
+                advice.format(f" (`rarms select {measured.component} --at ...` says which level holds)"),
                 address=f"component/{measured.component}",
             )
 
@@ -139,11 +139,13 @@ def _not_resolved(
             address=f"component/{component}",
         )
     if not unsteady:
+        move = "Move the threshold away from what the component just reaches"
+        again = f"`rarms measure {_arguments(experiment)} --again --samples {LONG}`"
+        was_long = bool(settings) and _is_long(settings[-1])
         yield NOT_RESOLVED.at(
             places.value("components", first, "apt"),
             f"{experiment.name}: {reason}.",
-            "Allow more samples (`--again --samples 2000`), or move the threshold away from what the component just "
-            "reaches.",
+            f"{move}: more samples were not enough." if was_long else f"{move}, or allow more samples: {again}.",
             address=f"component/{first}",
         )
 

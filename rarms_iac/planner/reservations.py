@@ -281,17 +281,20 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
     """
     names = to_be_measured(members)
     indexes = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
+    relax = f"Relax the APT (`rarms select {names[0]} --at ...` says which level holds)"
     if not log.measured:
-        message = f"{log.path} holds no setting yet."
+        message, advice = f"{log.path} holds no setting yet.", f"Measure it: `{log.again}`."
     elif log.measured[-1] < 100:
         message = f"No setting of {log.path} meets {indexes}: the highest is {log.measured[-1]} %."
+        advice = f"{relax}, or measure higher settings, as far as the host can give them: `{log.again}`."
     else:
         message = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {indexes}."
+        advice = f"{relax}, make the component cheaper, or use a faster platform: 100 % is measured already."
     return NotMeasured(
         components=names,
         code=findings.NOT_MET.code,
         message=message,
-        advice=f"Relax the APT (`rarms select {names[0]} --at ...`), or measure on: `{log.again}`.",
+        advice=advice,
     )
 
 

@@ -3,7 +3,13 @@
 import click
 from click.core import ParameterSource
 
-from rarms_iac.app.applying import abandon_runs, combine_reports, hosts_left_unfinished, manifest_of
+from rarms_iac.app.applying import (
+    abandon_runs,
+    combine_reports,
+    describe_changed_manifest,
+    hosts_left_unfinished,
+    manifest_of,
+)
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
@@ -50,10 +56,12 @@ def command(
     if plan_file is not None:
         _refuse_beside_a_plan(abandoning or host_selection.hosts or limits.targets or limits.max_disruption)
         plan = read_plan_file(plan_file)
+        manifest_source = source if _is_named() else manifest_of(plan, source)
+        if changed := describe_changed_manifest(plan, manifest_source):
+            session.terminal.tell(f"note: {changed}")
         code = _apply_plan(session, plan, source, how, as_json=as_json)
         if not proving:
             return code
-        manifest_source = source if _is_named() else manifest_of(plan, source)
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
         return _then_prove(session, manifest_source, planned, how, code, as_json=as_json)
     if proving and abandoning:

@@ -70,6 +70,19 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
     assert all("(vision at 45 %: its response times still changed" in diagnostic.detail for diagnostic in found)
 
 
+@pytest.mark.parametrize(
+    ("samples", "advice"),
+    [(100, "`rarms measure vision --again --samples 2000`"), (2000, "more samples were not enough.")],
+)
+def test_what_more_samples_did_not_resolve_is_not_sent_to_more_samples_again(samples: int, advice: str) -> None:
+    settings = (a_setting(100, a_series("vision", [81.4, 86.4] * (samples // 2))),)
+
+    [found] = findings_of(EXPERIMENT, NotResolved(reason="within the noise"), settings, FirstLine(""))
+
+    assert found.code == "RARMS111"
+    assert advice in found.advice
+
+
 @pytest.mark.parametrize(("samples", "advice"), [(100, "measure longer"), (2000, "look for what grows in vision")])
 def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice: str) -> None:
     component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)

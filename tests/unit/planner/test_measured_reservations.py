@@ -101,20 +101,23 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
 
 
 @pytest.mark.parametrize(
-    ("means", "says"),
+    ("means", "message", "measures_on"),
     [
-        ({50: 300, 100: 150}, "Threshold performance is not achievable on this platform"),
-        ({50: 300, 80: 150}, "the highest is 80 %"),
-        ({}, "holds no setting yet"),
+        ({50: 300, 100: 150}, "Threshold performance is not achievable on this platform", False),
+        ({50: 300, 80: 150}, "the highest is 80 %", True),
+        ({}, "holds no setting yet", True),
     ],
 )
-def test_where_no_setting_meets_the_apt_the_answer_is_no(means: dict[int, float], says: str) -> None:
+def test_where_no_setting_meets_the_apt_the_answer_is_no(
+    means: dict[int, float], message: str, measures_on: bool
+) -> None:
     found = planned(vision(), {("vision",): a_log(means)})
 
     (told,) = found.findings
     assert isinstance(found.answer, Infeasible)
     assert told.code == "RARMS106"
-    assert says in told.detail
+    assert message in told.detail
+    assert ("`rarms measure vision`" in told.advice) is measures_on, "above 100 % there is nothing to measure"
 
 
 def test_without_a_log_it_says_what_it_was_told() -> None:
