@@ -16,6 +16,7 @@ from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.outline import Outline, outline
 from rarms_iac.powershell.render import render_observe, script_name
+from rarms_iac.powershell.templates import without_signature
 from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 
 OBSERVE_NAME = "observe.ps1"
@@ -165,12 +166,18 @@ def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     Raises:
         UseCaseError: it cannot be read.
     """
-    data = read_input_file(path, MAX_BYTES, SCRIPT_ORIGIN)
+    data = _read_script(path)
     text = data.decode("ascii", "replace")
     kind = _kind_of(text)
     if kind is None:
         return text, (_no_script(path),)
     return text, inspect(data, kind, path)
+
+
+def _read_script(path: str) -> bytes:
+    """The bytes of a script's file, without what signing it added."""
+    data = read_input_file(path, MAX_BYTES, SCRIPT_ORIGIN)
+    return without_signature(data.decode("latin-1")).encode("latin-1")
 
 
 def _kind_of(text: str) -> ScriptKind | None:
@@ -212,7 +219,7 @@ def _outline_of(script: PlanScript) -> Outline:
 
 def _outline_in(path: str, like: PlanScript) -> Outline:
     """What the script of this file does, or that of the same name in the plan that it is."""
-    data = read_input_file(path, MAX_BYTES, SCRIPT_ORIGIN)
+    data = _read_script(path)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
         try:
             scripts = {script.name: script for script in plan_scripts(read_plan(data))}

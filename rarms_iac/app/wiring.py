@@ -19,6 +19,8 @@ from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
 
 HOSTS = ".rarms/hosts"
+SIGNED = ".rarms/signed"
+"""Scripts of this manifest's plans as somebody signed them, by their names."""
 
 UNBUILT_PROVIDERS = frozenset({ProviderKind.LINUX})
 """What a manifest may name and this version cannot open."""
@@ -43,7 +45,7 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
         case ProviderKind.HYPERV:
             from rarms_iac.providers.hyperv.run import open_hyperv
 
-            return open_hyperv(host)
+            return open_hyperv(host, Path(folder) / SIGNED)
         case ProviderKind.LINUX:
             raise UseCaseError(Outcome.FAILED, [unreachable_finding(host.name, host.provider.value)])
 

@@ -111,6 +111,15 @@ def _entries(readings: Mapping[str, str]) -> list[str]:
     return [f"{name} = {value}" for name, value in readings.items()]
 
 
+SIGNATURE = r"(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$"
+"""What `Set-AuthenticodeSignature` adds to a script: remarks at its end, by the pattern of the journal part."""
+
+
+def without_signature(script: str) -> str:
+    """The text of a script, with CRLF, that somebody may have signed, as it was before."""
+    return re.sub(SIGNATURE, "", script)
+
+
 RUNTIME_BEGIN = "# --- runtime:"
 RUNTIME_END = "# --- end of the runtime"
 

@@ -29,7 +29,7 @@ from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, com
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
 from tests.twin.host import Killed, WindowsHost
-from tests.twin.run import FOLDER, _compiled, _walk
+from tests.twin.run import FOLDER, _compiled, _walk, why_unsigned
 from tests.twin.scopes import Session
 
 STAND_IN = "This is a stand-in of rarms' tests and no PowerShell."
@@ -127,6 +127,9 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         file = host.file(session.path)
         assert file is not None
         assert file.data is not None
+        if host.all_signed and (refusal := why_unsigned(file.data)):
+            print(f"File {file.path} cannot be loaded. {refusal}", file=sys.stderr)
+            return 1
         try:
             code = _walk(
                 session,

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 import time
 from collections.abc import Iterator
@@ -9,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.powershell.templates import without_signature
 from tests.needs import CHECKOUT, require
 from tests.standin.powershell import STAND_IN, mutex
 from tests.standin.remote import Ended, Remote, a_remote, finish
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, host_from
+from tests.twin.run import signed
 
 pytestmark = [pytest.mark.needs("ssh", "linux")]
 
@@ -110,6 +113,39 @@ def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remo
     received = Path((remote.folder / "received").read_text(encoding="utf-8"))
     assert not received.exists()
     assert remote.rarms("apply", "plan.json").code == 3, "a plan is used once"
+
+
+def test_a_host_whose_policy_wants_signatures_runs_what_a_reviewer_signed(remote: Remote) -> None:
+    host = an_empty_host()
+    host.all_signed = True
+    remote.put(host)
+    folder = remote.folder / ".rarms" / "signed"
+
+    def sign(*words: str) -> None:
+        assert remote.rarms(*words).code == 0
+        for path in folder.glob("*.ps1"):
+            path.write_bytes(signed(without_signature(path.read_bytes().decode("ascii")).encode("ascii")))
+
+    try:
+        unsigned = remote.rarms("plan")
+        folder.mkdir(parents=True)
+        sign("snapshot", "--script", "--out", ".rarms/signed/observe.ps1")
+        assert remote.rarms("plan", "--out", "plan.json").code == 2
+        not_yet = remote.rarms("apply", "plan.json")
+        sign("show", "plan.json", "--script", "--out", ".rarms/signed")
+        applied = remote.rarms("apply", "plan.json")
+        assert applied.code == 0, applied
+        assert is_as_wanted(remote)
+        assert "# SIG # End" in str(journal_of(remote)[0]["undo"])
+        undone = remote.rarms("undo", "--auto-approve")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+    assert undone.code == 0, undone
+    assert not remote.host.vms
+    for refused in (unsigned, not_yet):
+        assert refused.code == 1, refused
+        assert "is not digitally signed" in " ".join(refused.err.split())
 
 
 def test_a_host_that_moved_since_the_plan_is_not_touched(remote: Remote) -> None:

@@ -83,8 +83,8 @@ class Ascii(Thing):
 class Sha256(Thing):
     """A hash."""
 
-    def do_computehash(self, data: Value) -> bytes:
-        return hashlib.sha256(bytes(data)).digest()
+    def do_computehash(self, data: Value, offset: Value, count: Value) -> bytes:
+        return hashlib.sha256(bytes(data)[number(offset) : number(offset) + number(count)]).digest()
 
 
 class Mutex(Thing):

@@ -122,6 +122,7 @@ class WindowsHost:
     files: dict[str, File] = field(default_factory=dict)
     environment: dict[str, str] = field(default_factory=lambda: {"programdata": "C:\\ProgramData", "os": "Windows_NT"})
     defaults: dict[str, object] = field(default_factory=dict)  # a profile's $PSDefaultParameterValues
+    all_signed: bool = False  # a group policy: a script that is not signed does not run
     interrupt: bool = False  # Ctrl-C as soon as a script waits
     mutex: str = ""  # free, `held` by somebody who lives, or `abandoned`
     clock: int = 0  # ms

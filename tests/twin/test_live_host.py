@@ -2,25 +2,37 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
 from rarms_iac.app.wiring import read_script_output
+from rarms_iac.applying.run_script import apply_job
 from rarms_iac.model.state import Rights
+from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.run import LiveHypervHost
-from rarms_iac.providers.interface import ExaminableHost, HostFailed, RecordableHost
+from rarms_iac.providers.interface import (
+    NO_WAITING,
+    ExaminableHost,
+    HostFailed,
+    RecordableHost,
+    RunEvent,
+    ScriptBundle,
+    ScriptExited,
+)
 from tests.builders import a_host, codes
 from tests.recorded_hosts import read_observation
-from tests.twin.cell import apply
+from tests.twin.cell import apply, scripts_of
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, PENDING, PROFILE, RECORDS, document_of
+from tests.twin.run import signed
 from tests.twin.transport import TwinTransport
 
 
-def live(host: WindowsHost | None, before: str = "", after: str = "") -> LiveHypervHost:
-    return LiveHypervHost(a_host("onboard"), TwinTransport(host, before, after))
+def live(host: WindowsHost | None, before: str = "", after: str = "", signatures: Path | None = None) -> LiveHypervHost:
+    return LiveHypervHost(a_host("onboard"), TwinTransport(host, before, after), signatures)
 
 
 def test_what_is_written_down_is_what_the_script_printed() -> None:
@@ -79,6 +91,64 @@ def test_a_caller_without_rights_is_examined_too() -> None:
 
     assert looked.state.facts.rights is Rights.MISSING
     assert looked.state.partitions == ()
+
+
+class Heard:
+    """An `EventListener` that keeps what it is told, and lets the run go on."""
+
+    def __init__(self) -> None:
+        self.events: list[RunEvent] = []
+
+    def on_event(self, event: RunEvent) -> None:
+        self.events.append(event)
+
+    def on_output(self, line: str) -> None:
+        raise AssertionError(line)
+
+    def should_stop(self) -> bool:
+        return False
+
+
+def test_where_a_policy_wants_signatures_what_a_reviewer_signed_is_what_runs(tmp_path: Path) -> None:
+    prepared = fresh()
+    host = prepared.copy(all_signed=True)
+    (part,) = prepared.plan.hosts
+    apply_it, undo_it = apply_job(prepared.plan.id, part).script, f"{part.host.name}.undo.ps1"
+    there = live(host, signatures=tmp_path)
+    with pytest.raises(HostFailed, match="not digitally signed"):
+        there.observe()
+    for name, text in {"observe.ps1": render_observe(), **scripts_of(prepared.plan)}.items():
+        (tmp_path / name).write_bytes(signed(text))
+    before = there.observe()
+
+    assert there.run_script(apply_it, NO_WAITING, Heard()).code == 0  # type: ignore[union-attr]
+    run = there.journal()
+    assert run is not None
+    assert run.started.undo.encode("ascii") == (tmp_path / undo_it).read_bytes()
+    for path in tmp_path.iterdir():
+        path.unlink()  # a run is finished or undone by what the journal holds, signed as it was
+    back = there.run_script(ScriptBundle(runs=undo_it, files={undo_it: run.started.undo}), NO_WAITING, Heard())
+    (tmp_path / "observe.ps1").write_bytes(signed(render_observe()))
+
+    assert back == ScriptExited(code=0)
+    assert there.observe().partitions == before.partitions
+
+
+@pytest.mark.parametrize("changed", ["another text", "another line behind it", "no signature"])
+def test_a_signed_file_that_says_anything_else_is_not_what_runs(tmp_path: Path, changed: str) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    script = apply_job(prepared.plan.id, prepared.plan.hosts[0]).script
+    text = script.files[script.runs].encode("ascii")
+    copy = {
+        "another text": signed(text.replace(b"Invoke-Run -Steps", b"Invoke-Run  -Steps")),
+        "another line behind it": signed(text) + b"exit 7\r\n",
+        "no signature": text.replace(b"Invoke-Run -Steps", b"Invoke-Run  -Steps"),
+    }[changed]
+    (tmp_path / script.runs).write_bytes(copy)
+
+    assert live(host, signatures=tmp_path).run_script(script, NO_WAITING, Heard()) == ScriptExited(code=0)
+    assert host.file(f"C:\\run\\{script.runs}").data == text  # type: ignore[union-attr]
 
 
 DENIED = ("PermissionDenied", "PermissionDenied", "Requested registry access is not allowed.")

@@ -1,6 +1,7 @@
 """What generated scripts met under a real PowerShell: each is here as the stand-in has learnt it."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -11,7 +12,7 @@ from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, everything, fresh
 from tests.twin.host import Entry, Killed, WindowsHost
 from tests.twin.observing import JOURNAL, PROFILE
-from tests.twin.run import Ran, put, run
+from tests.twin.run import Ran, put, run, signed
 from tests.twin.test_scripts import seen
 
 PENDING_FOLDER = "c:\\run\\"
@@ -257,6 +258,35 @@ def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
 
     assert ran.code == 1
     assert ran.events[-1]["detail"].endswith("must lie beside this script: put it there")
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (signed, 0),
+        (lambda text: signed(text.replace(b"Invoke-Run -Steps", b"Invoke-Run  -Steps")), 1),
+        (lambda text: signed(text) + b"Remove-Item C:\\\r\n", 1),
+        (lambda text: signed(text + b"Remove-Item C:\\\r\n"), 1),
+        (lambda text: text.replace(b"Invoke-Run -S", b"# SIG # Begin signature block\r\nInvoke-Run -S"), 1),
+    ],
+    ids=["signed", "edited", "a line behind", "a line ahead", "code in the block"],
+)
+def test_an_undo_script_may_be_signed_and_nothing_else(change: Callable[[bytes], bytes], code: int) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+    name = undo_script(prepared.plan)
+    put(host, {name: change(scripts_of(prepared.plan)[name])})
+    before = seen(host)
+
+    ran = run(host, apply_script(prepared.plan))
+
+    assert ran.code == code, ran.says
+    if code:
+        assert "was edited" in ran.says
+        assert seen(host) == before
+    else:
+        assert run(host, name).code == 0
 
 
 @pytest.mark.parametrize("after", ["apply", "undo", "undo of another"])

@@ -171,7 +171,7 @@ def check_execution_policy(host: Examination) -> Iterator[Diagnostic]:
 def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -> Diagnostic:
     if is_group_policy:
         effect = "Group policy outranks what rarms starts PowerShell with: its scripts do not run there unsigned."
-        advice = "Have the group policy allow RemoteSigned on this host, or sign the scripts and run them by hand."
+        advice = "Have the group policy allow RemoteSigned on this host, or put signed scripts into .rarms/signed."
     else:
         effect = "`rarms apply` starts scripts with a policy of their own and is not concerned; a person is."
         advice = "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`."

@@ -1,18 +1,21 @@
 """A Hyper-V host: `observe.ps1` looks at it, and a plan's own scripts change it."""
 
 import re
+from dataclasses import replace
+from pathlib import Path
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
+from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.hyperv.bootstrap import arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.events import read_event
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
-from rarms_iac.providers.hyperv.transport import LocalTransport, SshTransport, Transport
+from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, SshTransport, Transport
 from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,
@@ -25,9 +28,11 @@ from rarms_iac.providers.interface import (
 )
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.reading import read_file
 
 OBSERVE_SECONDS = 300.0
 OBSERVE = "observe.ps1"
+LARGEST_SIGNED = 32 * 2**20  # bytes
 JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
 _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 
@@ -35,9 +40,10 @@ _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 class LiveHypervHost:
     """A `ScriptedHost`. It keeps nothing: every question is asked of the host anew."""
 
-    def __init__(self, host: Host, transport: Transport) -> None:
+    def __init__(self, host: Host, transport: Transport, signed: Path | None = None) -> None:
         self._host = host
         self._transport = transport
+        self._signed = signed
 
     @property
     def name(self) -> str:
@@ -92,7 +98,25 @@ class LiveHypervHost:
         """See the interface."""
         arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
-        return self._transport.run(script, arguments, silence_s, _Events(listener))
+        return self._run(script, arguments, silence_s, _Events(listener))
+
+    def _run(
+        self, script: ScriptBundle, arguments: tuple[str, ...], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
+        """Run the files, each as somebody signed it, where its signed copy says the same to the byte."""
+        files = {name: self._signed_copy(name, text) for name, text in script.files.items()}
+        return self._transport.run(replace(script, files=files), arguments, silence_s, listener)
+
+    def _signed_copy(self, name: str, text: str) -> str:
+        if self._signed is None:
+            return text
+        try:
+            copy = read_file(self._signed / name, LARGEST_SIGNED).decode("ascii", "replace")
+        except FileNotFoundError:
+            return text
+        except OSError as error:
+            raise HostFailed(self.name, f"{self._signed / name} cannot be read: {error}", "mend or remove it") from None
+        return copy if without_signature(copy) == text else text
 
     def recorded(self) -> bytes:
         """See the interface: the very line that `observe.ps1` prints."""
@@ -111,7 +135,7 @@ class LiveHypervHost:
     def _printed(self) -> str:
         script = ScriptBundle(runs=OBSERVE, files={OBSERVE: render_observe().decode("ascii")})
         document = _Document()
-        ended = self._transport.run(script, (), OBSERVE_SECONDS, document)
+        ended = self._run(script, (), OBSERVE_SECONDS, document)
         match ended:
             case ScriptLost(why=why):
                 raise HostFailed(
@@ -134,11 +158,10 @@ class LiveHypervHost:
         return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
 
 
-def open_hyperv(host: Host) -> LiveHypervHost:
-    """The host that this describes: over ssh, or this computer."""
-    if host.connect is None:
-        return LiveHypervHost(host, LocalTransport(host.name))
-    return LiveHypervHost(host, SshTransport(host.name, host.connect))
+def open_hyperv(host: Host, signed: Path) -> LiveHypervHost:
+    """The host that this describes: over ssh, or this computer; with the folder of what somebody signed for it."""
+    transport = LocalTransport(host.name) if host.connect is None else SshTransport(host.name, host.connect)
+    return LiveHypervHost(host, transport, signed)
 
 
 class _Events:

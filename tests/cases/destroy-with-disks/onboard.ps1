@@ -43,7 +43,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '9f44d18c1a66'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '689e9a55d540993e400be077a6987159a9150c4acaedda86982eced19a32597f'
+        UndoDigest = '970797ab3b72764c4e3bc44649b90a64bff793e158f042f6f1d7aa884bae7441'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -549,6 +549,7 @@ function Assert-Owner {
 # What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
 
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
@@ -584,9 +585,9 @@ function Get-Sealed {
 }
 
 function Get-Sha256 {
-    param([byte[]] $Data)
+    param([byte[]] $Data, [int] $Count = $Data.Length)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
 }
 
 function Add-Record {
@@ -617,8 +618,10 @@ function Write-FirstRecord {
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
-        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
+        # Who signs it adds remarks at its end; all before them is the plan's.
+        $size = ($undo -creplace $script:Signature, '').Length
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'a994119c964e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '29f1c7afe4b7347bc3ea4c94f4656d107c23dcf663a14231194d50e5dd9ff33b'
+        UndoDigest = '8bc1e85e0a1be9c87e667469526b0216fa10715dd34376372ccbd70b4d4a5e1a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -495,6 +495,7 @@ function Assert-Owner {
 # What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
 
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
@@ -530,9 +531,9 @@ function Get-Sealed {
 }
 
 function Get-Sha256 {
-    param([byte[]] $Data)
+    param([byte[]] $Data, [int] $Count = $Data.Length)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
 }
 
 function Add-Record {
@@ -563,8 +564,10 @@ function Write-FirstRecord {
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
-        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
+        # Who signs it adds remarks at its end; all before them is the plan's.
+        $size = ($undo -creplace $script:Signature, '').Length
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'

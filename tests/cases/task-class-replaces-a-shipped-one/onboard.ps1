@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7bebae403f02'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '08995f6219c7c98dd8033b498692bf9015ef558e2b7634d6355035eb44decbb9'
+        UndoDigest = '4f927e26a6089b4f8921f391634751b6bd3f6d5377cbaed59555245aca9ef4eb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -500,6 +500,7 @@ function Assert-Owner {
 # What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
 
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
@@ -535,9 +536,9 @@ function Get-Sealed {
 }
 
 function Get-Sha256 {
-    param([byte[]] $Data)
+    param([byte[]] $Data, [int] $Count = $Data.Length)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
 }
 
 function Add-Record {
@@ -568,8 +569,10 @@ function Write-FirstRecord {
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
-        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
+        # Who signs it adds remarks at its end; all before them is the plan's.
+        $size = ($undo -creplace $script:Signature, '').Length
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'
