@@ -27,7 +27,7 @@ EMPTY_NAMES = frozenset(
 )
 """Names of parameters, variables, fields and functions, in small letters, that do not say what they hold."""
 
-WITH_CONTRACTS = ("statistics/", "diff/", "planner/")
+WITH_CONTRACTS = ("measuring/", "statistics/", "diff/", "planner/")
 """Where every public function and method says all of what it takes, gives back and raises."""
 
 

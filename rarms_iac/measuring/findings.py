@@ -69,7 +69,17 @@ SHOWN_FAILURES = 3
 def findings_of(
     experiment: Experiment, conclusion: Conclusion, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
-    """Report what a person must hear of how an experiment ended, where that is not simply a reservation."""
+    """Report what a person must hear of how an experiment ended, where that is not simply a reservation.
+
+    Args:
+        experiment: what was measured.
+        conclusion: how it ended.
+        settings: all of the experiment, in the order in which they were run.
+        places: where components stand in the manifest.
+
+    Returns:
+        Findings, none where there is nothing to hear beyond the reservation.
+    """
     match conclusion:
         case NotAchievable(reserve=reserve):
             yield from _not_achievable(experiment, reserve, settings, places)
@@ -94,7 +104,14 @@ def findings_of(
 
 
 def show_index(measured: MeasuredIndex) -> str:
-    """Write an index with its bounds: `mean_response_time 94.1 ms (93.5 to 94.8 ms)`."""
+    """Write an index with its bounds: `mean_response_time 94.1 ms (93.5 to 94.8 ms)`.
+
+    Args:
+        measured: with its estimate, in the unit of the index.
+
+    Returns:
+        Words for a message; without an estimate the reason.
+    """
     if measured.estimate is None:
         return f"{measured.index} cannot be told: {measured.reason}"
     index = index_named(measured.index)

@@ -45,7 +45,14 @@ class Strategy(Protocol):
     """Which setting is next; the same settings give the same answer."""
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        """Say what to do after these settings, in the order in which they were run."""
+        """Say what to do after these settings, in the order in which they were run.
+
+        Args:
+            settings: those that count for this run.
+
+        Returns:
+            The next setting, or how the experiment ends.
+        """
         ...
 
 
@@ -53,19 +60,41 @@ class MeasuringReporter(Protocol):
     """Told what happens, as it happens; must not raise."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
-        """Measuring begins, or goes on after the settings that are recorded."""
+        """Measuring begins, or goes on after the settings that are recorded.
+
+        Args:
+            experiment: what is measured.
+            recorded: its settings so far.
+        """
         ...
 
     def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
-        """The setting of this CR begins; it is the number-th, from 1."""
+        """The setting of this CR begins; it is the number-th, from 1.
+
+        Args:
+            experiment: what is measured.
+            reserve: the CR in per cent of P1's own processors.
+            number: of the setting, from 1.
+        """
         ...
 
     def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
-        """Some samples more were seen."""
+        """Some samples more were seen.
+
+        Args:
+            experiment: what is measured.
+            reserve: the CR in per cent of P1's own processors.
+            seen: by component, the series so far.
+        """
         ...
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
-        """The setting is recorded."""
+        """The setting is recorded.
+
+        Args:
+            experiment: what is measured.
+            setting: as it is recorded.
+        """
         ...
 
     def experiment_ended(self) -> None:
@@ -77,16 +106,16 @@ class SilentMeasuringReporter:
     """A `MeasuringReporter` that does nothing."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
-        """Nothing."""
+        """See `MeasuringReporter`."""
 
     def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
-        """Nothing."""
+        """See `MeasuringReporter`."""
 
     def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
-        """Nothing."""
+        """See `MeasuringReporter`."""
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
-        """Nothing."""
+        """See `MeasuringReporter`."""
 
     def experiment_ended(self) -> None:
         """Nothing."""
@@ -105,6 +134,9 @@ class SettingsLog:
     def settings(self) -> tuple[Setting, ...]:
         """Read all that count for this run, in the order in which they were recorded.
 
+        Returns:
+            The settings of this seed, or all; none where there is no log yet, or it is stale.
+
         Raises:
             LogUnreadable: the file is no whole data log.
         """
@@ -114,6 +146,9 @@ class SettingsLog:
 
     def add(self, setting: Setting) -> None:
         """Record a setting, whole or not at all; it is on the disk when this returns.
+
+        Args:
+            setting: one that is not in the log.
 
         Raises:
             OSError: it cannot be written.
@@ -148,6 +183,15 @@ class LoopResult:
 
 def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, context: MeasuringContext) -> LoopResult:
     """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
+
+    Args:
+        experiment: what is measured.
+        strategy: asked for each next setting.
+        log: settings in it are not run again; new ones are added as they end.
+        context: the host, locked, and who is told.
+
+    Returns:
+        How it ended, with all settings that count.
 
     Raises:
         HostError: the host did not do what was asked; what is recorded stays.
@@ -259,7 +303,14 @@ def _consumed_since(now: float | None, before: float | None) -> float | None:
 
 
 def highest_seed(settings: tuple[Setting, ...]) -> int:
-    """Return the highest seed that any of these settings has; 0 where there are none."""
+    """Return the highest seed that any of these settings has; 0 where there are none.
+
+    Args:
+        settings: in any order.
+
+    Returns:
+        A seed; the next one is not used yet.
+    """
     return max((setting.seed for setting in settings), default=0)
 
 

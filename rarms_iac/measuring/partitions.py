@@ -61,7 +61,16 @@ class MeasuringBudget:
 
 
 def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
-    """Add up what this host has to give: partitions of the application count while they run, all claims as always."""
+    """Add up what this host has to give: partitions of the application count while they run, all claims as always.
+
+    Args:
+        host: as the manifest declares it.
+        state: as it was observed.
+        application: whose partitions count only while they run.
+
+    Returns:
+        Its capacity, and the claims of all machines but test partitions.
+    """
     return MeasuringBudget(
         capacity=capacity_of(host, state.facts),
         claims=tuple(partition.claim for partition in state.partitions if _counts(partition, application)),
@@ -69,7 +78,14 @@ def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
 
 
 def other_running_partitions(state: State) -> tuple[Partition, ...]:
-    """List what would run beside P1 and P2 and change what is measured, by name: every partition not at rest."""
+    """List what would run beside P1 and P2 and change what is measured, by name: every partition not at rest.
+
+    Args:
+        state: of the host that is to be measured on.
+
+    Returns:
+        Partitions of anybody, ordered by name.
+    """
     running = [
         partition
         for partition in state.partitions
@@ -79,24 +95,54 @@ def other_running_partitions(state: State) -> tuple[Partition, ...]:
 
 
 def partition_name(partition: Partition) -> str:
-    """Name a partition as people call it: by its mark where it has one."""
+    """Name a partition as people call it: by its mark where it has one.
+
+    Args:
+        partition: with a mark or without one.
+
+    Returns:
+        The name in its mark, otherwise the name of the machine.
+    """
     return partition.mark.name if partition.mark else partition.settings.name
 
 
 def is_test_partition(partition: Partition) -> bool:
-    """Tell whether it is a P1 or P2, finished or still under its pending name."""
+    """Tell whether it is a P1 or P2, finished or still under its pending name.
+
+    Args:
+        partition: of any application.
+
+    Returns:
+        False for whatever else has a mark.
+    """
     if partition.mark is not None:
         return partition.mark.name in TEST_PARTITIONS
     return any(partition.settings.name.startswith(f"{name}.") for name in TEST_PARTITIONS)
 
 
 def memory_for_load(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
-    """Say how many bytes P2 gets beside P1: the usual, or what is left where that is less."""
+    """Say how many bytes P2 gets beside P1: the usual, or what is left where that is less.
+
+    Args:
+        budget: of the host.
+        setup: of P1, whose memory is taken.
+
+    Returns:
+        Whole MiB in bytes; negative where P1 alone needs more than there is.
+    """
     return free_memory(budget, setup.memory)
 
 
 def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
-    """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB."""
+    """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB.
+
+    Args:
+        budget: of the host.
+        taken: bytes that are promised beside its claims.
+
+    Returns:
+        Bytes; negative where more is promised than there is.
+    """
     free = budget.capacity.memory - sum(other.memory for other in budget.claims) - taken
     return min(USUAL_LOAD_MEMORY, free // MEMORY_GRAIN * MEMORY_GRAIN)
 
@@ -106,6 +152,11 @@ def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: 
 
     What is kept for the host is part of the rest, because in service the host may use it: were it nobody's, P1 would
     get a share of it here, and need more than was measured there.
+
+    Args:
+        budget: of the host.
+        setup: of P1.
+        reserve: the CR of P1, in per cent of its own processors.
 
     Returns:
         Whole per cent of each of P2's own processors; None: the host cannot give P1 so much.
@@ -119,7 +170,15 @@ def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: 
 
 
 def free_reserve(budget: MeasuringBudget, memory: int) -> int:
-    """Say what a P2 alone can reserve beside what is promised already, what is kept for the host included."""
+    """Say what a P2 alone can reserve beside what is promised already, what is kept for the host included.
+
+    Args:
+        budget: of the host.
+        memory: of the P2, in bytes.
+
+    Returns:
+        Whole per cent of each of its processors, one for each logical processor; 0 where nothing is left.
+    """
     return _highest_reserve_of_p2(budget, (), memory)
 
 
@@ -134,7 +193,15 @@ def _highest_reserve_of_p2(budget: MeasuringBudget, claims: tuple[Claim, ...], m
 
 
 def highest_reserve(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
-    """Find the highest CR that the host can give to P1; 0 where it can give none."""
+    """Find the highest CR that the host can give to P1; 0 where it can give none.
+
+    Args:
+        budget: of the host.
+        setup: of P1, with its limit.
+
+    Returns:
+        Whole per cent of each of P1's own processors.
+    """
     if memory_for_load(budget, setup) < LEAST_MEMORY:
         return 0
     possible = range(min(WHOLE, setup.limit), 0, -1)
@@ -163,7 +230,16 @@ class PartitionShape:
 def shapes_of_test_partitions(
     setup: EnvironmentSetup, logical_processors: int, load_memory: int
 ) -> tuple[PartitionShape, PartitionShape]:
-    """Shape P1 and P2: the load may use all of every logical processor."""
+    """Shape P1 and P2: the load may use all of every logical processor.
+
+    Args:
+        setup: of P1.
+        logical_processors: of the host; P2 has as many.
+        load_memory: of P2, in bytes.
+
+    Returns:
+        P1, then P2.
+    """
     p1 = PartitionShape(
         name=P1, processors=setup.processors, memory=setup.memory, limit=setup.limit, weight=setup.weight
     )
@@ -171,7 +247,15 @@ def shapes_of_test_partitions(
 
 
 def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
-    """Shape P2 alone, for an interfering load that was asked for: it gets what nobody else claims."""
+    """Shape P2 alone, for an interfering load that was asked for: it gets what nobody else claims.
+
+    Args:
+        logical_processors: of the host; P2 has as many.
+        load_memory: in bytes.
+
+    Returns:
+        P2 without a limit and with the highest weight.
+    """
     return PartitionShape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=P2_WEIGHT)
 
 
@@ -186,6 +270,15 @@ def running_test_partitions(
     """Have the test partitions there and running while the context lasts; they are gone after it, however it ends.
 
     `classes` are the task classes in the operating system of P1: they go with it.
+
+    Args:
+        host: its lock is held by who calls.
+        application: to which their marks say they belong.
+        shapes: made in this order.
+        classes: values of task classes in the operating system of P1, by name; they go with it.
+
+    Yields:
+        Nothing, once they run.
 
     Raises:
         HostError: one cannot be made, started or removed.
@@ -206,6 +299,12 @@ def set_reserves(
 ) -> None:
     """Have each test partition reserve so many per cent; what gives back comes before what takes.
 
+    Args:
+        host: its lock is held by who calls.
+        application: whose marks they have.
+        shapes: those that are there.
+        reserves: per cent of each processor, by the name of a test partition.
+
     Raises:
         HostError: the host did not do it.
     """
@@ -223,6 +322,9 @@ def set_reserves(
 
 def remove_test_partitions(host: StepwiseHost) -> tuple[str, ...]:
     """Remove every P1 and P2 that is on the host, whoever made it: who holds the lock knows that nobody measures.
+
+    Args:
+        host: its lock is held by who calls.
 
     Returns:
         What was removed, by name.

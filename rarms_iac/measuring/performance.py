@@ -38,12 +38,28 @@ class MeasuredIndex:
 
 
 def measured_indexes(setting: Setting, experiment: Experiment) -> tuple[MeasuredIndex, ...]:
-    """Estimate every index of every member's APT at this setting."""
+    """Estimate every index of every member's APT at this setting.
+
+    Args:
+        setting: one of the experiment.
+        experiment: its members say which indexes.
+
+    Returns:
+        By member, then in the order of its APT.
+    """
     return indexes_of_series(experiment.members, {series.component: series for series in setting.series})
 
 
 def indexes_of_series(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[MeasuredIndex, ...]:
-    """Estimate every index of every component's APT from these series; components without one are left out."""
+    """Estimate every index of every component's APT from these series; components without one are left out.
+
+    Args:
+        components: with their APTs.
+        seen: series by component.
+
+    Returns:
+        By component as given, then in the order of its APT.
+    """
     return tuple(
         _measured_index(component, index, threshold, seen[component.name])
         for component in components
@@ -56,6 +72,14 @@ def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experime
     """Say why settings at this CR, where not every threshold was met for sure, did not meet them.
 
     Strict, and with the error of a verdict, as a report judges a setting.
+
+    Args:
+        reserve: the CR in per cent.
+        settings: of the experiment.
+        experiment: its members say which thresholds.
+
+    Returns:
+        "missed" where a threshold was shown to be missed; otherwise what kept the samples from telling.
     """
     verdicts = [
         judge_look(series, member.apt, experiment.runs[member.name], members=len(experiment.members))
@@ -71,7 +95,14 @@ def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experime
 
 
 def why_unsteady(series: Series) -> str:
-    """Say why the series has no steady state; empty where it has one."""
+    """Say why the series has no steady state; empty where it has one.
+
+    Args:
+        series: of one component at one setting.
+
+    Returns:
+        The reason in words.
+    """
     first = find_steady_series(series)
     return first.reason if isinstance(first, Unsteady) else ""
 

@@ -93,7 +93,15 @@ class LayoutProof:
 
 
 def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
-    """Have so many samples of each component taken; None: as each `run.until` says."""
+    """Have so many samples of each component taken; None: as each `run.until` says.
+
+    Args:
+        layout: what runs where.
+        samples: of each component.
+
+    Returns:
+        The same layout with other runs.
+    """
     if samples is None:
         return layout
 
@@ -188,6 +196,13 @@ def judge_layout(components: tuple[Component, ...], seen: Mapping[str, Series]) 
     """Judge every index of every component's APT; each series is looked at whole and once.
 
     All verdicts together are wrong in `ERROR` of the runs at most: each has an equal part of it.
+
+    Args:
+        components: those with thresholds.
+        seen: the series of each, by name.
+
+    Returns:
+        A verdict for each index, components in the order given.
     """
     error = shared_error(sum(len(component.apt) for component in components))
     return tuple(
@@ -221,7 +236,14 @@ def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
 
 
 def has_memory_for_load(budget: MeasuringBudget) -> bool:
-    """Tell whether a P2 fits beside what runs."""
+    """Tell whether a P2 fits beside what runs.
+
+    Args:
+        budget: of the host, with all that runs.
+
+    Returns:
+        Whether the least memory of a partition is left.
+    """
     return free_memory(budget) >= LEAST_MEMORY
 
 

@@ -29,7 +29,15 @@ class Contender:
 
 
 def contends_for_all(load: Interference | None, logical_processors: int) -> bool:
-    """Whether a load leaves no processor idle, so that consumption shows what a scheduler does."""
+    """Whether a load leaves no processor idle, so that consumption shows what a scheduler does.
+
+    Args:
+        load: the interference; None: there is none.
+        logical_processors: of the host.
+
+    Returns:
+        True only for busy loops on all of them.
+    """
     return isinstance(load, BusyLoop) and (load.threads is None or load.threads >= logical_processors)
 
 
@@ -48,7 +56,12 @@ class Settling:
         return MEMORIES * self.memory_ms
 
     def saw(self, running: RunningWork, component: str) -> None:
-        """Take note of what a component consumed by now; to be called as each of its jobs ends."""
+        """Take note of what a component consumed by now; to be called as each of its jobs ends.
+
+        Args:
+            running: tells the time and what was consumed.
+            component: whose job ended.
+        """
         consumed = running.cpu_ms(component)
         if consumed is None:
             return
@@ -60,13 +73,24 @@ class Settling:
             marks.pop(0)  # older than what is looked at
 
     def is_over(self, elapsed_ms: float) -> bool:
-        """Whether samples count from now on: for a verdict, or (`excess`) for none."""
+        """Whether samples count from now on: for a verdict, or (`excess`) for none.
+
+        Args:
+            elapsed_ms: since the work began.
+
+        Returns:
+            False: what is seen yet is no sample.
+        """
         if elapsed_ms < self.least_ms:
             return False
         return not self._excesses() or self._is_in_vain(elapsed_ms)
 
     def excess(self) -> str:
-        """Say why there will be no verdict; empty where there may be one."""
+        """Say why there will be no verdict; empty where there may be one.
+
+        Returns:
+            Words that name components, and LPs consumed beside LPs reserved.
+        """
         return "; ".join(
             f"{' and '.join(contender.components)} still consumed {consumed:.3g} LP where {contender.processors:.3g} "
             "are reserved, and what is left over by others is no promise"

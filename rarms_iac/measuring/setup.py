@@ -47,6 +47,9 @@ def experiment_of(
         members: in any order.
         interference: a name of `interference`.
         samples: how many of each component; None: as its `run.until` says.
+
+    Returns:
+        What is run; nothing is looked at on the host.
     """
     names = tuple(sorted(members))
     components = tuple(system.components[name] for name in names)
@@ -80,7 +83,15 @@ def _with_samples(component: Component, samples: int | None) -> Component:
 
 
 def interference_of(system: System, members: tuple[str, ...]) -> str:
-    """The load that a reservation of these must stand up to: their own where they agree on one, else the policy's."""
+    """The load that a reservation of these must stand up to: their own where they agree on one, else the policy's.
+
+    Args:
+        system: names the components and the policy.
+        members: components that run together.
+
+    Returns:
+        A name of `interference`.
+    """
     own = {system.components[name].interference for name in members}
     only = own.pop() if len(own) == 1 else None
     return only or system.policy.interference

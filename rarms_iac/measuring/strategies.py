@@ -15,7 +15,14 @@ NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
 
 
 def goal_of(experiment: Experiment) -> Goal:
-    """State what a search looks for: every APT of every member."""
+    """State what a search looks for: every APT of every member.
+
+    Args:
+        experiment: what is measured.
+
+    Returns:
+        Members with their APTs and runs, and the processors of P1.
+    """
     members = tuple(
         Member(name=member.name, apt=member.apt, run=experiment.runs[member.name]) for member in experiment.members
     )
@@ -23,7 +30,14 @@ def goal_of(experiment: Experiment) -> Goal:
 
 
 def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
-    """List the thresholds of each member."""
+    """List the thresholds of each member.
+
+    Args:
+        experiment: what is measured.
+
+    Returns:
+        By member, then by index.
+    """
     return {member.name: member.apt for member in experiment.members}
 
 

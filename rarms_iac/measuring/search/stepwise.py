@@ -9,7 +9,14 @@ WALK_STEP = 10
 
 
 def bisect(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
-    """Halve what is left down to one point: the least passing whole per cent."""
+    """Halve what is left down to one point: the least passing whole per cent.
+
+    Args:
+        history: the settings so far, in the order in which they were run.
+
+    Returns:
+        The next setting, or how the search ends.
+    """
     bracket = bracket_of(history)
     match bracket:
         case NotAchievable() | NotResolved():
@@ -24,7 +31,14 @@ def bisect(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
 
 
 def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
-    """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it."""
+    """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
+
+    Args:
+        history: the settings of this walk, in their order.
+
+    Returns:
+        The next setting, or how the search ends.
+    """
     if not history:
         return Measure(reserve=WALK_STEP, until_clear=True)
     last = history[-1]

@@ -96,6 +96,13 @@ def trial_of(setting: Setting, goal: Goal) -> SearchTrial:
     """Judge a setting as when it ended, so that one read from a data log gives the same.
 
     A member passes by the rule that a plan takes: the safe side of every index's band meets its threshold.
+
+    Args:
+        setting: recorded.
+        goal: what is searched.
+
+    Returns:
+        The setting with the verdict on each member.
     """
     return SearchTrial(
         setting=setting, verdicts={member.name: _verdict(setting, member, goal) for member in goal.members}
@@ -112,6 +119,9 @@ def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | Non
         series: By component, as they will be recorded.
         goal: What is searched.
         precision: As `Measure.precision`.
+
+    Returns:
+        Whether it may end.
     """
     if precision is not None and not all(
         _is_precise(series[member.name], member, precision) for member in goal.members
@@ -174,6 +184,12 @@ def bracket_of(history: Sequence[SearchTrial]) -> Bracket | NotAchievable | NotR
 
     A setting that fails above one that passed (noise, near the threshold) counts against the one below: the safe side.
     One without a steady state counts for nothing: it is no verdict.
+
+    Args:
+        history: the settings so far, in any order.
+
+    Returns:
+        The bracket; or, where 100 % was measured and nothing passed, that there is no answer.
     """
     failed = max((trial.reserve for trial in history if trial.failed), default=0)
     passed = min((trial.reserve for trial in history if trial.passed and trial.reserve > failed), default=None)
@@ -185,7 +201,15 @@ def bracket_of(history: Sequence[SearchTrial]) -> Bracket | NotAchievable | NotR
 
 
 def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | None, tuple[int, ...]]:
-    """Find the highest lower setting that failed (None: none did), and those above it that have no steady state."""
+    """Find the highest lower setting that failed (None: none did), and those above it that have no steady state.
+
+    Args:
+        history: the settings so far.
+        reserve: a CR in per cent.
+
+    Returns:
+        The CR that failed, and the ascending CRs without a steady state.
+    """
     lower = [trial for trial in history if trial.reserve < reserve]
     failed = max((trial.reserve for trial in lower if trial.failed), default=0)
     conclusive = {trial.reserve for trial in lower if not trial.inconclusive}
@@ -194,13 +218,28 @@ def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | 
 
 
 def sufficient(history: Sequence[SearchTrial], reserve: int) -> Sufficient:
-    """Conclude that this CR, which passed, is enough, with what is known of less."""
+    """Conclude that this CR, which passed, is enough, with what is known of less.
+
+    Args:
+        history: the settings so far.
+        reserve: the CR in per cent.
+
+    Returns:
+        The conclusion.
+    """
     failed, inconclusive = settings_below(history, reserve)
     return Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive)
 
 
 def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
-    """Conclude from the highest CR there is, which did not pass."""
+    """Conclude from the highest CR there is, which did not pass.
+
+    Args:
+        highest: the setting of the highest CR.
+
+    Returns:
+        That it is not achievable where a member was shown to miss; otherwise why nothing was resolved.
+    """
     if highest.missed:
         return NotAchievable(reserve=highest.reserve)
     members = sorted(highest.not_shown)
