@@ -183,8 +183,8 @@ def test_a_protected_partition_is_not_removed() -> None:
     context = HostContext(facts=facts_for(HOST))
     nothing = State(facts=facts_for(HOST))
 
-    kept = compare(nothing, state, "robot", context, ManifestRules(protected=frozenset(["vision"])))
-    assert (kept.changes, codes(kept.findings)) == ((), ["RARMS152"])
+    protected = compare(nothing, state, "robot", context, ManifestRules(protected=frozenset(["vision"])))
+    assert (protected.changes, codes(protected.findings)) == ((), ["RARMS152"])
 
     gone = compare(nothing, state, "robot", context)
     assert [(type(change), change.disruption) for change in gone.changes] == [(Delete, Disruption.REMOVAL)]
@@ -288,14 +288,14 @@ ODD = [
 ]
 
 
-@pytest.mark.parametrize("odd", ODD, ids=lambda one: one.kind.value)
-@pytest.mark.parametrize("where", ["there", "before rarms"])
-def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: RegistryValue, where: str) -> None:
+@pytest.mark.parametrize("odd", ODD, ids=lambda value: value.kind.value)
+@pytest.mark.parametrize("place", ["there", "before rarms"])
+def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: RegistryValue, place: str) -> None:
     player = a_component("player", criticality=3, runs_on=RunsOn.HOST, task="Games")
     wanting = robot(components=[player], tasks=[a_task("Games", priority=4, replace_shipped=True)])
     games = build.task("Games", priority=2)
     values = {**games.values, "Extra": odd}
-    record = TaskRecord(application="robot", set="b" * 12, before=values) if where == "before rarms" else None
+    record = TaskRecord(application="robot", set="b" * 12, before=values) if place == "before rarms" else None
     games = replace(games, values=games.values if record else values, record=record)
     state = replace(empty_state(HOST), tasks=(games,))
 

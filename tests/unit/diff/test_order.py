@@ -81,14 +81,14 @@ def test_the_most_critical_partition_starts_first() -> None:
 
 def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() -> None:
     state = applied(shares(vision=70, speech=30), empty_state(HOST))
-    one = shares(vision=20, speech=60)
-    narrow = replace(one.components["vision"], processors=1)
-    wanted = replace(one, components={**one.components, "vision": narrow})
+    narrower = shares(vision=20, speech=60)
+    narrow = replace(narrower.components["vision"], processors=1)
+    wanted = replace(narrower, components={**narrower.components, "vision": narrow})
 
     found = route(wanted, state, Disruption.LIVE)
 
     assert found.held.allowed == ()
-    assert {str(one.change.address): one.why for one in found.held.held} == {
+    assert {str(held.change.address): held.why for held in found.held.held} == {
         "partition/speech": "it needs what a change that is held back would have given back",
         "partition/vision": "it is partition_stop, and no more than live is allowed",
     }
@@ -199,4 +199,4 @@ def test_where_nothing_may_stop_the_cycle_is_named_and_nothing_is_planned() -> N
 def test_nothing_is_held_back_where_all_is_allowed() -> None:
     taken, budget = crossed()
 
-    assert hold_back([one.change for one in taken], budget).held == ()
+    assert hold_back([planned.change for planned in taken], budget).held == ()

@@ -52,7 +52,7 @@ SETTINGS = PartitionSettings(
     running=True,
 )
 MARK = Mark(application="robot", name="vision", machine="aaaaaaaa", set="0" * 12)
-OURS = Partition(settings=SETTINGS, id="aaaaaaaa-1", state=RunState.RUNNING, mark=MARK)
+MANAGED = Partition(settings=SETTINGS, id="aaaaaaaa-1", state=RunState.RUNNING, mark=MARK)
 STRANGER = Partition(settings=SETTINGS, id="bbbbbbbb-1", state=RunState.RUNNING)
 VISION = Address(partition="vision")
 
@@ -62,7 +62,7 @@ def test_a_machine_that_is_merely_called_so_is_not_ours() -> None:
 
 
 def test_a_marked_machine_is_found_whatever_it_is_called() -> None:
-    renamed = replace(OURS, settings=replace(SETTINGS, name="eyes"))
+    renamed = replace(MANAGED, settings=replace(SETTINGS, name="eyes"))
 
     found = readings(State(facts=FACTS, partitions=(STRANGER, renamed)), VISION, SCOPE)
 
@@ -70,7 +70,7 @@ def test_a_marked_machine_is_found_whatever_it_is_called() -> None:
 
 
 def test_the_mark_of_another_application_is_not_ours() -> None:
-    other = replace(OURS, mark=replace(MARK, application="kiosk"))
+    other = replace(MANAGED, mark=replace(MARK, application="kiosk"))
 
     assert resolve((other,), "vision", SCOPE) == ()
 
@@ -83,7 +83,7 @@ def test_a_machine_that_this_plan_is_making_counts() -> None:
 
 
 def test_an_id_says_which_machine_is_meant() -> None:
-    state = State(facts=FACTS, partitions=(OURS, STRANGER))
+    state = State(facts=FACTS, partitions=(MANAGED, STRANGER))
 
     found = readings(state, Address(partition="vision", machine="bbbbbbbb-1"), SCOPE)
 
@@ -93,7 +93,7 @@ def test_an_id_says_which_machine_is_meant() -> None:
 def test_two_machines_for_one_name_satisfy_no_guard() -> None:
     pending = replace(STRANGER, settings=replace(SETTINGS, name="vision.rarms-0123456789ab"))
 
-    assert readings(State(facts=FACTS, partitions=(OURS, pending)), VISION, SCOPE) == {"exists": True, "machines": 2}
+    assert readings(State(facts=FACTS, partitions=(MANAGED, pending)), VISION, SCOPE) == {"exists": True, "machines": 2}
 
 
 def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
@@ -128,8 +128,8 @@ def test_a_record_without_its_key_is_read_too() -> None:
 
 def test_the_task_classes_of_a_guest_are_its_own() -> None:
     values = {"Priority": RegistryValue(kind=ValueKind.DWORD, data=5)}
-    inside = TaskClass(name="Games", inside="vision", machine=OURS.id, values=values)
-    state = State(facts=FACTS, partitions=(OURS,), tasks=(inside,))
+    inside = TaskClass(name="Games", inside="vision", machine=MANAGED.id, values=values)
+    state = State(facts=FACTS, partitions=(MANAGED,), tasks=(inside,))
 
     assert readings(state, Address(partition="vision", task="Games"), SCOPE)["exists"] is True
     assert readings(state, Address(task="Games"), SCOPE)["exists"] is False

@@ -62,7 +62,7 @@ def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
 def test_a_value_that_is_not_there_is_created_and_an_undo_takes_it_away() -> None:
     found = route(wanting(10), a_state(Responsiveness()))
 
-    assert [type(one) for one in of_it(found)] == [Create]
+    assert [type(change) for change in of_it(found)] == [Create]
     steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
     assert steps[1].undo.operation == RemoveTaskClass(task="SystemResponsiveness", inside="")
 
@@ -100,8 +100,8 @@ def test_drift_tells_who_changed_it() -> None:
     by_hand = replace(state, responsiveness=replace(state.responsiveness, value=dword(50)))
 
     def kinds(system: System, there: State) -> list[DriftKind]:
-        told = drift(route(system, there).request.desired, there, "robot")
-        return [one.kind for one in told if one.address == ADDRESS]
+        drifts = drift(route(system, there).request.desired, there, "robot")
+        return [drift_.kind for drift_ in drifts if drift_.address == ADDRESS]
 
     assert kinds(wanting(10), state) == []
     assert kinds(wanting(10), by_hand) == [DriftKind.HOST_CHANGED]
@@ -112,6 +112,6 @@ def test_drift_tells_who_changed_it() -> None:
 
 
 def test_a_plan_is_stale_where_it_was_changed() -> None:
-    before, after = (part_digests(a_state(Responsiveness(value=dword(one))), "robot") for one in (20, 30))
+    before, after = (part_digests(a_state(Responsiveness(value=dword(data))), "robot") for data in (20, 30))
 
     assert moved_parts(before, after) == ("mmcss/responsiveness has changed",)

@@ -93,7 +93,10 @@ def test_a_core_never_runs_two_machines_under_the_core_scheduler_with_smt() -> N
 def test_packing_agrees_with_trying_every_way(sizes: list[int], processors: int) -> None:
     ways = product(range(processors), repeat=len(sizes))
     possible = any(
-        all(sum(s for s, at in zip(sizes, way, strict=True) if at == one) <= 100 for one in range(processors))
+        all(
+            sum(s for s, at in zip(sizes, way, strict=True) if at == processor) <= 100
+            for processor in range(processors)
+        )
         for way in ways
     )
 

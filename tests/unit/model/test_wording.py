@@ -48,11 +48,11 @@ def test_a_suggestion_is_a_sentence_or_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "expected"),
+    ("text", "other", "expected"),
     [("ab", "ba", 1), ("abc", "", 3), ("", "", 0), ("kitten", "sitting", 3), ("aaaa", "bbbb", 4)],
 )
-def test_distance_counts_slips(one: str, other: str, expected: int) -> None:
-    assert distance(one, other, 9) == expected
+def test_distance_counts_slips(text: str, other: str, expected: int) -> None:
+    assert distance(text, other, 9) == expected
 
 
 def test_distance_stops_above_its_limit() -> None:

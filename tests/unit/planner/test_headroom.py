@@ -75,7 +75,7 @@ def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
 
 @given(st.sets(st.integers(0, 1_000_000), min_size=1, max_size=300))
 def test_the_order_of_criticalities_is_the_order_of_weights(criticalities: set[int]) -> None:
-    ranks = ranks_of(a_component(f"c{at}", criticality=one) for at, one in enumerate(criticalities))
+    ranks = ranks_of(a_component(f"c{at}", criticality=criticality) for at, criticality in enumerate(criticalities))
 
     weights = [weight_of_rank(ranks[criticality]) for criticality in sorted(criticalities)]
 

@@ -47,10 +47,13 @@ def test_the_delivery_robot_gets_what_it_fixes() -> None:
 
 
 def test_a_reserve_is_rounded_up_to_whole_per_cent_and_the_loss_is_told() -> None:
-    (one,) = layout(a_system(components=[a_component(reserve="0.25 LP", processors=2)])).partitions
+    (partition,) = layout(a_system(components=[a_component(reserve="0.25 LP", processors=2)])).partitions
 
-    assert (one.reserve, one.reserved) == (13, Fraction(26, 100))
-    assert one.reason == "12.5 % of onboard for vision: 13 % of each of its 2 virtual processors, rounded up by 0.01 LP"
+    assert (partition.reserve, partition.reserved) == (13, Fraction(26, 100))
+    assert (
+        partition.reason
+        == "12.5 % of onboard for vision: 13 % of each of its 2 virtual processors, rounded up by 0.01 LP"
+    )
 
 
 def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise() -> None:
@@ -60,23 +63,23 @@ def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise
     ]
     both = a_partition("media", components=["vision", "speech"])
 
-    (one,) = layout(a_system(components=members, partitions=[both])).partitions
-    assert (one.name, one.components, one.criticality) == ("media", ("speech", "vision"), 3)
-    assert (one.reserve, one.limit, one.weight, one.memory) == (50, 90, 300, 768 * MIB)
+    (partition,) = layout(a_system(components=members, partitions=[both])).partitions
+    assert (partition.name, partition.components, partition.criticality) == ("media", ("speech", "vision"), 3)
+    assert (partition.reserve, partition.limit, partition.weight, partition.memory) == (50, 90, 300, 768 * MIB)
 
     own = replace(both, cpu=a_cpu(reserve="45 %", limit="60 %", weight=50), memory=members[0].memory)
-    (one,) = layout(a_system(components=members, partitions=[own])).partitions
-    assert (one.reserve, one.limit, one.weight, one.memory) == (45, 60, 50, 512 * MIB)
+    (partition,) = layout(a_system(components=members, partitions=[own])).partitions
+    assert (partition.reserve, partition.limit, partition.weight, partition.memory) == (45, 60, 50, 512 * MIB)
 
 
 def test_a_limit_left_open_by_one_member_is_open() -> None:
     members = [a_component("vision", limit="50 %"), a_component("speech")]
 
-    (one,) = layout(
+    (partition,) = layout(
         a_system(components=members, partitions=[a_partition("media", components=["vision", "speech"])])
     ).partitions
 
-    assert one.limit == 100
+    assert partition.limit == 100
 
 
 def test_components_that_must_be_together_share_a_partition_of_the_most_critical() -> None:
@@ -215,9 +218,9 @@ def test_what_one_host_cannot_hold_is_spread_over_several() -> None:
 def test_the_least_reservation_in_all_decides_where_hosts_differ() -> None:
     hosts = [a_host("large", logical_processors=8), a_host("small", logical_processors=2)]
 
-    (one,) = layout(a_system(hosts=hosts, components=[a_component(reserve="20 %")])).partitions
+    (partition,) = layout(a_system(hosts=hosts, components=[a_component(reserve="20 %")])).partitions
 
-    assert one.host == "small"
+    assert partition.host == "small"
 
 
 def test_a_partition_stays_where_it_is_unless_removal_is_allowed_and_the_gain_is_told() -> None:
@@ -269,9 +272,9 @@ def test_a_component_of_the_host_has_no_partition() -> None:
 def test_hyperv_settings_come_from_the_partition_or_else_from_the_host() -> None:
     host = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(switch="lan", image="base.vhdx", generation=1))
 
-    (one,) = layout(a_system(hosts=[host])).partitions
+    (partition,) = layout(a_system(hosts=[host])).partitions
 
-    assert (one.generation, one.making.switch, one.making.image) == (1, "lan", "base.vhdx")
+    assert (partition.generation, partition.making.switch, partition.making.image) == (1, "lan", "base.vhdx")
 
 
 def test_a_thousand_components_are_placed_and_none_is_lost() -> None:

@@ -57,8 +57,8 @@ def planned(system: System, logs: Logs) -> Planning:
 
 
 def vision(**changes: object) -> System:
-    one = a_component(reserve="measured", apt=APT)
-    return a_system(components=[replace(one, **changes)])  # type: ignore[arg-type]  # by name, as the builders take them
+    component = a_component(reserve="measured", apt=APT)
+    return a_system(components=[replace(component, **changes)])  # type: ignore[arg-type]  # by name, as the builders take them
 
 
 def reserves(planning: Planning) -> dict[str, int]:
@@ -80,12 +80,12 @@ def test_the_reserve_is_the_least_that_was_measured_to_meet_the_apt() -> None:
 def test_between_two_settings_it_is_looked_up_and_said_so() -> None:
     found = planned(vision(), {("vision",): a_log({50: 150, 70: 90})})
 
-    (told,) = found.findings
+    (diagnostic,) = found.findings
     (reserve,) = reserves(found).values()
     assert 66 <= reserve <= 68
-    assert (told.code, told.address) == ("RARMS103", "component/vision")
-    assert f"{reserve} % for vision was looked up between 50 % and 70 %" in told.detail
-    assert "rarms measure vision --verify" in told.advice
+    assert (diagnostic.code, diagnostic.address) == ("RARMS103", "component/vision")
+    assert f"{reserve} % for vision was looked up between 50 % and 70 %" in diagnostic.detail
+    assert "rarms measure vision --verify" in diagnostic.advice
 
 
 def test_a_cr_is_of_the_partitions_own_processors() -> None:
@@ -95,9 +95,9 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
     found = planned(system, {("vision",): a_log({61: 110, 62: 90})})
 
     assert isinstance(found.answer, Layout)
-    (one,) = found.answer.partitions
-    assert (one.processors, one.reserve, one.reserved) == (2, 62, Fraction(124, 100))
-    assert "31 % of onboard" in one.reason
+    (partition,) = found.answer.partitions
+    assert (partition.processors, partition.reserve, partition.reserved) == (2, 62, Fraction(124, 100))
+    assert "31 % of onboard" in partition.reason
 
 
 @pytest.mark.parametrize(
@@ -113,20 +113,20 @@ def test_where_no_setting_meets_the_apt_the_answer_is_no(
 ) -> None:
     found = planned(vision(), {("vision",): a_log(means)})
 
-    (told,) = found.findings
+    (diagnostic,) = found.findings
     assert isinstance(found.answer, Infeasible)
-    assert told.code == "RARMS106"
-    assert message in told.detail
-    assert ("`rarms measure vision`" in told.advice) is measures_on, "above 100 % there is nothing to measure"
+    assert diagnostic.code == "RARMS106"
+    assert message in diagnostic.detail
+    assert ("`rarms measure vision`" in diagnostic.advice) is measures_on, "above 100 % there is nothing to measure"
 
 
 def test_without_a_log_it_says_what_it_was_told() -> None:
     stale = NotMeasured(components=("vision",), code="RARMS102", message="It changed.", advice="Measure again.")
 
-    (told,) = planned(vision(), {("vision",): stale}).findings
+    (diagnostic,) = planned(vision(), {("vision",): stale}).findings
     (unknown,) = planned(vision(), {}).findings
 
-    assert (told.code, told.detail, told.advice) == ("RARMS102", "It changed.", "Measure again.")
+    assert (diagnostic.code, diagnostic.detail, diagnostic.advice) == ("RARMS102", "It changed.", "Measure again.")
     assert unknown.code == "RARMS100"
 
 

@@ -42,14 +42,14 @@ Values = tuple[TaskCategory, int]
 def values(request: TaskRequest) -> list[Values]:
     """Everything that the manifest leaves open, tried: in Medium 8 is no more than 7 (none was seen above 23)."""
     every = product(TaskCategory, range(1, 9), range(1, 9))
-    left = {
+    possible = {
         (category, {HIGH: 26, MEDIUM: min(16 + priority, 23), LOW: 7 + background}[category])
         for category, priority, background in every
         if request.category in {None, category}
         and request.priority in {None, priority}
         and request.background_priority in {None, background}
     }
-    return sorted(left, key=lambda one: -one[1])
+    return sorted(possible, key=lambda option: -option[1])
 
 
 def pairs(levels: Sequence[Sequence[TaskRequest]], chosen: Sequence[Values]) -> Iterator[tuple[Values, Values]]:
@@ -102,12 +102,12 @@ def groups(requests: Sequence[TaskRequest]) -> Iterator[list[list[TaskRequest]]]
 def test_the_order_is_there_whenever_any_values_have_it_and_with_as_much_room(
     requests: list[TaskRequest], number: int
 ) -> None:
-    left = {id(request): values(request) for request in requests}
+    possible = {id(request): values(request) for request in requests}
     for drawn in product(requests, repeat=number):
         for levels in groups(drawn):
             found = as_values(chosen_values(levels))
-            assert all(one in left[id(request)] for request, one in zip(drawn, found, strict=True))
-            every = [way for way in product(*(left[id(request)] for request in drawn)) if in_order(levels, way)]
+            assert all(chosen in possible[id(request)] for request, chosen in zip(drawn, found, strict=True))
+            every = [way for way in product(*(possible[id(request)] for request in drawn)) if in_order(levels, way)]
             assert in_order(levels, found) == bool(every), (levels, found)
             if every:
                 best = min(weight(levels, way) for way in every)
@@ -221,9 +221,9 @@ def _masks(*components: Component) -> dict[str, int]:
 
 
 def test_who_shares_a_class_shares_its_processors() -> None:
-    one, other, top = a_class("log", 10, 1), replace(a_class("map", 20, 1), task="LOG"), a_class("top", 30)
+    first, second, top = a_class("log", 10, 1), replace(a_class("map", 20, 1), task="LOG"), a_class("top", 30)
 
-    assert masks_of([[one, other], [top]], 4) == {"log": 0b1100}
+    assert masks_of([[first, second], [top]], 4) == {"log": 0b1100}
 
 
 def test_a_mask_names_no_processor_that_it_has_no_bit_for() -> None:
@@ -264,21 +264,21 @@ def test_no_thread_waits_while_a_less_critical_one_runs(processors: int) -> None
     for criticalities, masks in seen:
         for placed in product([None, *range(len(masks))], repeat=processors):
             if _is_allowed(placed, masks):
-                waiting = [one for one in range(len(masks)) if not _can_go(one, placed, masks, criticalities)]
-                for one, other in product(waiting, [other for other in placed if other is not None]):
-                    assert criticalities[other] >= criticalities[one], (criticalities, masks, placed)
+                waiting = [at for at in range(len(masks)) if not _can_go(at, placed, masks, criticalities)]
+                for component, other in product(waiting, [other for other in placed if other is not None]):
+                    assert criticalities[other] >= criticalities[component], (criticalities, masks, placed)
 
 
 def _is_allowed(placed: Placed, masks: Sequence[int]) -> bool:
-    return all(one is None or masks[one] >> at & 1 for at, one in enumerate(placed))
+    return all(component is None or masks[component] >> at & 1 for at, component in enumerate(placed))
 
 
-def _can_go(one: int, placed: Placed, masks: Sequence[int], criticalities: Sequence[int]) -> bool:
+def _can_go(component: int, placed: Placed, masks: Sequence[int], criticalities: Sequence[int]) -> bool:
     """Whether a thread more of this component would find a processor: free, or of somebody less critical."""
     return any(
-        other is None or criticalities[other] < criticalities[one]
+        other is None or criticalities[other] < criticalities[component]
         for at, other in enumerate(placed)
-        if masks[one] >> at & 1
+        if masks[component] >> at & 1
     )
 
 
@@ -291,9 +291,9 @@ def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own
         for (lower, narrow), (upper, wide) in pairwise(by_weight):
             assert narrow & wide == narrow, "what the less critical may use, the more critical may"
             assert lower.criticality != upper.criticality or narrow == wide
-        kept = [(component.processors or 0, mask) for component, mask in by_weight if mask != everything]
-        for number in range(1, len(kept) + 1):
-            for some in combinations(kept, number):
+        narrowed = [(component.processors or 0, mask) for component, mask in by_weight if mask != everything]
+        for number in range(1, len(narrowed) + 1):
+            for some in combinations(narrowed, number):
                 together = 0
                 for _, mask in some:
                     together |= mask
@@ -302,8 +302,8 @@ def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own
 
 def test_who_says_how_many_is_kept_wherever_there_is_room_beside_those_below() -> None:
     for components, masks in systems(4):
-        kept = {component.name: mask for component, mask in zip(components, masks, strict=True) if mask != 0b1111}
-        assert kept == {
+        narrowed = {component.name: mask for component, mask in zip(components, masks, strict=True) if mask != 0b1111}
+        assert narrowed == {
             component.name: 0b1111 & ~((1 << (4 - below)) - 1)
             for component in components
             if component.criticality < max(each.criticality for each in components)

@@ -97,9 +97,9 @@ def test_two_fixed_classes_are_the_affair_of_the_manifests_own_checks() -> None:
 
 
 def test_all_values_have_their_types() -> None:
-    (one,) = decided(users(Localization=30)).classes
+    (decided_class,) = decided(users(Localization=30)).classes
 
-    assert {name: (value.kind.value, value.data) for name, value in registry_values(one).items()} == {
+    assert {name: (value.kind.value, value.data) for name, value in registry_values(decided_class).items()} == {
         "Affinity": ("dword", 0),
         "Background Only": ("sz", "True"),
         "BackgroundPriority": ("dword", 7),
@@ -112,7 +112,7 @@ def test_all_values_have_their_types() -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "spread", "told"),
+    ("count", "spread", "expected"),
     [
         (4, [23, 21, 19, 17], []),
         (5, [23, 21, 19, 17, 15], ["RARMS136"]),
@@ -122,9 +122,9 @@ def test_all_values_have_their_types() -> None:
     ],
 )
 def test_four_criticalities_find_room_in_medium_and_four_more_in_low(
-    count: int, spread: list[int], told: list[str]
+    count: int, spread: list[int], expected: list[str]
 ) -> None:
     found = of_all(count)
 
     assert sorted(threads(found).values(), reverse=True) == spread
-    assert codes(found.findings) == told
+    assert codes(found.findings) == expected

@@ -81,8 +81,8 @@ def component(run: Run, base: Path, environment: Mapping[str, str] | None = None
 
 def all_of(run: Run, base: Path) -> list[Sample]:
     """Every sample, the run being over and closed."""
-    with component(run, base) as one:
-        return list(one)
+    with component(run, base) as component_run:
+        return list(component_run)
 
 
 def responses(samples: Iterable[Sample]) -> list[float | None]:

@@ -76,13 +76,13 @@ def test_the_schedule_of_periodic_runs_is_not_shifted_by_an_overrun(tmp_path: Pa
 def test_a_function_is_called_job_after_job(tmp_path: Path) -> None:
     call = module(tmp_path, "import time\nprint('loading')\ndef plan():\n    print('noise')\n    time.sleep(0.01)\n")
 
-    with component(a_run(call, samples=PER_RUN, until=3), tmp_path) as one:
-        samples = list(one)
+    with component(a_run(call, samples=PER_RUN, until=3), tmp_path) as component_run:
+        samples = list(component_run)
 
     assert all(10 <= (sample.response_ms or 0) < 2000 and sample.successful for sample in samples)
     assert samples[0].began_ms < samples[1].began_ms < samples[2].began_ms
-    assert "loading" in one.tail
-    assert one.ending is SamplingEnd.UNTIL
+    assert "loading" in component_run.tail
+    assert component_run.ending is SamplingEnd.UNTIL
 
 
 def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None:
@@ -126,11 +126,11 @@ def test_a_program_that_has_done_its_part_is_started_again(tmp_path: Path) -> No
 def test_a_setting_may_last_a_time(tmp_path: Path) -> None:
     run = a_run("while True:\n    say('{\"ms\": 1}')\n    time.sleep(0.02)", until=LASTS)
 
-    with component(run, tmp_path) as one:
-        samples = list(one)
+    with component(run, tmp_path) as component_run:
+        samples = list(component_run)
 
-    assert one.ending is SamplingEnd.UNTIL
-    assert one.series().elapsed_ms == pytest.approx(LASTS)
+    assert component_run.ending is SamplingEnd.UNTIL
+    assert component_run.series().elapsed_ms == pytest.approx(LASTS)
     assert 0 < len(samples) <= LASTS / 20 + 1
     assert all(sample.began_ms < LASTS for sample in samples)
 
@@ -143,13 +143,13 @@ def test_a_job_that_runs_when_the_time_is_over_is_no_sample(tmp_path: Path) -> N
 def test_who_reads_the_samples_may_stop_at_any_moment(tmp_path: Path) -> None:
     run = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
 
-    with component(run, tmp_path) as one:
-        assert next(one).response_ms == 1
-        one.close()
-        one.close()
+    with component(run, tmp_path) as component_run:
+        assert next(component_run).response_ms == 1
+        component_run.close()
+        component_run.close()
 
-    assert one.ending is SamplingEnd.CLOSED
-    assert len(one.series().samples) == 1
+    assert component_run.ending is SamplingEnd.CLOSED
+    assert len(component_run.series().samples) == 1
 
 
 def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
@@ -160,10 +160,10 @@ def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
         until=1,
     )
 
-    with component(run, tmp_path) as one:
-        list(one)
+    with component(run, tmp_path) as component_run:
+        list(component_run)
 
-    result = one.series().cpu_ms
+    result = component_run.series().cpu_ms
     if result is None:
         assert sys.platform == "win32"
         pytest.skip("needs posix: this system does not tell the processor time of a job")

@@ -45,11 +45,11 @@ def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
 
 @same_everywhere
 def test_more_failed_samples_than_allowed_end_the_setting(tmp_path: Path) -> None:
-    with component(a_run("while True: say('oops')", until=100, failures=2), tmp_path) as one:
-        samples = list(one)
+    with component(a_run("while True: say('oops')", until=100, failures=2), tmp_path) as component_run:
+        samples = list(component_run)
 
     assert len(samples) == 3
-    assert one.ending is SamplingEnd.FAILURES
+    assert component_run.ending is SamplingEnd.FAILURES
 
 
 def test_a_program_that_ends_with_another_code_is_a_failed_sample_and_starts_again(tmp_path: Path) -> None:
@@ -133,12 +133,12 @@ def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -
 def test_output_that_nobody_reads_does_no_harm(tmp_path: Path) -> None:
     program = "for _ in range(300):\n    os.write(1, b'x' * 65536)\n    os.write(2, b'y' * 65536)\nos.write(2, b'end')"
 
-    with component(a_run(program, samples=PER_RUN, until=1), tmp_path) as one:
-        samples = list(one)
+    with component(a_run(program, samples=PER_RUN, until=1), tmp_path) as component_run:
+        samples = list(component_run)
 
     assert [sample.successful for sample in samples] == [True]
-    assert len(one.tail) <= 4096
-    assert one.tail.endswith("yend")
+    assert len(component_run.tail) <= 4096
+    assert component_run.tail.endswith("yend")
 
 
 def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_period(tmp_path: Path) -> None:
@@ -156,8 +156,8 @@ def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_peri
     )
     own = {**StartContext(base=tmp_path).environment, "RARMS_TEST_SECRET": "secret"}
 
-    with component(run, tmp_path, own) as one:
-        found = list(one)
+    with component(run, tmp_path, own) as component_run:
+        found = list(component_run)
 
     assert [(sample.response_ms, sample.successful) for sample in found] == [(33.5, True)]
 

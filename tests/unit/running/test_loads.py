@@ -105,7 +105,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
     with run_in_parallel(runs) as samples:
         found = [sample.response_ms for _, sample in samples]
 
-    assert sorted(one or 0 for one in found) == [1.0] * 5 + [2.0] * 7
+    assert sorted(sample or 0 for sample in found) == [1.0] * 5 + [2.0] * 7
     assert [run.ending for run in runs] == [SamplingEnd.UNTIL] * 2
 
 

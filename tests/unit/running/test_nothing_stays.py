@@ -41,24 +41,24 @@ def beats_in_the_end(folder: Path) -> bool:
 
 
 def test_what_a_component_started_ends_with_its_run(tmp_path: Path) -> None:
-    with component(a_run(ANSWERS, until=1000), tmp_path) as one:
-        next(one)
+    with component(a_run(ANSWERS, until=1000), tmp_path) as component_run:
+        next(component_run)
         assert still_beats(tmp_path)
 
     assert not still_beats(tmp_path)
 
 
 def test_what_a_run_leaves_behind_is_gone_before_the_next(tmp_path: Path) -> None:
-    with component(a_run(BEATS, samples=PER_RUN, until=1), tmp_path) as one:
-        assert next(one).successful
+    with component(a_run(BEATS, samples=PER_RUN, until=1), tmp_path) as component_run:
+        assert next(component_run).successful
         assert not still_beats(tmp_path)
 
 
 @same_everywhere
 def test_a_run_that_is_left_by_an_exception_leaves_nothing(tmp_path: Path) -> None:
     def interrupted() -> None:
-        with component(a_run(ANSWERS, until=1000), tmp_path) as one:
-            next(one)
+        with component(a_run(ANSWERS, until=1000), tmp_path) as component_run:
+            next(component_run)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -90,19 +90,19 @@ def test_a_keeper_that_is_killed_is_told_and_takes_the_component_with_it(tmp_pat
         "while True:\n    open('beat', 'a').write('.')\n    time.sleep(0.01)"
     )
 
-    with component(a_run(program, until=1000), tmp_path) as one:
-        next(one)
+    with component(a_run(program, until=1000), tmp_path) as component_run:
+        next(component_run)
         os.kill(int((tmp_path / "pid").read_text(encoding="ascii")), getattr(signal, "SIGKILL", signal.SIGTERM))
         with pytest.raises(SupervisorLost):
-            list(one)
+            list(component_run)
 
     assert not beats_in_the_end(tmp_path)
 
 
 @pytest.mark.needs("linux")
 def test_no_zombie_is_left(tmp_path: Path) -> None:
-    with component(a_run(ANSWERS, until=1), tmp_path) as one:
-        list(one)
+    with component(a_run(ANSWERS, until=1), tmp_path) as component_run:
+        list(component_run)
 
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)

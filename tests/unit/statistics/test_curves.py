@@ -89,7 +89,10 @@ def test_the_highest_setting_that_misses_for_sure_lies_below_the_noise() -> None
 
 def test_no_line_is_drawn_across_a_reservation_without_a_steady_state() -> None:
     """It was measured at 40 %: what a line from 20 to 60 % says there, or beside it, is not what it showed."""
-    steady = [Setting(reserve=one, series=(a_series(noisy(one, level)),)) for one, level in ((20, 100.0), (60, 80.0))]
+    steady = [
+        Setting(reserve=reserve, series=(a_series(noisy(reserve, level)),))
+        for reserve, level in ((20, 100.0), (60, 80.0))
+    ]
     rising = Setting(reserve=40, series=(a_series([90.0 + number for number in range(200)]),))
     curve = curve_of([*steady, rising], "coi", "mean_response_time", RUN)
     throughput = curve_of([*steady, rising], "coi", "throughput", RUN)

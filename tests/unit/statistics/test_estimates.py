@@ -139,10 +139,10 @@ def test_a_clock_too_coarse_for_the_jobs_gives_no_mean() -> None:
 
 
 def test_samples_that_are_worth_few_give_no_mean_but_the_reason() -> None:
-    told = estimate("mean_response_time", a_series(noisy(1, 100.0, count=100, correlation=0.9)), RUN)
+    answer = estimate("mean_response_time", a_series(noisy(1, 100.0, count=100, correlation=0.9)), RUN)
 
-    assert isinstance(told, NoEstimate)
-    assert "depend on one another" in told.reason
+    assert isinstance(answer, NoEstimate)
+    assert "depend on one another" in answer.reason
 
 
 def test_without_jobs_that_nobody_saw_it_is_the_guess_of_the_samples_alone() -> None:

@@ -33,7 +33,7 @@ def test_a_series_without_a_steady_state_is_named_with_a_reason(shape: str) -> N
     chance = random.Random(shape)
     noise = noisy(5, 1.0, variation=0.05, correlation=0.3, count=2000)
     level, values = 100.0, []
-    for number, one in enumerate(noise):
+    for number, deviation in enumerate(noise):
         match shape:
             case "drift":
                 level = 100.0 + 0.01 * number  # 1 % in 100 samples
@@ -43,7 +43,7 @@ def test_a_series_without_a_steady_state_is_named_with_a_reason(shape: str) -> N
                 level = 100.0 + 5.0 * ((number // 400) % 2)
             case _:
                 level += 0.3 * chance.gauss(0.0, 1.0)
-        values.append(level * one)
+        values.append(level * deviation)
 
     found = find_steady_part(values)
 

@@ -26,8 +26,8 @@ def test_the_schemas_are_made_from_the_types(name: str) -> None:
 
 
 def test_plan_files_and_snapshots_are_as_their_schemas_say() -> None:
-    for one in (plan(), a_rich_plan()):
-        jsonschema.Draft202012Validator(plan_schema()).validate(json.loads(write_plan(identified(one))))
+    for plan_ in (plan(), a_rich_plan()):
+        jsonschema.Draft202012Validator(plan_schema()).validate(json.loads(write_plan(identified(plan_))))
     jsonschema.Draft202012Validator(snapshot_schema()).validate(json.loads(write_snapshot(a_state())))
 
 

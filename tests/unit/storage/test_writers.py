@@ -42,7 +42,7 @@ def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Pat
 
     assert path.read_bytes() == (b"new content" if (at, when) == (3, When.AFTER) or at == 4 else b"old content")
     remove_leftovers(path)
-    assert [one.name for one in tmp_path.iterdir()] == ["state.json"]
+    assert [file.name for file in tmp_path.iterdir()] == ["state.json"]
 
 
 def test_a_reader_that_has_the_file_open_delays_a_replace_and_does_not_break_it(tmp_path: Path) -> None:

@@ -82,5 +82,5 @@ def test_the_same_answers_lead_to_the_same_questions() -> None:
     tuning = guided(tuning, needs, 2.0)
     whole, trail = search(tuning, Inquiry(oracle=Needs(needs)))
 
-    for kept in (1, len(trail) // 2, len(trail) - 1):
-        assert search(tuning, Inquiry(oracle=Needs(needs)), trail[:kept]) == (whole, trail)
+    for known in (1, len(trail) // 2, len(trail) - 1):
+        assert search(tuning, Inquiry(oracle=Needs(needs)), trail[:known]) == (whole, trail)

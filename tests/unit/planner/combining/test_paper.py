@@ -78,7 +78,7 @@ def test_the_papers_steps_in_the_papers_order() -> None:
         ("video+vision", 55),
         *(("video+vision", reserve) for reserve in (10, 20, 30, 40, 50)),
     ]
-    assert [("+".join(one.members), one.reserve) for one in done.trail] == oracle.asked
+    assert [("+".join(answer.members), answer.reserve) for answer in done.trail] == oracle.asked
     assert done.message == SUCCESSFUL
     (made,) = done.combinations
     assert (made.compound.name, made.compound.criticality, made.compound.reserve, made.gain) == ("vision", 40, 50, 5)

@@ -66,8 +66,8 @@ def partitions(of: Sequence[Coi]) -> Iterator[list[tuple[Coi, ...]]]:
     first, rest = of[0], of[1:]
     for size in range(len(rest) + 1):
         for others in itertools.combinations(rest, size):
-            left = [coi for coi in rest if coi not in others]
-            for more in partitions(left):
+            remaining = [coi for coi in rest if coi not in others]
+            for more in partitions(remaining):
                 yield [(first, *others), *more]
 
 
@@ -94,7 +94,7 @@ def needs_of(of: Sequence[Coi], chance: random.Random) -> dict[Members, int]:
     for size in range(2, len(of) + 1):
         for block in itertools.combinations(of, size):
             names = tuple(sorted(coi.name for coi in block))
-            floor = max(found[tuple(name for name in names if name != left)] for left in names)
+            floor = max(found[tuple(name for name in names if name != omitted)] for omitted in names)
             found[names] = floor + chance.randint(0, max(1, (total(block) - floor) * 5 // 4))
     return found
 
@@ -117,7 +117,7 @@ def test_the_answer_is_the_best_of_all_layouts(seed: int, minimise: Minimise) ->
         return
     assert isinstance(found, Best)
     shared = sorted(
-        (one.criticality for one in of for coi in found.cois if one.name in coi.members and len(coi.members) > 1),
+        (own.criticality for own in of for coi in found.cois if own.name in coi.members and len(coi.members) > 1),
         reverse=True,
     )
     first, second = (shared, found.total) if minimise is Minimise.COMBINING else (found.total, shared)
@@ -137,11 +137,11 @@ def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
     whole, trail = search(tuning, Inquiry(oracle=Needs(needs)))
 
     assert trail
-    for kept in range(len(trail)):
+    for known in range(len(trail)):
         oracle = Needs(needs)
-        again, all_of_it = search(tuning, Inquiry(oracle=oracle), trail[:kept])
+        again, all_of_it = search(tuning, Inquiry(oracle=oracle), trail[:known])
         assert (again, all_of_it) == (whole, trail)
-        assert len(oracle.asked) == len(trail) - kept
+        assert len(oracle.asked) == len(trail) - known
 
 
 def test_compounds_that_may_not_be_are_never_asked_for() -> None:
@@ -169,7 +169,7 @@ def test_where_nothing_fits_that_is_proved() -> None:
 
     assert isinstance(found, NothingFits)
     assert found.proved
-    assert max(one.reserve for one in trail) <= 109
+    assert max(answer.reserve for answer in trail) <= 109
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -187,8 +187,10 @@ def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
     for at, question in enumerate(trail):
         known = informed(tuning.candidates, trail[:at]).by_mask.values()
         least = alone | {candidate.coi.members: candidate.low for candidate in known if candidate.is_gain}
-        possible = [layout for layout in layouts if question.members in layout and all(one in least for one in layout)]
-        assert min(sum(least[one] for one in layout) for layout in possible) <= capacity
+        possible = [
+            layout for layout in layouts if question.members in layout and all(block in least for block in layout)
+        ]
+        assert min(sum(least[block] for block in layout) for layout in possible) <= capacity
 
 
 def test_where_no_layout_can_fit_nothing_is_measured() -> None:
@@ -240,7 +242,7 @@ def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part()
     found, trail = search(tuning, Inquiry(oracle=Needs({("a", "b"): 39})))
     assert isinstance(found, Best)
     assert (found.proved, found.total) == (True, 78)
-    assert min(one.reserve for one in trail) == 38, "that less is not enough was seen"
+    assert min(answer.reserve for answer in trail) == 38, "that less is not enough was seen"
 
     below = [Answer(members=("a", "b"), reserve=37, worse=())]
     ended, _ = search(tuning, Inquiry(oracle=Needs({("a", "b"): 37})), below)
@@ -265,7 +267,7 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
     assert (without.proved, [coi.members for coi in without.cois]) == (True, [("a", "b"), ("c",)])
     assert trail[: len(asked)] == asked, "the same questions first, so that a search that was stopped asks them again"
     assert recorded[1] in trail[len(asked) :]
-    assert len({(one.members, one.reserve) for one in trail}) == len(trail), "nothing is told twice"
+    assert len({(answer.members, answer.reserve) for answer in trail}) == len(trail), "nothing is told twice"
     assert (found.proved, [coi.members for coi in found.cois]) == (False, [("a",), ("b", "c")])
     (contradiction,) = found.contradictions
     assert contradiction.message == "b+c meets its thresholds with less than b needs"
@@ -277,7 +279,7 @@ def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() ->
 
     assert isinstance(found, Best)
     assert (found.proved, found.total, found.cois[0].missed) == (True, 36, None)
-    assert min(one.reserve for one in trail) == 35
+    assert min(answer.reserve for answer in trail) == 35
     assert graph_of(candidates_of(of, anyone, most=100)).nodes["a+b"]["low"] == 35
 
 
@@ -287,7 +289,7 @@ def test_of_many_only_the_least_critical_are_looked_at() -> None:
     found, trail = search(tuning_of(of, objective(of, 155), anyone), Inquiry(oracle=Needs({pair: 12})))
 
     assert isinstance(found, Best)
-    assert {one.members for one in trail} == {pair}
+    assert {answer.members for answer in trail} == {pair}
     assert found.proved, "combining as little as possible, no layout with a more critical one comes before"
 
 

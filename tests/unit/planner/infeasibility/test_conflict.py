@@ -104,7 +104,7 @@ def test_where_processors_and_memory_are_both_too_little_each_is_told() -> None:
 
     found = conflicts(items, [a_bin("one")], proven=True)
 
-    assert [(one.lacking, [item.name for item in one.items]) for one in found] == [
+    assert [(conflict.lacking, [item.name for item in conflict.items]) for conflict in found] == [
         ("processors", ["a", "b"]),
         ("memory", ["a", "b", "c"]),
     ]

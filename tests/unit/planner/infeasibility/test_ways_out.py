@@ -53,11 +53,11 @@ LOGS: Logs = {
 def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
     system = a_robot()  # 20, 40 and 50 per cent, less what the slopes give back
 
-    told = [one for one in ways(system, LOGS) if LINE.search(one.message)]
+    offered = [way for way in ways(system, LOGS) if LINE.search(way.message)]
 
-    assert told
-    for one in told:
-        changed, found = relaxed(system, one.message)
+    assert offered
+    for way in offered:
+        changed, found = relaxed(system, way.message)
         ((name, value),) = found.items()
         assert fits(changed, LOGS)
         tighter = AtMost(value=Fraction(value) - 4)
@@ -73,10 +73,10 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
         ("vision",): a_log({39: 110, 44: 90}, "vision"),
     }
 
-    (told,) = [one for one in ways(system, logs) if LINE.search(one.message)]
+    (offered,) = [way for way in ways(system, logs) if LINE.search(way.message)]
 
-    changed, found = relaxed(system, told.message)
-    assert told.message.startswith("all of these:\n  - ")
+    changed, found = relaxed(system, offered.message)
+    assert offered.message.startswith("all of these:\n  - ")
     assert len(found) > 1
     assert fits(changed, logs)
     for name in found:
@@ -87,11 +87,11 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
 def test_nothing_is_offered_below_what_was_measured() -> None:
     logs: Logs = {(name,): a_log({60: 90}, name) for name in ("path", "vision")}
 
-    assert not [one for one in ways(a_robot(("path", "vision")), logs) if LINE.search(one.message)]
+    assert not [way for way in ways(a_robot(("path", "vision")), logs) if LINE.search(way.message)]
 
 
 def pair_in(system: System, logs: Logs) -> str | None:
-    return next((one.message for one in ways(system, logs) if one.message.startswith("combining")), None)
+    return next((way.message for way in ways(system, logs) if way.message.startswith("combining")), None)
 
 
 def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
@@ -116,19 +116,19 @@ def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
     ]
     logs: Logs = {(name,): a_log({59: 200, 60: 90}, name) for name in ("arm", "base", "camera")}
 
-    told = pair_in(a_system(hosts=hosts, components=components), logs)
+    offered = pair_in(a_system(hosts=hosts, components=components), logs)
 
-    assert told is not None
-    assert "arm and base together need 58 % to 119 % of rear, and" in told
+    assert offered is not None
+    assert "arm and base together need 58 % to 119 % of rear, and" in offered
 
 
 def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
     system = a_robot()
     logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
     apart = replace(system.components["path"], apart=("speech",))
-    told = pair_in(replace(system, components={**system.components, "path": apart}), logs)
-    assert told is not None
-    assert "path and vision together need" in told
+    offered = pair_in(replace(system, components={**system.components, "path": apart}), logs)
+    assert offered is not None
+    assert "path and vision together need" in offered
 
     fixed = [a_component(name, reserve="40 %") for name in ("path", "speech", "vision")]
     assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, whoever shares"
@@ -137,13 +137,13 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
 def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:
     fixed = a_system(components=[a_component(name, reserve="0.9 LP") for name in ("arm", "base", "camera")])
     more = "one more logical processor on onboard"
-    assert more in [one.message for one in ways(fixed, {}) if not one.may]
+    assert more in [way.message for way in ways(fixed, {}) if not way.may]
 
     mixed = a_system(components=[*fixed.components.values(), a_component("path", reserve="measured", apt=APT)])
     found = ways(mixed, {("path",): a_log({5: 200, 10: 90}, "path")})
 
-    assert not [one.message for one in found if more in one.message and not one.may]
-    (perhaps,) = [one.message for one in found if more in one.message]
+    assert not [way.message for way in found if more in way.message and not way.may]
+    (perhaps,) = [way.message for way in found if more in way.message]
     assert perhaps == (
         f"{more}, with `processors: 2` for path as now, may be enough: what partitions need there has to be measured "
         f"(`rarms measure`)"
@@ -153,7 +153,7 @@ def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer()
 def test_where_partitions_grow_with_their_host_a_larger_one_is_no_way_out() -> None:
     system = a_system(components=[a_component(name, reserve="40 %") for name in ("arm", "base", "camera")])
 
-    assert not [one for one in ways(system, {}) if "logical processor" in one.message]
+    assert not [way for way in ways(system, {}) if "logical processor" in way.message]
 
 
 def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
@@ -164,9 +164,9 @@ def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
         ]
     )
 
-    told = [one.message for one in ways(system, {})]
+    offered = [way.message for way in ways(system, {})]
 
-    assert "arm reserves 0.4 LP instead of 0.9 LP" in told, "0.41 LP would find 40 % on either processor"
+    assert "arm reserves 0.4 LP instead of 0.9 LP" in offered, "0.41 LP would find 40 % on either processor"
 
 
 def test_several_reserves_are_lowered_together_the_least_critical_first() -> None:
@@ -177,9 +177,9 @@ def test_several_reserves_are_lowered_together_the_least_critical_first() -> Non
         ]
     )
 
-    (told,) = [one.message for one in ways(system, {})]
+    (offered,) = [way.message for way in ways(system, {})]
 
-    assert told.splitlines() == [
+    assert offered.splitlines() == [
         "all of these:",
         "  - arm reserves 1 % instead of 40 %",
         "  - base reserves 1 % instead of 40 %",
@@ -196,7 +196,7 @@ def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> No
         ],
     )
 
-    assert [one.message.splitlines()[1:] for one in ways(system, {})] == [
+    assert [way.message.splitlines()[1:] for way in ways(system, {})] == [
         ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % instead of 70 %"],
         ["  - 1 GiB more memory on onboard", "  - base reserves 30 % instead of 50 %"],
     ]
@@ -220,26 +220,26 @@ def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
     both = PartitionRequest(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
     components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
 
-    told = [one.message for one in ways(a_system(components=components, partitions=[both]), {})]
+    offered = [way.message for way in ways(a_system(components=components, partitions=[both]), {})]
 
-    assert "partition arm reserves 60 % instead of 70 %" in told
+    assert "partition arm reserves 60 % instead of 70 %" in offered
 
 
 def test_hosts_of_one_platform_stay_alike() -> None:
     hosts = [a_host(name, platform="alike") for name in ("front", "rear")]
     components = [a_component(name, reserve="1.1 LP") for name in ("arm", "base", "camera", "dock")]
 
-    told = [one.message for one in ways(a_system(hosts=hosts, components=components), {})]
+    offered = [way.message for way in ways(a_system(hosts=hosts, components=components), {})]
 
-    assert "one more logical processor on each of front and rear" in told
+    assert "one more logical processor on each of front and rear" in offered
 
 
 def test_the_advice_says_which_help_and_which_may() -> None:
     logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
-    (told,) = [one for one in planned(a_robot(), logs).findings if one.code == "RARMS014"]
+    (offered,) = [diagnostic for diagnostic in planned(a_robot(), logs).findings if diagnostic.code == "RARMS014"]
 
-    pair, more = told.advice.splitlines()
+    pair, more = offered.advice.splitlines()
     assert pair.startswith("Combining may be enough, and `rarms tune` measures it: path and speech together need 38 %")
     assert more.startswith("One more logical processor on onboard, with `processors: 2` for path, speech and vision")
 
@@ -254,9 +254,9 @@ def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_th
     }
 
     system = replace(system, components={**system.components, "dock": more})
-    (told,) = [one for one in planned(system, logs).findings if one.code == "RARMS014"]
+    (offered,) = [diagnostic for diagnostic in planned(system, logs).findings if diagnostic.code == "RARMS014"]
 
-    head, together, *apts = told.advice.splitlines()[:4]
-    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], told.advice
+    head, together, *apts = offered.advice.splitlines()[:4]
+    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], offered.advice
     assert len(apts) > 1
-    assert all(one.startswith("  - ") and LINE.search(one) for one in apts)
+    assert all(line.startswith("  - ") and LINE.search(line) for line in apts)

@@ -56,8 +56,8 @@ def every_packing(items: list[Item], bins: list[Bin]) -> list[Value]:
         for item, name in zip(items, hosts, strict=True):
             claims[name].append(item.claims[name])
         if all(fits(host.capacity, claims[host.name]) for host in bins if host.name in hosts):
-            where = {item.name: name for item, name in zip(items, hosts, strict=True)}
-            found.append((*objective_of(items, where), hosts))
+            host_of = {item.name: name for item, name in zip(items, hosts, strict=True)}
+            found.append((*objective_of(items, host_of), hosts))
     return found
 
 

@@ -31,7 +31,7 @@ Supply = Callable[[int], bool]
 class Job:
     rank: int  # of its task: 0 is the highest priority
     due: int
-    left: int
+    work: int  # ticks that are still to be done
 
 
 Order = Callable[[Job], tuple[int, int]]
@@ -51,13 +51,13 @@ def misses(tasks: Sequence[Task], supply: Supply, order: Order, first: Sequence[
     for tick in range(until):
         for rank, (task, begins) in enumerate(zip(tasks, first, strict=True)):
             if tick >= begins and (tick - begins) % task.period == 0:
-                ready.append(Job(rank=rank, due=tick + task.deadline, left=task.work))
+                ready.append(Job(rank=rank, due=tick + task.deadline, work=task.work))
         if any(job.due <= tick for job in ready):
             return True
         if ready and supply(tick):
             runs = min(ready, key=order)
-            runs.left -= 1
-            if not runs.left:
+            runs.work -= 1
+            if not runs.work:
                 ready.remove(runs)
     return any(job.due <= until for job in ready)
 
@@ -74,13 +74,13 @@ def at_worst(resource: Resource) -> Supply:
 
 def at_random(resource: Resource, chance: random.Random) -> Supply:
     """In every period some of its ticks."""
-    kept: dict[int, set[int]] = {}
+    supplied: dict[int, set[int]] = {}
 
     def given(tick: int) -> bool:
         period, at = divmod(tick, resource.period)
-        if period not in kept:
-            kept[period] = set(chance.sample(range(resource.period), resource.budget))
-        return at in kept[period]
+        if period not in supplied:
+            supplied[period] = set(chance.sample(range(resource.period), resource.budget))
+        return at in supplied[period]
 
     return given
 

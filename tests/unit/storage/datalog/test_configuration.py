@@ -58,8 +58,8 @@ def proven() -> Proven:
 
 def test_entries_read_back_and_the_last_choice_holds(tmp_path: Path) -> None:
     path = configuration_path(tmp_path, "onboard", "vision")
-    for one in (chosen(62), chosen(70), proven()):
-        append_entry(path, one)
+    for entry in (chosen(62), chosen(70), proven()):
+        append_entry(path, entry)
 
     entries = read_entries(path)
 

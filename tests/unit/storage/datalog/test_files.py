@@ -82,10 +82,10 @@ def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Pat
     path = a_file(tmp_path, 10, 20)
     path.write_bytes(path.read_bytes().replace(b'"reserve":10', b'"reserve":11'))
 
-    with pytest.raises(LogUnreadable, match="damaged") as told:
+    with pytest.raises(LogUnreadable, match="damaged") as error:
         read_log(path)
 
-    assert told.value.line == 2
+    assert error.value.line == 2
 
 
 def test_the_line_ends_that_git_makes_do_no_harm(tmp_path: Path) -> None:

@@ -22,13 +22,15 @@ def identity(subject: LogSubject) -> Identity:
 
 
 def vision(**changes: Any) -> Component:
-    one = a_component(run=a_run(), apt={"mean_response_time": at_most(100)}, reserve=None)
+    component = a_component(run=a_run(), apt={"mean_response_time": at_most(100)}, reserve=None)
     simulated = Simulation(work=milliseconds("61.6 ms"))
-    return replace(one, **{"simulation": simulated, "task": "ObjectIdentification", **changes})
+    return replace(component, **{"simulation": simulated, "task": "ObjectIdentification", **changes})
 
 
 def changed(now: LogSubject, was: LogSubject | None = None) -> list[str]:
-    return [str(one) for one in compare(a_header(was or a_subject(vision())), identity(now), known(a_bench())).changed]
+    return [
+        str(change) for change in compare(a_header(was or a_subject(vision())), identity(now), known(a_bench())).changed
+    ]
 
 
 def test_nothing_changed_is_not_stale() -> None:
@@ -65,7 +67,7 @@ OF_A_SIMULATION: dict[str, object] = {
 }
 
 
-@pytest.mark.parametrize("field", [one.name for one in fields(Run)])
+@pytest.mark.parametrize("field", [field_.name for field_ in fields(Run)])
 def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files(field: str) -> None:
     if field == "files":
         assert changed(a_subject(vision(run=replace(a_run(), files=("*.py",))))) == []
@@ -74,7 +76,7 @@ def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files(f
     assert changed(a_subject(vision(run=now)))
 
 
-@pytest.mark.parametrize("field", [one.name for one in fields(Simulation)])
+@pytest.mark.parametrize("field", [field_.name for field_ in fields(Simulation)])
 def test_every_field_of_a_simulation_is_in_the_identity(field: str) -> None:
     other = OF_A_SIMULATION.get(field, 77)
     now = replace(Simulation(work=milliseconds("61.6 ms")), **{field: other})  # type: ignore[arg-type]  # as above
@@ -96,7 +98,7 @@ IRRELEVANT: dict[str, object] = {
 }
 
 
-@pytest.mark.parametrize("field", [one.name for one in fields(Component)])
+@pytest.mark.parametrize("field", [field_.name for field_ in fields(Component)])
 def test_thresholds_criticality_reserve_and_placement_make_no_log_stale(field: str) -> None:
     if field in {"name", "run", "simulation", "task"}:
         return
@@ -108,7 +110,7 @@ def test_what_p1_is_is_in_the_identity(field: str, value: int) -> None:
     subject = a_subject(vision())
     setup: EnvironmentSetup = replace(subject.setup, **{field: value})  # type: ignore[arg-type]  # each is a number
 
-    assert [one.partition(":")[0] for one in changed(replace(subject, setup=setup))] == [field]
+    assert [field_.partition(":")[0] for field_ in changed(replace(subject, setup=setup))] == [field]
 
 
 def test_the_load_and_what_is_fixed_of_a_task_class_are_in_the_identity() -> None:
