@@ -95,6 +95,7 @@ def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
     processors = header.setup.processors
     return Measurement(
         components=names,
+        partition=group.name if group else "",
         platform=header.platform,
         interference=header.setup.interference,
         path=logged.path,

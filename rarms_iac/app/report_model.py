@@ -80,6 +80,7 @@ class Measurement:
     """A data log: the components of one test partition, measured against one interfering load."""
 
     components: tuple[str, ...]
+    partition: str = ""  # of the manifest that has just these; empty: none has
     platform: str
     interference: str
     path: str  # of the data log, below the manifest's folder

@@ -1,6 +1,6 @@
 """Hosts for a reader: what the doctor found on them, and what drifted; each also as JSON for programs."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.doctor import Examinations, ExaminedHost
@@ -17,7 +17,13 @@ from rarms_iac.views.changes import attributes_of, members_of, reserved_after
 from rarms_iac.views.console import STRONG, paragraph, stack, styled, table
 from rarms_iac.views.finding_forms import OutputFormat, count_severities, findings_as
 from rarms_iac.views.findings import findings_text
-from rarms_iac.views.output.hosts import DoctorOutput, DriftedResourceOutput, DriftOutput, ExaminedHostOutput
+from rarms_iac.views.output.hosts import (
+    DoctorOutput,
+    DriftedHostOutput,
+    DriftedResourceOutput,
+    DriftOutput,
+    ExaminedHostOutput,
+)
 from rarms_iac.views.plan_json import change_output
 
 if TYPE_CHECKING:
@@ -180,10 +186,7 @@ def _amount_wanted(change: Change | None) -> str:
 
 
 def _summary(hosts: Sequence[HostDrift], *, compared: bool) -> str:
-    kinds = [drifted.kind for host in hosts for drifted in host.drifted]
-    changed = sum(kind.is_of_the_host for kind in kinds)
-    waiting = sum(not kind.is_of_the_host and kind is not DriftKind.UNUSED for kind in kinds)
-    unused = kinds.count(DriftKind.UNUSED)
+    changed, waiting, unused = _counts(drifted for host in hosts for drifted in host.drifted)
     if not changed and not waiting:
         extra = f" {counted(unused, 'partition')} unused." if unused else ""
         wanted = ", and as the manifest wants it" if compared else ""
@@ -192,14 +195,33 @@ def _summary(hosts: Sequence[HostDrift], *, compared: bool) -> str:
     return f"Drift: {', '.join(parts)}."
 
 
+def _counts(drifted: Iterable[ResourceDrift]) -> tuple[int, int, int]:
+    """How many were changed on the host, are not applied yet, and are unused."""
+    kinds = [resource.kind for resource in drifted]
+    changed, unused = sum(kind.is_of_the_host for kind in kinds), kinds.count(DriftKind.UNUSED)
+    return changed, len(kinds) - changed - unused, unused
+
+
 def drift_json(application: str, hosts: Sequence[HostDrift], *, compared: bool = True) -> str:
     """The same for programs; `compared`: whether it is known what the manifest wants."""
     return as_json(
         DriftOutput(
             application=application,
             compared=compared,
+            hosts=tuple(map(_host_output, hosts)),
             drifted=tuple(_drift_output(host, drifted) for host in hosts for drifted in host.drifted),
         )
+    )
+
+
+def _host_output(host: HostDrift) -> DriftedHostOutput:
+    changed, waiting, unused = _counts(host.drifted)
+    return DriftedHostOutput(
+        name=host.facts.name,
+        host_processors=host.facts.logical_processors,
+        host_changed=changed,
+        not_applied=waiting,
+        unused=unused,
     )
 
 

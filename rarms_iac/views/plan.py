@@ -152,7 +152,7 @@ def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
         if isinstance(change, Create) and change.address.task and change.address.partition in created:
             classes.setdefault(change.address.partition, []).append(change.address.task)
     if machines:
-        yield table([_row(change, part, classes) for change in machines], right=(1, 2, 3), wrap=(4,), indent=2)
+        yield table([_row(change, part, classes) for change in machines], right=(1, 2, 3), wrap=(0, 4), indent=2)
     for change in part.changes:
         if change not in machines and not (change.address.is_in_guest and change.address.partition in created):
             yield _line(change, part)
@@ -188,12 +188,23 @@ def _name(change: Change, part: HostPlan) -> "Text":
 def _line(change: Change, part: HostPlan) -> "RenderableType":
     """`~ vision  reserve 70 % -> 40 %; stopped for up to 60 s to shut down, and the start after it`."""
     differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
-    differences = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
+    differences = ", ".join(f"{attribute.name} {_amount_of(change, attribute, part)}" for attribute in differing)
     if isinstance(change, Create | Delete):
         differences = ""
     note = _note(change, part)
     text = "; ".join(words for words in (differences, note) if words)
     return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
+
+
+def _amount_of(change: Change, attribute: Attribute, part: HostPlan) -> str:
+    """Its value; of a reserve LPs where per cent of the partition are not per cent of the host, as the table has it."""
+    match change:
+        case Update(before=Partition(settings=before), after=Partition(settings=after)) if attribute.name == "reserve":
+            amounts = [show_processors(guaranteed(each.reserve, each.processors)) for each in (before, after)]
+            is_share = {before.processors, after.processors} == {part.facts.logical_processors}
+            return _value(attribute) if is_share or amounts[0] == amounts[1] else " -> ".join(amounts)
+        case _:
+            return _value(attribute)
 
 
 def _note(change: Change, part: HostPlan) -> str:

@@ -81,7 +81,7 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
         )
         for partition in partitions
     ]
-    return table(rows, header=("partition", "components", "CR", "LP", "LP apart"), wrap=(1,), right=(2, 3, 4))
+    return table(rows, header=("partition", "components", "CR", "LP", "LP apart"), wrap=(0, 1), right=(2, 3, 4))
 
 
 def _sentences(result: TuningResult) -> Sequence[str]:

@@ -23,6 +23,17 @@ class DriftedResourceOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DriftedHostOutput:
+    """How many resources of a host differ, and how: changed there, not applied yet, or unused by the manifest."""
+
+    name: str
+    host_processors: int
+    host_changed: int
+    not_applied: int
+    unused: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriftOutput:
     """`rarms drift`."""
 
@@ -30,6 +41,7 @@ class DriftOutput:
     kind: Literal["drift"] = "drift"
     application: str
     compared: bool  # with the manifest; false: it has no layout, and only what was changed on the hosts is told
+    hosts: tuple[DriftedHostOutput, ...]  # all that were looked at
     drifted: tuple[DriftedResourceOutput, ...]
 
 

@@ -223,6 +223,7 @@ class ReportIndexOutput:
 
     component: str
     index: str
+    unit: str  # of threshold, points and curve
     direction: str
     threshold: float | None
     reserve: int | None
@@ -232,16 +233,22 @@ class ReportIndexOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportMeasurementOutput:
-    """A data log. `rests`: a plan looks its reservation up here."""
+    """A data log. `rests`: a plan looks its reservation up here; `reserve` is per cent of each of `processors`.
 
+    `partition` is empty where the manifest does not have these components in one.
+    """
+
+    partition: str
     components: tuple[str, ...]
     platform: str
+    hosts: tuple[str, ...]  # of the platform
     interference: str
     log: str
     processors: int
     rests: bool
     stale: tuple[str, ...]
     reserve: int | None
+    reserved_processors: float | None  # LPs; null as `reserve` is
     interpolated: bool
     indexes: tuple[ReportIndexOutput, ...]
 

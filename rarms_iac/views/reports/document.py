@@ -1,8 +1,10 @@
 """The report for programs."""
 
+from collections.abc import Mapping
 from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.combining import TrailSettingOutput
 from rarms_iac.views.output.common import output_of
@@ -22,10 +24,11 @@ from rarms_iac.views.reports.summary import platform_fits
 
 def report_json(report: Report) -> str:
     """The same for programs; a side of a band without a bound is null."""
+    hosts = {capacity.platform: capacity.hosts for capacity in report.capacities}
     return as_json(
         ReportOutput(
             application=report.application,
-            measurements=tuple(_measurement(measurement) for measurement in report.measurements),
+            measurements=tuple(_measurement(measurement, hosts) for measurement in report.measurements),
             capacities=tuple(
                 ReportCapacityOutput(
                     platform=fit.capacity.platform,
@@ -61,10 +64,13 @@ def report_json(report: Report) -> str:
     )
 
 
-def _measurement(measurement: Measurement) -> ReportMeasurementOutput:
+def _measurement(measurement: Measurement, hosts: Mapping[str, tuple[str, ...]]) -> ReportMeasurementOutput:
+    reserve = measurement.reserve
     return output_of(
         ReportMeasurementOutput,
         measurement,
+        hosts=hosts.get(measurement.platform, ()),
+        reserved_processors=None if reserve is None else float(guaranteed(reserve, measurement.processors)),
         log=measurement.path,
         interpolated=measurement.least is not None and measurement.least.interpolated,
         indexes=tuple(_index(index) for index in measurement.indexes),
@@ -75,6 +81,7 @@ def _index(index_curve: IndexCurve) -> ReportIndexOutput:
     return ReportIndexOutput(
         component=index_curve.component,
         index=index_curve.index.name,
+        unit=index_curve.index.symbol,
         direction=index_curve.index.direction,
         threshold=None if index_curve.threshold is None else float(index_curve.threshold.value),
         reserve=None if index_curve.least is None else index_curve.least.reserve,

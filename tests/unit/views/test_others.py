@@ -53,6 +53,9 @@ def test_drift_for_programs() -> None:
 
     check(text)
     drifted = json.loads(text)["drifted"][0]
+    assert json.loads(text)["hosts"] == [
+        {"name": "onboard", "host_processors": 2, "host_changed": 1, "not_applied": 0, "unused": 0}
+    ]
     assert drifted["attributes"][0]["before"] == 50
     assert (drifted["components"], drifted["wanted_processors"]) == (["face-detection", "vision"], 0.8)
 

@@ -139,6 +139,24 @@ def test_a_removal_says_that_disks_stay_where_there_are_some(disks: int, note: s
     assert f"  - vision  40 %  0.8 LP  512 MiB  {note}" in lines_of(plan(host_plan(changes=[change], steps=steps)))
 
 
+def test_a_long_list_of_components_continues_below_its_column_within_80_columns() -> None:
+    members = tuple(f"component-with-a-long-name-{number}" for number in range(4))
+    part = replace(host_plan(changes=[create(partition())]), components={"vision": members})
+
+    shown = lines_of(plan(part))
+
+    assert max(map(len, shown)) <= 80
+    assert all(member in " ".join(shown) for member in members)
+
+
+def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
+    narrow = update(partition(settings(processors=1, reserve=80)), partition(settings(processors=1, reserve=60)))
+    wide = update(partition(settings(processors=2, reserve=80)), partition(settings(processors=2, reserve=60)))
+
+    assert "  ~ vision  reserve 0.8 LP -> 0.6 LP" in shown_alone(narrow)
+    assert "  ~ vision  reserve 80 % -> 60 %" in shown_alone(wide)
+
+
 def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part() -> None:
     change = delete(partition(settings()))
     stop = StopPartition(partition="vision", grace_ms=60_000)

@@ -1,6 +1,7 @@
 """What tuning claims of other layouts: in the text, in JSON and in the trail."""
 
 import json
+from dataclasses import replace
 from io import StringIO
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tune import TuningResult
 from rarms_iac.planner.combining.oracle import Answer
-from rarms_iac.storage.datalog.tuning import TrailSetting, TuningRun
+from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.reports.spreadsheet import trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
@@ -35,6 +36,18 @@ def tuned(*, proved: bool) -> TuningResult:
         written=False,
     )
     return TuningResult(platform="two-core", hosts=("onboard",), run=run, findings=())
+
+
+def test_the_table_keeps_to_80_columns_with_long_names() -> None:
+    names = ("navigation-and-mapping", "obstacle-avoidance-fast")
+    partition = TunedPartition(name="+".join(names)[:40], components=names, processors=2, reserve=23, parts=82)
+    result = tuned(proved=True)
+    run = replace(result.run, partitions=(partition,))
+
+    shown = render(tuned_text(replace(result, run=run)))
+
+    assert max(map(len, shown.splitlines())) <= 80
+    assert all(name in shown for name in names)
 
 
 @pytest.mark.parametrize(
