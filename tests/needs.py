@@ -89,6 +89,10 @@ NEEDS: dict[str, Need] = {
     "network": Need(missing=_no_package_index, obtainable=_on_posix),
     "not-root": Need(missing=lambda: "root may do everything" if _is_root() else "", obtainable=lambda: not _is_root()),
     "posix": Need(missing=lambda: "this is Windows" if ON_WINDOWS else "", obtainable=_on_posix),
+    "pre-commit": Need(
+        missing=lambda: "" if importlib.util.find_spec("pre_commit") else "pre-commit is not installed",
+        obtainable=_on_posix,
+    ),
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),

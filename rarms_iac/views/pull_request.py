@@ -95,7 +95,9 @@ def comment(review: PlanReview) -> str:
         *_scripts(review),
         f"<sub>Plan {plan.id} of {_code(plan.manifest)}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
     ]
-    return "\n\n".join(parts) + "\n"
+    text = "\n\n".join(parts) + "\n"
+    assert len(text) < LONGEST_COMMENT, "each part has its share of it"
+    return text
 
 
 def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:

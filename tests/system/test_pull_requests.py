@@ -1,0 +1,214 @@
+"""What teams run on pull requests: pre-commit for real, and the steps of `action.yml` as they stand."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.needs import CHECKOUT
+
+MANIFEST = """schema: rarms/v1
+
+application:
+  name: cell
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { memory: 1 GiB } }
+
+components:
+  vision:
+    criticality: 3
+    memory: 512 MiB
+    cpu: { reserve: 40 % }
+"""
+
+
+def git(folder: Path, *words: str) -> str:
+    command = ["git", "-c", "user.name=t", "-c", "user.email=t@example.org", "-c", "protocol.file.allow=always", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def repository(folder: Path, manifest: str = MANIFEST) -> Path:
+    """A team's repository with a manifest in it."""
+    (folder / "cell").mkdir(parents=True)
+    (folder / "cell" / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    git(folder, "init", "-q", "-b", "main")
+    git(folder, "add", "-A")
+    git(folder, "commit", "-qm", "A cell")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rarms_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """This checkout as it is now, as a repository with one commit."""
+    folder = tmp_path_factory.mktemp("rarms")
+    names = git(CHECKOUT, "ls-files", "--cached", "--others", "--exclude-standard", "-z").split("\0")
+    for name in filter(None, names):
+        if (CHECKOUT / name).is_file() and not name.startswith(("tests/", "benchmarks/")):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(CHECKOUT / name, folder / name)
+    git(folder, "init", "-q")
+    git(folder, "add", "-A")
+    git(folder, "commit", "-qm", "As it is")
+    return folder
+
+
+@pytest.mark.needs("posix", "git", "network", "venv", "pre-commit")
+def test_pre_commit_refuses_what_validate_refuses_and_formats(rarms_repository: Path, tmp_path: Path) -> None:
+    folder = repository(tmp_path / "team")
+    config = {
+        "repo": rarms_repository.as_uri(),
+        "rev": git(rarms_repository, "rev-parse", "HEAD"),
+        "hooks": [{"id": "rarms-validate"}, {"id": "rarms-fmt"}],
+    }
+    (folder / ".pre-commit-config.yaml").write_text(yaml.safe_dump({"repos": [config]}), encoding="utf-8")
+    git(folder, "add", "-A")
+
+    def pre_commit() -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-m", "pre_commit", "run", "--all-files"]
+        home = {"PRE_COMMIT_HOME": str(tmp_path / "home"), "GIT_CONFIG_COUNT": "1"}
+        allow = {"GIT_CONFIG_KEY_0": "protocol.file.allow", "GIT_CONFIG_VALUE_0": "always"}
+        environment = {**os.environ, **home, **allow}
+        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+    right = pre_commit()
+    file = folder / "cell" / "rarms.yaml"
+    file.write_text(MANIFEST.replace("40 %", "140   %"), encoding="utf-8", newline="\n")
+    git(folder, "add", "-A")
+    wrong = pre_commit()
+
+    assert right.returncode == 0, right.stdout + right.stderr
+    assert wrong.returncode == 1
+    assert "error[RARMS0" in wrong.stdout
+    assert "cell/rarms.yaml:13:" in wrong.stdout
+
+
+class Comments(BaseHTTPRequestHandler):
+    """GitHub's comments on one pull request, as far as the action asks."""
+
+    kept: list[dict[str, Any]]
+    read_only = False
+
+    def do_GET(self) -> None:
+        first = self.path.endswith("&page=1")
+        self._answer(200, [{"id": 1, "body": "Nice."}, *self.kept] if first else [])
+
+    def do_POST(self) -> None:
+        comment = {"id": 2 + len(self.kept), **self._body(), "html_url": "https://example.org/new"}
+        if self.read_only:
+            self._answer(403, {})
+            return
+        self.kept.append(comment)
+        self._answer(201, comment)
+
+    def do_PATCH(self) -> None:
+        comment = next(each for each in self.kept if self.path.endswith(f"/issues/comments/{each['id']}"))
+        comment.update(self._body())
+        self._answer(200, comment)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+    def _body(self) -> dict[str, Any]:
+        assert self.headers["Authorization"] == "Bearer t0ken"
+        body: dict[str, Any] = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        return body
+
+    def _answer(self, code: int, value: Any) -> None:
+        self.send_response(code)
+        self.end_headers()
+        self.wfile.write(json.dumps(value).encode())
+
+
+@contextmanager
+def github(*, read_only: bool = False) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    kept: list[dict[str, Any]] = []
+    handler = type("Handler", (Comments,), {"kept": kept, "read_only": read_only})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}", kept
+        server.shutdown()
+
+
+def run_action(folder: Path, temporary: Path, api: str, base: str, *, installed: bool = True) -> dict[str, int]:
+    """Run the shell steps of `action.yml` in their order as a runner does; the exit code of each that ran."""
+    inputs = {"manifest": "cell/rarms.yaml", "snapshots": "onboard=host.json", "token": "t0ken"}
+    action = yaml.safe_load((CHECKOUT / "action.yml").read_text(encoding="utf-8"))
+    defaults = {name: value.get("default", "") for name, value in action["inputs"].items()}
+    values = {f"inputs.{name}": value for name, value in {**defaults, **inputs}.items()}
+    values |= {"github.event.pull_request.base.sha": base, "github.event.pull_request.number": "7"}
+    runner = {
+        "RUNNER_TEMP": str(temporary),
+        "GITHUB_ACTION_PATH": str(CHECKOUT),
+        "GITHUB_STEP_SUMMARY": str(temporary / "summary.md"),
+        "GITHUB_API_URL": api,
+        "GITHUB_REPOSITORY": "team/cell",
+    }
+    codes: dict[str, int] = {}
+    for step in action["runs"]["steps"]:
+        failed = any(codes.values())
+        condition = step.get("if", "")
+        if (failed and "always()" not in condition) or (installed and step["name"] == "Install rarms"):
+            continue
+        assert step["shell"] == "bash"
+        environment = {name: values[text.strip("${} ")] for name, text in step.get("env", {}).items()}
+        script = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]]
+        done = subprocess.run(
+            script, cwd=folder, env={**os.environ, **runner, **environment}, capture_output=True, text=True, check=False
+        )
+        (temporary / f"{step['name']}.log").write_text(done.stdout + done.stderr, encoding="utf-8")
+        codes[step["name"]] = done.returncode
+    return codes
+
+
+@pytest.mark.needs("posix", "bash", "git", "network", "venv")
+def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> None:
+    origin = repository(tmp_path / "origin")
+    snapshot = [sys.executable, "-m", "rarms_iac", "snapshot", "-f", "cell", "--out", "host.json"]
+    subprocess.run(snapshot, cwd=origin, env={**os.environ, "PYTHONPATH": str(CHECKOUT)}, check=True)
+    git(origin, "add", "-A")
+    git(origin, "commit", "-qm", "What the host looks like")
+    folder = tmp_path / "head"
+    git(tmp_path, "clone", "-q", str(origin), str(folder))
+    base = git(folder, "rev-parse", "HEAD")
+
+    def runner(reserve: str, api: str, name: str) -> tuple[dict[str, int], Path]:
+        """One run, for a pull request that asks for this reserve; rarms is installed by the first."""
+        temporary = tmp_path / name
+        temporary.mkdir()
+        if name != "first":
+            (temporary / "rarms").symlink_to(tmp_path / "first" / "rarms")
+        text = MANIFEST.replace("40 %", reserve)
+        (folder / "cell" / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+        git(folder, "worktree", "prune")
+        return run_action(folder, temporary, api, base, installed=name != "first"), temporary
+
+    with github() as (api, comments):
+        first, _ = runner("30 %", api, "first")
+        second, of_second = runner("90 %", api, "second")
+        wrong, of_wrong = runner("190 %", api, "wrong")
+    with github(read_only=True) as (api, none):
+        fork, of_fork = runner("30 %", api, "fork")
+
+    assert first == dict.fromkeys(["Install rarms", "Validate", "Fetch the base", "Plan", "Comment"], 0)
+    assert set(second.values()) == set(fork.values()) == {0}
+    assert [comment["id"] for comment in comments] == [2]
+    body = comments[0]["body"]
+    assert body.startswith("<!-- rarms plan: cell/rarms.yaml -->\n")
+    assert "1.8 LP (90 %)" in body
+    assert "What changed in the scripts" in body
+    assert "### rarms plan: cell" in (of_second / "summary.md").read_text(encoding="utf-8")
+    assert (wrong["Validate"], "Plan" in wrong) == (2, False)
+    assert "::error file=cell/rarms.yaml,line=13," in (of_wrong / "Validate.log").read_text(encoding="utf-8")
+    assert none == []
+    assert "may not comment" in (of_fork / "Comment.log").read_text(encoding="utf-8")
