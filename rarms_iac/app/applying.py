@@ -76,6 +76,12 @@ def finish_runs(
 ) -> RunReport | None:
     """Finish what an earlier run left on these hosts, each from its own journal.
 
+    Args:
+        hosts: live hosts, in any order; they are held meanwhile.
+        waits: how long to wait for a held host, and for the next word of a host's script.
+        reporter: hears of each step.
+        stop: asked after each step; the run can be finished later.
+
     Returns:
         How that ended; None where no host has an unfinished run.
 
@@ -88,6 +94,13 @@ def finish_runs(
 
 def abandon_runs(hosts: Sequence[LiveHost], *, waits: WaitLimits = NO_WAITING) -> Mapping[str, RunReport]:
     """Close the unfinished runs of these hosts, by host; the hosts stay as they are.
+
+    Args:
+        hosts: live hosts, in any order; they are held meanwhile.
+        waits: how long to wait for a held host, and for the next word of a host's script.
+
+    Returns:
+        What became of each host, by name; nothing to do where it has no unfinished run.
 
     Raises:
         UseCaseError: a host is held (refused).
@@ -116,6 +129,9 @@ def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
     Args:
         plan: the plan, which knows its manifest's path.
         source: where overlays and the day come from; also the manifest, where the plan's came from standard input.
+
+    Returns:
+        The source with the manifest's path as the plan has it.
     """
     return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
 

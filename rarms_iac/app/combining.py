@@ -38,11 +38,25 @@ class CombiningPrompt(Consent, PlannerReporter, Protocol):
     """
 
     def combines(self, offer: CombiningOffer) -> bool:
-        """Show what is needed and what there is, and tell whether to combine."""
+        """Show what is needed and what there is, and tell whether to combine.
+
+        Args:
+            offer: amounts in per cent of one logical processor.
+
+        Returns:
+            Whether the search begins.
+        """
         ...
 
     def confirms(self, found: TuningResult) -> bool:
-        """Show what was found, and tell whether it is written into the manifest."""
+        """Show what was found, and tell whether it is written into the manifest.
+
+        Args:
+            found: the partitions; nothing is written yet.
+
+        Returns:
+            Whether the manifest is changed.
+        """
         ...
 
 
@@ -72,6 +86,9 @@ def combine_if_wanted(
         reporter: Hears of every setting that is run.
         stop: Asked between settings and while samples come.
         stop_consents: Whether partitions of the application that run there may be stopped meanwhile.
+
+    Returns:
+        What tuning came to; empty where nothing had to be combined, or nobody wanted to.
 
     Raises:
         UseCaseError: As `tune_components`.

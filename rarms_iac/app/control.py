@@ -13,11 +13,19 @@ class StopSignal(Protocol):
     """Says whether somebody wants the work to end."""
 
     def should_stop(self) -> bool:
-        """Whether the work ends at the next safe place; asked between steps and settings, so it must be quick."""
+        """Whether the work ends at the next safe place; asked between steps and settings, so it must be quick.
+
+        Returns:
+            True from the request on; it is not taken back.
+        """
         ...
 
     def gently(self) -> AbstractContextManager[None]:
-        """Inside, a host is being changed: a request to stop must wait for `should_stop` to be asked."""
+        """Inside, a host is being changed: a request to stop must wait for `should_stop` to be asked.
+
+        Returns:
+            A context to enter around the change.
+        """
         ...
 
 
@@ -30,7 +38,11 @@ class NeverStop:
 
     @contextmanager
     def gently(self) -> Iterator[None]:
-        """Nothing is there to be held back."""
+        """Nothing is there to be held back.
+
+        Yields:
+            Once, with nothing.
+        """
         yield
 
 
@@ -48,7 +60,11 @@ class Reporter(Protocol):
         ...
 
     def message(self, text: str) -> None:
-        """One or more whole sentences about what was done, without a line end."""
+        """One or more whole sentences about what was done, without a line end.
+
+        Args:
+            text: for a person; not wrapped yet.
+        """
         ...
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
@@ -68,10 +84,19 @@ class SilentListener:
     settings: MeasuringReporter = SilentMeasuringReporter()
 
     def message(self, text: str) -> None:
-        """Do nothing."""
+        """Do nothing.
+
+        Args:
+            text: goes nowhere.
+        """
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
-        """Do nothing."""
+        """Do nothing.
+
+        Args:
+            diagnostics: go nowhere.
+            sources: go nowhere.
+        """
 
 
 NEVER_STOP: StopSignal = NeverStop()

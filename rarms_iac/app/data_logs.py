@@ -52,6 +52,9 @@ def measurements_of(manifest: Manifest) -> Measurements:
 
     Args:
         manifest: its folder has the data logs; its path and overlays go into commands that messages advise.
+
+    Returns:
+        The folder with the manifest's system.
     """
     source = manifest.source
     named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
@@ -68,6 +71,9 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
         host: Where it is measured.
         members: Names of the components that share P1, sorted.
         interference: Name of the load in P2.
+
+    Returns:
+        The members by sorted names, with all that a log of them depends on.
     """
     experiment = experiment_of(system, host, members, interference)
     return LogSubject(
@@ -85,6 +91,9 @@ def path_of(folder: Path, subject: LogSubject) -> Path:
     Args:
         folder: The manifest's.
         subject: Its platform, members and load name the file.
+
+    Returns:
+        A path below `measurements/` of the folder; the file need not exist.
     """
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
@@ -150,6 +159,9 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow
 
     NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
     below the folder is opened for a manifest that a stranger may have written.
+
+    Returns:
+        What changed, by which a log is stale, and what cannot be told from here.
     """
     return compare(log.header, identity_of(subject, files.of(subject), {}), bench)
 
@@ -160,6 +172,9 @@ def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
     Args:
         host: As the manifest has it.
         facts: As it was seen; None: it was not looked at.
+
+    Returns:
+        The processor, scheduler and so on; what is not known is left open.
     """
     image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
     bench = BenchNow(provider=host.provider, logical_processors=host.logical_processors, guest_image=image)

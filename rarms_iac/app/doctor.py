@@ -39,6 +39,12 @@ class Examinations:
 def examine_hosts(hosts: Hosts) -> Examinations:
     """Look at every chosen host once, live or in its snapshot. Only reads.
 
+    Args:
+        hosts: the chosen ones; others are not looked at.
+
+    Returns:
+        What was seen of each host in name order, with the findings.
+
     Raises:
         UseCaseError: a host cannot be reached or read (failed).
     """

@@ -51,6 +51,12 @@ class DriftReport:
 def look_for_drift(hosts: Hosts) -> DriftReport:
     """Compare the chosen hosts with the manifest and with what the last apply left. Only reads.
 
+    Args:
+        hosts: the chosen ones are compared; others are looked at where they can be reached, as for a plan.
+
+    Returns:
+        The differences by host in name order, and which runs are unfinished.
+
     Raises:
         UseCaseError: a host cannot be read, or hides what is there (failed).
     """

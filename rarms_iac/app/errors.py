@@ -57,6 +57,9 @@ def bug_finding(error: BaseException) -> Diagnostic:
 
     Args:
         error: the exception; the first 300 characters of its text are shown.
+
+    Returns:
+        A finding with the exception's kind and place, and where to report it.
     """
     message = " ".join(str(error).split())
     return BUG.at(
@@ -72,6 +75,9 @@ def usage_finding(message: str, command: str) -> Diagnostic:
     Args:
         message: what is wrong, as a sentence.
         command: the command whose `--help` is advised, with the program's name.
+
+    Returns:
+        A finding without a place.
     """
     return USAGE.at(None, message, f"`{command} --help` lists what it takes.")
 
@@ -81,6 +87,9 @@ def system_finding(error: OSError) -> Diagnostic:
 
     Args:
         error: its file name is shown, if it has one.
+
+    Returns:
+        A finding with the file's name, where the error has one.
     """
     path = f"{error.filename}: " if error.filename else ""
     return SYSTEM_REFUSED.at(
@@ -95,6 +104,9 @@ def conflict_finding(path: str) -> Diagnostic:
 
     Args:
         path: the file, as people know it.
+
+    Returns:
+        A finding that tells to name another folder.
     """
     return IN_THE_WAY.at(
         None, f"{path} exists already, and stays as it is.", "Name another folder, or move that file away first."
@@ -107,6 +119,9 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
     Args:
         path: the file, as people know it.
         error: why.
+
+    Returns:
+        A finding with the system's own words.
     """
     advice = "Name a regular file, no link, in a folder that exists and that you may write to."
     return NOT_WRITTEN.at(None, f"{path}: {error.strerror or error}.", advice)
@@ -119,6 +134,9 @@ def read_finding(path: str, message: str, advice: str) -> Diagnostic:
         path: as the user named it.
         message: why, as the end of a sentence without a full stop.
         advice: what to do, as whole sentences.
+
+    Returns:
+        A finding with this message and advice.
     """
     return NOT_READ.at(None, f"{path}: {message}.", advice)
 
@@ -142,6 +160,9 @@ def unreachable_finding(host: str, provider: str) -> Diagnostic:
     Args:
         host: the host's name in the manifest.
         provider: as the manifest writes it.
+
+    Returns:
+        A finding that names both.
     """
     return OUT_OF_REACH.at(
         None,

@@ -48,6 +48,9 @@ def read_experiment_log(hosts: Hosts, experiment: Experiment, bench: MeasuringHo
         experiment: What is measured, and on which host.
         bench: That host; asked for its processor, build and the like.
 
+    Returns:
+        The log with what changed since; empty where there is no file.
+
     Raises:
         UseCaseError: It is damaged (negative); nobody replaces it unasked, as it may be all that there is.
     """
@@ -65,6 +68,9 @@ def settings_log_of(log: ExperimentLog, seed: int | None, running: Sequence[Part
         log: What is recorded.
         seed: Only its settings count; None: all.
         running: What runs on the host beside P1 and P2; every setting says so.
+
+    Returns:
+        A log to read the settings of and to add to.
     """
     beside = tuple(partition_name(partition) for partition in running)
     return SettingsLog(

@@ -120,6 +120,9 @@ def coarse_reserves(top: int) -> tuple[int, ...]:
 
     Args:
         top: The highest CR that the host can give, in per cent; 0: none, and the first setting says so.
+
+    Returns:
+        Whole per cent, ascending, each once.
     """
     return tuple(dict.fromkeys((*range(USUAL_STEP, top + 1, USUAL_STEP), top or USUAL_STEP)))
 

@@ -63,6 +63,13 @@ class ExplainedComponent:
 def find_component(manifest: Manifest, name: str) -> Component:
     """Return a component of the manifest by its name.
 
+    Args:
+        manifest: without errors.
+        name: as it was given.
+
+    Returns:
+        The component.
+
     Raises:
         RequestError: There is none; the message offers the nearest component or finding.
     """
@@ -79,6 +86,9 @@ def explain_component(manifest: Manifest, name: str) -> ExplainedComponent:
     Args:
         manifest: Its hosts are looked at; those that cannot be count by what the manifest says.
         name: Of the component.
+
+    Returns:
+        The steps from the APT to the reservation, and the errors that keep everything from fitting.
 
     Raises:
         RequestError: There is no such component.

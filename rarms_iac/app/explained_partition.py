@@ -75,6 +75,9 @@ def partition_to_explain(
         measurements: Those beside the manifest.
         group: The members of the partition.
         states: Of the hosts that could be looked at, by name.
+
+    Returns:
+        The partition with its logs, its place and what the planner found of it.
     """
     reservations = measured_reservations(measurements, states)
     views = {name: host_view(state, hosts.system.application.name) for name, state in states.items()}
@@ -91,6 +94,12 @@ def partition_to_explain(
 
 def place_of(partition: ExplainedPartition) -> ExplainedPlace:
     """Return its place in the layout; else where it is, or the first host by name that could have it.
+
+    Args:
+        partition: as `partition_to_explain` returns it.
+
+    Returns:
+        The host with the partition's size there.
 
     Raises:
         UseCaseError: It may run on no host at all (negative).

@@ -39,7 +39,14 @@ class PreviousTuning:
     outdated: Mapping[Names, str] = field(default_factory=dict)  # as of `PlatformTuning`
 
     def combined(self, members: Names) -> str:
-        """Say how tuning put just these components together; empty: no run of it wrote that."""
+        """Say how tuning put just these components together; empty: no run of it wrote that.
+
+        Args:
+            members: sorted names.
+
+        Returns:
+            A clause without a full stop, or nothing.
+        """
         for run in reversed(self.runs):
             for partition in run.partitions:
                 if run.written and partition.parts is not None and tuple(sorted(partition.components)) == members:
@@ -55,6 +62,12 @@ class PreviousTuning:
         """Yield the compounds with any of these that tuning measured, except that of just these, as they were asked.
 
         What a later run saw at the same reservation counts.
+
+        Args:
+            members: sorted names.
+
+        Yields:
+            A clause for each compound, without a full stop.
         """
         settings_of: dict[Names, dict[int, tuple[str, ...]]] = {}
         for run in self.runs:
@@ -67,7 +80,14 @@ class PreviousTuning:
             yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}{why}"
 
     def nothing(self, platform: str) -> str:
-        """Say why there is nothing to tell; empty: there are runs."""
+        """Say why there is nothing to tell; empty: there are runs.
+
+        Args:
+            platform: whose log of tuning it is.
+
+        Returns:
+            A clause without a full stop, or nothing.
+        """
         if self.unreadable:
             return self.unreadable
         return "" if self.runs else f"`rarms tune` has measured nothing on {platform}"
@@ -146,6 +166,10 @@ def describe_apart(partition: ExplainedPartition, place: ExplainedPlace) -> str:
     """Say what the members would reserve in partitions of their own, and whether that fits.
 
     For this the layout is planned without the partition.
+
+    Args:
+        partition: with at least two members.
+        place: where it is, or could be.
 
     Returns:
         A clause; empty where it is not known, or where nothing would change.

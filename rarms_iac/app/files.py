@@ -41,6 +41,10 @@ def write_file(path: str, data: bytes) -> None:
 
     Nothing is written through a link, whoever made it; what leads to a device or a pipe (`/dev/stdout`) is written to.
 
+    Args:
+        path: as the user gave it; its folder exists.
+        data: all of it.
+
     Raises:
         UseCaseError: the name is that of a link, or the system does not let us; what was there before still is.
     """
@@ -61,6 +65,9 @@ def write_file(path: str, data: bytes) -> None:
 def make_folder(path: str) -> None:
     """Make a folder and those above it; it may exist.
 
+    Args:
+        path: as the user gave it.
+
     Raises:
         UseCaseError: the system does not let us, or a file has its name.
     """
@@ -73,6 +80,12 @@ def make_folder(path: str) -> None:
 
 def read_plan_file(path: str) -> "Plan":
     """Read a sealed plan.
+
+    Args:
+        path: as the user gave it; `-` is standard input.
+
+    Returns:
+        The plan, as it was sealed.
 
     Raises:
         UseCaseError: the file cannot be read (failed), is no plan or was edited (refused).
@@ -103,5 +116,8 @@ def folder_of(manifest: str) -> str:
 
     Args:
         manifest: its path, as given or as a plan names it; `-` is a manifest from standard input, of this folder.
+
+    Returns:
+        A path; `.` for the folder of this process.
     """
     return "." if manifest == STANDARD_INPUT else str(Path(manifest_path(manifest)).parent)

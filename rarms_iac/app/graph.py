@@ -27,6 +27,12 @@ from rarms_iac.storage.datalog.files import log_path
 def layout_of_manifest(manifest: Manifest) -> Layout:
     """Place all components as the manifest and its data logs alone say; no host is looked at.
 
+    Args:
+        manifest: with its data logs beside it.
+
+    Returns:
+        A layout on all hosts.
+
     Raises:
         UseCaseError: There is no layout (negative).
     """
@@ -93,6 +99,9 @@ def recorded_answers(
         host: On which they are to hold.
         candidates: The compounds.
         states: Of hosts that were looked at: what was seen is compared with the logs, too.
+
+    Returns:
+        An answer for each setting of each compound, logs in the order of the compounds' names.
     """
     compounds = [candidate.coi.members for candidate in candidates.by_mask.values()]
     return tuple(answer for names in compounds for answer in _answers(measurements, host, names, states))

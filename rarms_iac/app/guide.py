@@ -51,6 +51,9 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
         manifest: With its data logs beside it.
         name: Of the component.
 
+    Returns:
+        Settings in the units of their tools: whole per cent, MiB.
+
     Raises:
         RequestError: There is no such component, or it runs on the host itself and has nothing to set up.
         UseCaseError: Nothing says how much it needs (negative).

@@ -48,15 +48,35 @@ class Hosts:
         return self.manifest.folder
 
     def only(self, *names: str) -> "Hosts":
-        """The same manifest, with these of its hosts."""
+        """The same manifest, with these of its hosts.
+
+        Args:
+            names: Of hosts of the manifest.
+
+        Returns:
+            A copy; with no names, all hosts of the manifest.
+        """
         return replace(self, selection=replace(self.selection, hosts=names))
 
     def state_path(self, host: str) -> str:
-        """Where a simulated host's file lies, relative to the folder."""
+        """Where a simulated host's file lies, relative to the folder.
+
+        Args:
+            host: a name of the manifest.
+
+        Returns:
+            A path with slashes; overlays have files of their own.
+        """
         return state_path(host, self.folder, self.manifest.source.overlays)
 
     def open(self, host: str) -> LiveHost:
         """The live host.
+
+        Args:
+            host: a name of the manifest.
+
+        Returns:
+            A host that is not connected to yet: its first method may fail.
 
         Raises:
             UseCaseError: this version cannot reach it (failed).
@@ -75,6 +95,9 @@ def load(
         hosts: names of those that are meant; none: all. They are not looked at yet.
         today: the day by which acceptances expire; None: today in UTC.
 
+    Returns:
+        What `measure`, `tune`, `plan` and `prove` take.
+
     Raises:
         RequestError: a host is not in the manifest.
         UseCaseError: the manifest has errors (negative); they are its diagnostics.
@@ -85,6 +108,13 @@ def load(
 
 def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     """Choose hosts of a manifest, and read the snapshots that stand for some of them.
+
+    Args:
+        manifest: without errors.
+        selection: names of hosts, none for all of them, and snapshot files.
+
+    Returns:
+        The manifest with the chosen hosts. Live hosts are not looked at yet.
 
     Raises:
         RequestError: a name is not in the manifest; or there are snapshots, and of a chosen host there is none.
@@ -159,6 +189,12 @@ def _state_of(snapshot: Snapshot) -> State:
 def observe_host(host: LiveHost) -> State:
     """Look at a live host.
 
+    Args:
+        host: need not be held.
+
+    Returns:
+        What is there now: one moment's state.
+
     Raises:
         UseCaseError: it cannot be read.
     """
@@ -168,6 +204,12 @@ def observe_host(host: LiveHost) -> State:
 
 def record_host(host: LiveHost) -> bytes:
     """Look at a live host; return the bytes of a snapshot file: the host's own answer where it gives one.
+
+    Args:
+        host: need not be held.
+
+    Returns:
+        UTF-8 text, as `--snapshot` reads it.
 
     Raises:
         UseCaseError: it cannot be read.
@@ -200,6 +242,12 @@ def refuse_unfinished(hosts: Hosts, *, unless: Callable[[Journal | ScriptRun], b
 def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
     """Yield the chosen live hosts with an unfinished run, and its journal; hosts with a snapshot are passed over.
 
+    Args:
+        hosts: the chosen ones are asked, in name order.
+
+    Yields:
+        Pairs of a host's name and its journal.
+
     Raises:
         UseCaseError: a journal cannot be read.
     """
@@ -214,6 +262,12 @@ def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
 def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
     """Yield the chosen live hosts with the journal of the last run there; hosts with a snapshot are passed over.
 
+    Args:
+        hosts: the chosen ones are asked, in name order.
+
+    Yields:
+        Pairs of a host's name and its journal; None where there was no run.
+
     Raises:
         UseCaseError: a journal cannot be read.
     """
@@ -226,6 +280,9 @@ def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
 @contextmanager
 def host_errors() -> Iterator[None]:
     """Inside, what goes wrong at a host ends the use case with a finding.
+
+    Yields:
+        Once, with nothing.
 
     Raises:
         UseCaseError: a host is held by another run (refused), or did not do what was asked (failed).
@@ -241,6 +298,13 @@ def host_errors() -> Iterator[None]:
 @contextmanager
 def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     """Hold these hosts, taken in the order of their names.
+
+    Args:
+        hosts: in any order.
+        timeout_ms: how long to wait for each that another run holds; 0: not at all.
+
+    Yields:
+        Once, with all of them held.
 
     Raises:
         UseCaseError: another run holds one of them (refused).
@@ -263,5 +327,9 @@ def owner() -> str:
 
 
 def run_origin() -> RunOrigin:
-    """Name who starts a run, and the time now."""
+    """Name who starts a run, and the time now.
+
+    Returns:
+        `user@computer, process 123` with stand-ins where the system does not know them, and the time in UTC.
+    """
     return RunOrigin(by=owner(), at=datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"))

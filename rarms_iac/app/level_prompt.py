@@ -37,27 +37,63 @@ class LevelPrompt(Protocol):
         ...
 
     def ask(self, component: str) -> str:
-        """Return the level for a component, as `100 ms` or `p99_response_time 100 ms`; empty: go on without one."""
+        """Return the level for a component, as `100 ms` or `p99_response_time 100 ms`; empty: go on without one.
+
+        Args:
+            component: its name.
+
+        Returns:
+            The answer without blanks around it; not checked yet.
+        """
         ...
 
     def confirms(self, proposed: SelectOutcome) -> bool:
-        """Show what would follow from the level, and tell whether it is written into the manifest."""
+        """Show what would follow from the level, and tell whether it is written into the manifest.
+
+        Args:
+            proposed: as a dry run of `select_level` returns it.
+
+        Returns:
+            Whether it is written.
+        """
         ...
 
     def refines(self, written: SelectOutcome) -> bool:
-        """Tell whether to measure the reservation that follows, as it lies between measured settings."""
+        """Tell whether to measure the reservation that follows, as it lies between measured settings.
+
+        Args:
+            written: with at least one interpolated level.
+
+        Returns:
+            Whether to measure.
+        """
         ...
 
     def extends(self, beyond: BeyondMeasured) -> bool:
-        """Tell whether to measure higher settings, since no measured one is enough for the level."""
+        """Tell whether to measure higher settings, since no measured one is enough for the level.
+
+        Args:
+            beyond: the level's error, with the settings in whole per cent.
+
+        Returns:
+            Whether to measure.
+        """
         ...
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
-        """Tell why the level that was given cannot be had; the same component is asked again."""
+        """Tell why the level that was given cannot be had; the same component is asked again.
+
+        Args:
+            problem: with its findings, or a sentence.
+        """
         ...
 
     def written(self, outcome: SelectOutcome) -> None:
-        """Tell what follows from the level, which now stands in the manifest."""
+        """Tell what follows from the level, which now stands in the manifest.
+
+        Args:
+            outcome: with the file that was written.
+        """
         ...
 
 

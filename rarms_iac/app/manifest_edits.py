@@ -79,6 +79,9 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionE
         manifest: Its files are written.
         compounds: Those that are new.
 
+    Returns:
+        The files that were changed, sorted, and the entries that went.
+
     Raises:
         CannotFormat: The text is no manifest.
         UseCaseError: A file cannot be written (failed).

@@ -51,6 +51,9 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
         name: the application's; None: as the folder is called.
         tutorial: whether it is the manifest of the tutorial, which has a name of its own.
 
+    Returns:
+        The paths of the manifest and of its schema.
+
     Raises:
         RequestError: the name cannot be an application's.
         UseCaseError: there is a manifest already, or it cannot be written (failed).
@@ -82,6 +85,9 @@ def format_manifests(paths: Sequence[str]) -> tuple[FormattedManifest, ...]:
 
     Args:
         paths: files, folders of a manifest, or `-` for standard input.
+
+    Returns:
+        A value for each path, in order, whether its text differs or not.
 
     Raises:
         UseCaseError: one of them is no manifest (negative); all problems of all files are told.

@@ -39,6 +39,12 @@ class Manifest:
 def load_manifest(source: ManifestSource) -> Manifest:
     """Read a manifest that must be right.
 
+    Args:
+        source: the manifest, its overlays in order, and the day by which acceptances expire.
+
+    Returns:
+        The manifest; its warnings and notes are in `loaded.diagnostics`.
+
     Raises:
         UseCaseError: it has errors (negative); they are its diagnostics.
     """

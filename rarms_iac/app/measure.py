@@ -225,6 +225,9 @@ def _remeasurements(
 def record_reservations(hosts: Hosts) -> None:
     """Write the reservations that follow from the data logs now into the configuration logs.
 
+    Args:
+        hosts: those of the manifest, which is read anew.
+
     Raises:
         UseCaseError: One of them is damaged (negative), or held by another run (refused).
     """
@@ -244,6 +247,9 @@ def hold_benches(
         names: Of hosts that can be measured on; more than once is once.
         timeout_ms: How long to wait for another run.
         reporter: Hears what was removed.
+
+    Yields:
+        Once, the hosts by name; they are held until the context ends.
 
     Raises:
         UseCaseError: One is held by another run, or has an unfinished one (refused).
@@ -286,6 +292,9 @@ def run_experiment(
         stop: Asked between settings and while samples come.
         strategy: Which settings; None: as the request says.
         rest: Stops what is in the way, where it may; None: nothing is stopped.
+
+    Returns:
+        How it ended, with every setting that this rests on, the recorded ones included.
 
     Raises:
         UseCaseError: The host is busy or has other reservations (refused); it has no room, there is nothing to run or

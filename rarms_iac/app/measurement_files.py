@@ -32,6 +32,9 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
         path: Of the log, below `measurements/` in it.
         timeout_ms: How long to wait for another run.
 
+    Yields:
+        Once, with the log held.
+
     Raises:
         UseCaseError: Another run measures the same (refused).
     """
@@ -43,6 +46,12 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
 @contextmanager
 def hold_configuration_logs(folder: Path) -> Iterator[None]:
     """Hold the configuration logs of a manifest's folder for as long as it takes to add to them.
+
+    Args:
+        folder: of the manifest.
+
+    Yields:
+        Once, with the logs held.
 
     Raises:
         UseCaseError: Another run does not let go of them (refused).
@@ -77,6 +86,9 @@ def now() -> str:
 @contextmanager
 def log_errors() -> Iterator[None]:
     """Inside, a log below `measurements/` that is not as it was written ends the use case.
+
+    Yields:
+        Once, with nothing.
 
     Raises:
         UseCaseError: One is damaged (negative).

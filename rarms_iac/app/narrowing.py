@@ -28,7 +28,14 @@ NarrowingConsent = Callable[[Narrowing], bool]
 
 
 def always_narrows(_narrowing: Narrowing) -> bool:
-    """Write all of them, as the options ask for."""
+    """Write all of them, as the options ask for.
+
+    Args:
+        _narrowing: not looked at.
+
+    Returns:
+        True.
+    """
     return True
 
 
@@ -83,6 +90,9 @@ def narrowings(outcome: MeasureOutcome) -> Iterator[Narrowing]:
 
     Args:
         outcome: What was measured.
+
+    Yields:
+        In the order in which they were measured.
     """
     alone: dict[str, list[tuple[int, int, int]]] = {}
     for result in outcome.results:

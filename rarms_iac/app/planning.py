@@ -72,6 +72,13 @@ def plan(hosts: Hosts, request: PlanRequest = ANY_CHANGE) -> Plan:
 def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
     """The host that has the machine with this id; a single chosen host is not looked at.
 
+    Args:
+        hosts: the chosen ones are looked at.
+        machine: its id, in any case of letters.
+
+    Returns:
+        The same with that host alone.
+
     Raises:
         RequestError: several hosts are chosen, and not exactly one has it.
         UseCaseError: a host cannot be read (failed).
@@ -94,6 +101,13 @@ def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
 
 def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
     """The host on which the partition carries the application's mark; where none does, all chosen ones.
+
+    Args:
+        hosts: the chosen ones are looked at.
+        partition: its name in the manifest.
+
+    Returns:
+        The same with that host alone, or as they were.
 
     Raises:
         RequestError: several hosts have it.
@@ -144,6 +158,9 @@ def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, Sta
         hosts: the manifest and the chosen hosts.
         request: what the plan is for.
         states: what the hosts look like, by name; data logs are held against it.
+
+    Returns:
+        The request; nothing is decided yet.
     """
     return PlanningRequest(
         system=hosts.system,

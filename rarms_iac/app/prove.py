@@ -84,6 +84,9 @@ def prove_layout(
         stop: Asked while samples come.
         listener: Hears of each host how far its components are.
 
+    Returns:
+        The proofs by host name, the thresholds that are not shown to be met, and what nobody could run.
+
     Raises:
         RequestError: The manifest has no such interference.
         UseCaseError: The manifest asks for what is not on the hosts, or a host is held (refused); it cannot be
@@ -176,6 +179,9 @@ def applied_layouts(
         hosts: Those of the manifest.
         states: Of hosts that can run components.
         everywhere: The same, and those of other hosts that could be reached.
+
+    Returns:
+        Layouts by host name; a host on which nothing of the manifest runs has none.
 
     Raises:
         UseCaseError: A partition is on no host, or does not run (refused).

@@ -60,6 +60,9 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
         with_candidates: Whether the report has the nodes of the candidate graph, parts before the compounds that
             consist of them; without predictions, and none where a reservation is not known yet.
 
+    Returns:
+        Every log as the planner looks it up, with stale ones marked, and the totals of each platform in LPs.
+
     Raises:
         RequestError: A name is not in the manifest.
         UseCaseError: A log cannot be read, or there is none (negative).

@@ -57,6 +57,9 @@ def report_of(
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
         statuses: How far each host is.
+
+    Returns:
+        Measurements by platform, falling criticality and name; amounts in LPs.
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = sorted((_measurement(system, logged) for logged in current), key=_order)
@@ -152,6 +155,9 @@ def fixed_reservations(system: System, hosts: Sequence[Host]) -> Iterator[FixedR
     Args:
         system: What the manifest says.
         hosts: Of one platform; shares are of the first one's processors. Partitions that may run on any of them count.
+
+    Yields:
+        Amounts in LPs.
     """
     host, names = hosts[0], {host.name for host in hosts}
     for group in groups_of(system):
@@ -174,6 +180,9 @@ def fixed_on(system: System, host: str) -> tuple[FixedReservation, ...]:
     Args:
         system: What the manifest says.
         host: The name of one of its hosts.
+
+    Returns:
+        Amounts in LPs.
     """
 
     def is_here(name: str) -> bool:
@@ -214,6 +223,9 @@ def points_of(
         index: Of which performance index.
         apt: The thresholds of the component; without the index there is no verdict.
         run: How the component is run; tells what of a sample counts.
+
+    Returns:
+        Ascending; of equal reserves the earlier one first.
     """
     points = [
         _point(entry.setting, series, index, {index: apt[index]} if index in apt else {}, run)

@@ -29,12 +29,28 @@ StopConsent = Callable[[str, tuple[str, ...]], bool]
 
 
 def never_consents(_host: str, _partitions: tuple[str, ...]) -> bool:
-    """Stop nothing: the measurement is refused, as nobody was asked."""
+    """Stop nothing: the measurement is refused, as nobody was asked.
+
+    Args:
+        _host: not looked at.
+        _partitions: not looked at.
+
+    Returns:
+        False.
+    """
     return False
 
 
 def always_consents(_host: str, _partitions: tuple[str, ...]) -> bool:
-    """Stop what runs, as the options ask for."""
+    """Stop what runs, as the options ask for.
+
+    Args:
+        _host: not looked at.
+        _partitions: not looked at.
+
+    Returns:
+        True.
+    """
     return True
 
 
@@ -79,6 +95,9 @@ def starting_again(
         benches: Held hosts, by name; they must still be held at the end.
         reporter: Hears what was started, and what could not be.
         stop: A request to stop waits until all are started.
+
+    Yields:
+        Once, with nothing.
     """
     try:
         yield
@@ -105,19 +124,43 @@ def _start_again(hosts: Hosts, bench: MeasuringHost, reporter: Reporter) -> None
 
 
 def own_running(state: State, application: str) -> tuple[str, ...]:
-    """Name the partitions of an application that run on a host, in order."""
+    """Name the partitions of an application that run on a host, in order.
+
+    Args:
+        state: the host as observed.
+        application: whose partitions.
+
+    Returns:
+        Their names in the manifest, sorted.
+    """
     own = state.of(application).partitions
     return tuple(sorted(partition.mark.name for partition in own if partition.mark and partition.settings.running))
 
 
 def left_by_measurement(state: State, application: str) -> tuple[str, ...]:
-    """Name the partitions of an application that a measurement stopped and has not started again, in order."""
+    """Name the partitions of an application that a measurement stopped and has not started again, in order.
+
+    Args:
+        state: the host as observed.
+        application: whose partitions.
+
+    Returns:
+        Their names in the manifest, sorted.
+    """
     marks = (partition.mark for partition in state.of(application).partitions)
     return tuple(sorted(mark.name for mark in marks if mark and mark.stopped_by is StoppedBy.MEASUREMENT))
 
 
 def at_rest(state: State, application: str) -> State:
-    """What a host looks like once the partitions of an application that run have been stopped to measure."""
+    """What a host looks like once the partitions of an application that run have been stopped to measure.
+
+    Args:
+        state: the host as observed.
+        application: whose partitions.
+
+    Returns:
+        The same host with these partitions off, and marked as stopped by a measurement.
+    """
 
     def resting(partition: Partition) -> Partition:
         is_own = partition.mark is not None and partition.mark.application == application
@@ -128,12 +171,27 @@ def at_rest(state: State, application: str) -> State:
 
 
 def all_at_rest(states: Mapping[str, State], application: str) -> Mapping[str, State]:
-    """Return the same of several hosts, by name."""
+    """Return the same of several hosts, by name.
+
+    Args:
+        states: by host name.
+        application: whose partitions.
+
+    Returns:
+        By host name.
+    """
     return {name: at_rest(state, application) for name, state in states.items()}
 
 
 def is_for_measuring(run: Journal | ScriptRun) -> bool:
-    """Tell whether a run does nothing but stop partitions to measure, or start them again."""
+    """Tell whether a run does nothing but stop partitions to measure, or start them again.
+
+    Args:
+        run: finished or not.
+
+    Returns:
+        False for a run that changes nothing, and for a script's.
+    """
     if not isinstance(run, Journal) or not run.started.host_plan.changes:
         return False
     return all(

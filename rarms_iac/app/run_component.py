@@ -79,6 +79,9 @@ def noise(estimate: Estimate, threshold: Threshold) -> bool:
     Args:
         estimate: with its interval, in the unit of the threshold's index.
         threshold: at most or at least a value.
+
+    Returns:
+        True where nobody can tell yet.
     """
     return meets(estimate.lower, threshold) is not meets(estimate.upper, threshold)
 
@@ -138,10 +141,21 @@ class SilentSamples:
     """A reporter that tells nobody."""
 
     def sample(self, component: str, number: int, sample: Sample) -> None:
-        """Do nothing."""
+        """Do nothing.
+
+        Args:
+            component: goes nowhere.
+            number: goes nowhere.
+            sample: goes nowhere.
+        """
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
-        """Do nothing."""
+        """Do nothing.
+
+        Args:
+            result: goes nowhere.
+            last_words: go nowhere.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,6 +173,9 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         manifest: Words of `run` that name files are relative to its folder.
         request: Which of them, for how long, against what.
         reporter: Hears of every sample; None: nobody does.
+
+    Returns:
+        The samples of each component in the order in which they ran, and a finding for each that failed.
 
     Raises:
         UseCaseError: One cannot be started (failed), or does not say how (negative).

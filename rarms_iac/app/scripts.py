@@ -77,6 +77,9 @@ def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
 def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
     """Refuse scripts that must not be shown or written.
 
+    Args:
+        scripts: of a plan, as rarms made them or somebody edited them.
+
     Raises:
         UseCaseError: one of them does not pass the inspection (failed).
     """
@@ -94,6 +97,9 @@ def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, pl
         scripts: all of the plan (`plan_scripts`).
         selection: the hosts, guest and undo that were asked for.
         plan: names the hosts; a host without changes has no script.
+
+    Returns:
+        Those, in the plan's order.
 
     Raises:
         RequestError: the plan has no such host or guest.
@@ -115,6 +121,13 @@ def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, pl
 
 def only_script(selected: Sequence[PlanScript], option: str) -> PlanScript:
     """The script that an option takes, of those that are meant.
+
+    Args:
+        selected: as `select_scripts` returns them.
+        option: its name, for the message.
+
+    Returns:
+        That script.
 
     Raises:
         RequestError: there is none, or more than one.
@@ -149,6 +162,13 @@ def scripts_to_write(
 def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]:
     """The exact bytes as files in that folder, which is made; their paths.
 
+    Args:
+        scripts: as `select_scripts` returns them.
+        folder: as the user gave it.
+
+    Returns:
+        A path for each script, in order.
+
     Raises:
         UseCaseError: the system does not let us.
     """
@@ -162,6 +182,12 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
 
 def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     """The text of a script that somebody edited, and what is wrong with it.
+
+    Args:
+        path: as the user gave it.
+
+    Returns:
+        The text, and findings in the order of its lines; none: it may run.
 
     Raises:
         UseCaseError: it cannot be read.
@@ -189,6 +215,13 @@ def _kind_of(text: str) -> ScriptKind | None:
 def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
     """How a script of a plan differs, step by step, from the script or the plan in a file.
 
+    Args:
+        path: as the user gave it.
+        script: of a plan.
+
+    Returns:
+        The steps that only one has, or that differ.
+
     Raises:
         RequestError: the file is a plan without such a script.
         UseCaseError: it is neither, was edited, or does not pass the inspection.
@@ -197,12 +230,23 @@ def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
 
 
 def compare_scripts(old: PlanScript, new: PlanScript) -> ScriptDifference:
-    """How a script of a plan differs, step by step, from one of another plan."""
+    """How a script of a plan differs, step by step, from one of another plan.
+
+    Args:
+        old: of the other plan.
+        new: of this one.
+
+    Returns:
+        The steps that only one has, or that differ.
+    """
     return difference(_outline_of(old), _outline_of(new))
 
 
 def observe_script() -> str:
     """`observe.ps1`: what looks at a Hyper-V host or into a guest, and changes nothing.
+
+    Returns:
+        ASCII text with CRLF.
 
     Raises:
         UseCaseError: it does not pass the inspection that every script passes (failed).

@@ -60,6 +60,9 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
         hosts: names of all hosts of the manifest.
         chosen: names of those that are meant; a file without a name stands for the only one.
 
+    Returns:
+        The hosts' snapshots by name, the guests', and what reading them found.
+
     Raises:
         UseCaseError: one cannot be read, is no snapshot, or does not say which host it stands for (failed).
     """
@@ -84,6 +87,14 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
 
 def add_guest_tasks(state: State, guests: Sequence[GuestSnapshot], application: str) -> State:
     """Add the task classes seen inside a host's partitions to its state.
+
+    Args:
+        state: of the host.
+        guests: snapshots of its guests, and of others.
+        application: whose partitions they name.
+
+    Returns:
+        The state with the classes of these guests.
 
     Raises:
         UseCaseError: the host has no such partition, or the file was taken on the host itself.

@@ -96,6 +96,9 @@ def overview_of(hosts: Hosts) -> Overview:
     Args:
         hosts: one that cannot be looked at is told as such, and the others are told all the same.
 
+    Returns:
+        Each host in name order; one that cannot be reached is told with its finding.
+
     Raises:
         UseCaseError: a data log cannot be read (negative).
     """
@@ -116,6 +119,9 @@ def overview_of(hosts: Hosts) -> Overview:
 
 def history_of_hosts(hosts: Hosts) -> Mapping[str, tuple[PastRun, ...]]:
     """List what was applied and undone on the chosen live hosts, by any application.
+
+    Args:
+        hosts: the chosen ones; those with a snapshot are passed over.
 
     Returns:
         The runs by host, the oldest first; a host remembers the last `journal.MOST_PAST_RUNS`.

@@ -79,6 +79,10 @@ def tune_components(
         stop_consents: Whether partitions of the application that run there may be stopped meanwhile. They start again
             afterwards, however it ends.
 
+    Returns:
+        The partitions, most critical first, totals in per cent of one logical processor, and the files that were
+            changed.
+
     Raises:
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not
             measured, or the hosts are of several platforms (negative).
@@ -208,6 +212,9 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
         end: how the search ended.
         strategy: by which it searched.
         written: whether the compounds were written into the manifest.
+
+    Returns:
+        Amounts in per cent of one logical processor.
     """
     components = end.subject.system.components
     message = {"successful": SUCCESSFUL, "unable": UNABLE, "nothing_to_do": "", "stopped": ""}[end.ending]

@@ -33,6 +33,12 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
 def tunings_of(measurements: Measurements) -> Iterator[PlatformTuning]:
     """Yield the last run of every platform of the manifest that has one, platforms by name.
 
+    Args:
+        measurements: those beside the manifest.
+
+    Yields:
+        A run a platform, with what does not hold any more.
+
     Raises:
         UseCaseError: A log is damaged (negative).
     """

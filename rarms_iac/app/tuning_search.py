@@ -41,7 +41,14 @@ class TuningConclusion:
         return tuple(coi for coi in self.cois if coi not in self.subject.cois)
 
     def parts_of(self, coi: Coi) -> Sequence[Coi]:
-        """Return the CoIs that were tuned and are in this compound; a CoI as it was is its own part."""
+        """Return the CoIs that were tuned and are in this compound; a CoI as it was is its own part.
+
+        Args:
+            coi: one of `cois`.
+
+        Returns:
+            In the order of the subject.
+        """
         return [part for part in self.subject.cois if set(part.members) <= set(coi.members)]
 
 

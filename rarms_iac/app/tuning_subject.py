@@ -63,12 +63,26 @@ class TuningSubject:
         return max(0, self.capacity - self.fixed)
 
     def may_share(self, members: Members) -> bool:
-        """Return whether these components may share a partition on some host, and be measured on the bench."""
+        """Return whether these components may share a partition on some host, and be measured on the bench.
+
+        Args:
+            members: sorted names.
+
+        Returns:
+            False too where the bench has no room for them.
+        """
         groups = [group for group in self.problem.groups if names_of(group.members)[0] in members]
         return may_share(*groups) and bool(self._homes(members)) and self.highest(members) > 0
 
     def highest(self, members: Members) -> int:
-        """Return the highest CR that the bench can give to a P1 of these components."""
+        """Return the highest CR that the bench can give to a P1 of these components.
+
+        Args:
+            members: sorted names.
+
+        Returns:
+            Whole per cent of each of P1's processors; 0: it has no room.
+        """
         return highest_reserve(
             host_budget(self.bench, self.state, self.system.application.name), self.experiment(members).setup
         )
@@ -79,11 +93,21 @@ class TuningSubject:
         Args:
             members: the components, by sorted names.
             samples: how many of each component a setting takes; None: as its `run.until` says.
+
+        Returns:
+            The experiment; nothing is run.
         """
         return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
-        """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep."""
+        """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep.
+
+        Args:
+            layout_fit: asked for each layout that is considered.
+
+        Returns:
+            What the search compares layouts by.
+        """
         return Objective(
             capacity=self.remaining,
             fits=layout_fit.fits,
@@ -92,7 +116,14 @@ class TuningSubject:
         )
 
     def placed(self, layout: Sequence[Coi]) -> Packing | NoPacking:
-        """Place these components on the hosts, beside what is not tuned."""
+        """Place these components on the hosts, beside what is not tuned.
+
+        Args:
+            layout: CoIs that hold each tuned component once.
+
+        Returns:
+            The host of each partition; or that there is no placement, and whether that is proven.
+        """
         tuned = {coi.name for coi in self.cois}
         others = [item for item in self.problem.items if item.name not in tuned]
         return pack([*others, *map(self._item, layout)], self.problem.bins)
@@ -123,7 +154,14 @@ class LayoutFit:
     unsure: bool = False
 
     def fits(self, layout: Sequence[Coi]) -> bool:
-        """Return whether the hosts can give these reservations; no, where no placement was found."""
+        """Return whether the hosts can give these reservations; no, where no placement was found.
+
+        Args:
+            layout: CoIs that hold each tuned component once.
+
+        Returns:
+            True only where a placement was found.
+        """
         packing = self.subject.placed(layout)
         self.unsure = self.unsure or (isinstance(packing, NoPacking) and not packing.proven)
         return isinstance(packing, Packing)
@@ -136,6 +174,9 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
         hosts: Of one platform.
         bench: The host that compounds are measured on.
         states: What hosts look like, by name; with that of the bench.
+
+    Returns:
+        CoIs by partition name; amounts in per cent of one logical processor.
 
     Raises:
         UseCaseError: A reservation is not measured, or the hosts are of several platforms (negative).
@@ -181,6 +222,12 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
 def bench_of(hosts: Hosts) -> Host:
     """Return the first of the chosen hosts that can be measured on.
 
+    Args:
+        hosts: the chosen ones, by name.
+
+    Returns:
+        The host as the manifest describes it.
+
     Raises:
         UseCaseError: There is none (failed).
     """
@@ -215,6 +262,13 @@ class Experiments:
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
         """Run this setting, unless its answer is known.
+
+        Args:
+            members: sorted names.
+            reserve: whole per cent of each of P1's processors.
+
+        Returns:
+            Those that were not shown to meet all their thresholds; none: it is enough.
 
         Raises:
             Unanswered: Too many samples failed.
@@ -262,6 +316,9 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
         experiment: The members with their thresholds.
         settings: What was measured of them together.
         reserve: The CR in question, in per cent of P1's processors.
+
+    Returns:
+        Names; none: all meet theirs.
     """
     return frozenset(components_not_shown(curves_of(settings, experiment.runs, apts_of(experiment)), reserve))
 

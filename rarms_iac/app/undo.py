@@ -41,6 +41,12 @@ class UndoPreview:
 def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
     """The chosen hosts whose last apply can be taken back; where none has such, the first host alone.
 
+    Args:
+        hosts: the chosen ones are read, in name order.
+
+    Returns:
+        At least one where there are hosts.
+
     Raises:
         RequestError: their last applies are of different plans.
         UseCaseError: a host cannot be reached or read (failed).
@@ -82,6 +88,15 @@ def undo_applies(
     stop: StopSignal = NEVER_STOP,
 ) -> RunReport:
     """Take these applies back, finished or not: the undo of each step, the last step first. Nobody is asked.
+
+    Args:
+        applies: as `last_applies` returns them; the hosts are held meanwhile.
+        waits: how long to wait for a held host, and for the next word of a host's script.
+        reporter: hears of each step.
+        stop: asked after each step; the undo can be finished later.
+
+    Returns:
+        How it ended, by host; what cannot be taken back is among the diagnostics.
 
     Raises:
         UseCaseError: a host is held (refused).

@@ -31,7 +31,14 @@ class Validation:
     sources: Mapping[str, Sequence[str]]
 
     def fails(self, *, strict: bool = False) -> bool:
-        """Whether there are errors, or in a strict validation warnings."""
+        """Whether there are errors, or in a strict validation warnings.
+
+        Args:
+            strict: whether warnings count.
+
+        Returns:
+            Whether the exit code says no; notes never make it so.
+        """
         severities = {finding.severity for finding in self.findings}
         return Severity.ERROR in severities or (strict and Severity.WARNING in severities)
 
@@ -41,6 +48,9 @@ def validate(sources: Sequence[ManifestSource]) -> Validation:
 
     Args:
         sources: as `sources_in` finds them. Beside them only files below a manifest's folder are read.
+
+    Returns:
+        The findings of all, each once, in the order of their places.
     """
     checked = [validate_manifest(source) for source in sources]
     return Validation(
@@ -51,7 +61,14 @@ def validate(sources: Sequence[ManifestSource]) -> Validation:
 
 
 def validate_manifest(source: ManifestSource) -> Validation:
-    """Check one manifest with its overlays; structural errors do not hide what is wrong elsewhere."""
+    """Check one manifest with its overlays; structural errors do not hide what is wrong elsewhere.
+
+    Args:
+        source: the manifest, its overlays, and the day by which acceptances expire.
+
+    Returns:
+        Its findings, in the order of their places.
+    """
     loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
     system = loaded.system or loaded.remaining
     if system is None:
@@ -83,6 +100,9 @@ def sources_in(paths: Sequence[str], source: ManifestSource) -> tuple[ManifestSo
     Args:
         paths: files, `-`, or folders, which are walked; hidden folders are not, and links are not followed.
         source: how each is read. Where it has overlays, every file is the manifest of them.
+
+    Returns:
+        One a manifest or overlay, in the order of the paths.
     """
     files = dict.fromkeys(file for path in paths for file in _files_in(path))
     if source.overlays:

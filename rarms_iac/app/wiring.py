@@ -34,6 +34,9 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
         folder: the folder of the manifest.
         state_path: where a simulated host's file lies below it (`state_path`).
 
+    Returns:
+        A host that is not connected to yet.
+
     Raises:
         UseCaseError: this version cannot reach hosts of its provider.
     """
@@ -85,6 +88,13 @@ class ScriptObservation:
 
 def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
     """Read the output of `observe.ps1`, for a host of this name; None where the bytes are something else.
+
+    Args:
+        data: UTF-8 or UTF-16, as PowerShell wrote it.
+        host: the name in the manifest.
+
+    Returns:
+        What it shows.
 
     Raises:
         NotDecodable: it is such output, and not as the script writes it.

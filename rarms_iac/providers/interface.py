@@ -73,6 +73,9 @@ class StepwiseHost(Protocol):
             owner: who holds it, told to others that want it.
             timeout_ms: how long to wait for another run; 0: not at all.
 
+        Returns:
+            A context to enter before anything is changed.
+
         Raises:
             HostLocked: another run holds it, after waiting so long.
         """
@@ -106,6 +109,9 @@ class StepwiseHost(Protocol):
     def journal(self) -> Journal | None:
         """The last run on this host, None where there was none.
 
+        Returns:
+            The run with all records so far.
+
         Raises:
             HostDamaged: an earlier record is damaged (a torn last one is dropped).
         """
@@ -113,6 +119,9 @@ class StepwiseHost(Protocol):
 
     def unfinished(self) -> Journal | None:
         """The run that is under way on this host, None where there is none; that answer is cheap.
+
+        Returns:
+            As `journal` returns it.
 
         Raises:
             HostDamaged: a run may be under way, and its journal is damaged.
@@ -128,7 +137,11 @@ class StepwiseHost(Protocol):
         ...
 
     def record(self, record: JournalRecord) -> None:
-        """Append a record, on the disk when this returns."""
+        """Append a record, on the disk when this returns.
+
+        Args:
+            record: of the run that `start_run` began.
+        """
         ...
 
 
@@ -209,15 +222,27 @@ class EventListener(Protocol):
     """Follows a running script, and is asked whether it should go on; its methods must not raise."""
 
     def on_event(self, event: RunEvent) -> None:
-        """Take an event of the script, in the order in which the script wrote it."""
+        """Take an event of the script, in the order in which the script wrote it.
+
+        Args:
+            event: checked, with its number counted from 0.
+        """
         ...
 
     def on_output(self, line: str) -> None:
-        """Take a line of the script's output that is no event, without its line end."""
+        """Take a line of the script's output that is no event, without its line end.
+
+        Args:
+            line: as the host wrote it, from anybody.
+        """
         ...
 
     def should_stop(self) -> bool:
-        """Whether the script should end before its next step; asked a few times a second."""
+        """Whether the script should end before its next step; asked a few times a second.
+
+        Returns:
+            True from the request on.
+        """
         ...
 
 
@@ -231,11 +256,18 @@ class ScriptedHost(Protocol):
         ...
 
     def observe(self) -> State:
-        """Observe what is there now; the contract is that of `StepwiseHost.observe`."""
+        """Observe what is there now; the contract is that of `StepwiseHost.observe`.
+
+        Returns:
+            One moment's state.
+        """
         ...
 
     def journal(self) -> ScriptRun | None:
         """The last run on this host, None where there was none.
+
+        Returns:
+            The run, as the host's own journal has it.
 
         Raises:
             HostDamaged: it cannot be read, or belongs to somebody whom nobody should believe.
@@ -244,7 +276,11 @@ class ScriptedHost(Protocol):
         ...
 
     def unfinished(self) -> ScriptRun | None:
-        """The last run, where it is neither completed nor abandoned; it raises as `journal` does."""
+        """The last run, where it is neither completed nor abandoned; it raises as `journal` does.
+
+        Returns:
+            As `journal` returns it.
+        """
         ...
 
     def run_script(
@@ -283,6 +319,9 @@ class ExaminableHost(Protocol):
     def examined(self) -> ObservedHost:
         """Observe everything at once.
 
+        Returns:
+            State, condition and findings of one moment.
+
         Raises:
             HostError: as of `observe`.
         """
@@ -295,6 +334,9 @@ class RecordableHost(Protocol):
 
     def recorded(self) -> bytes:
         """Return what the observe script printed, as `--snapshot` reads it.
+
+        Returns:
+            UTF-8 text.
 
         Raises:
             HostError: as of `observe`.
