@@ -47,6 +47,9 @@ def core_sharing(facts: HostFacts, threads_per_core: int | None = None) -> CoreS
     Args:
         facts: the host.
         threads_per_core: the machine's HwThreadCountPerCore, 0: as the host; None: it is made now.
+
+    Returns:
+        How its virtual processors take logical ones.
     """
     is_default = facts.os_build >= SERVER_2019
     is_core = facts.scheduler is SchedulerType.CORE
@@ -58,7 +61,15 @@ def core_sharing(facts: HostFacts, threads_per_core: int | None = None) -> CoreS
 
 
 def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
-    """The claims of machines of others: those that run, start, or start by themselves."""
+    """The claims of machines of others: those that run, start, or start by themselves.
+
+    Args:
+        state: the host as observed.
+        application: whose own machines do not count.
+
+    Returns:
+        A claim for each such machine.
+    """
     return tuple(
         partition.claim
         for partition in state.partitions
@@ -67,7 +78,15 @@ def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
 
 
 def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
-    """The capacity of a host by the manifest, or by what was observed where that is less."""
+    """The capacity of a host by the manifest, or by what was observed where that is less.
+
+    Args:
+        host: of the manifest.
+        facts: what was observed of it; None: nobody looked.
+
+    Returns:
+        What may be promised, `keep_for_host` taken off; nothing is below 0.
+    """
     processors, memory = host.logical_processors, int(host.memory)
     if facts is not None:
         processors, memory = min(processors, facts.logical_processors), min(memory, facts.memory)
@@ -81,7 +100,15 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
 
 
 def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
-    """Whether the host can keep all these promises at once; no where that is not known, as of `holds`."""
+    """Whether the host can keep all these promises at once; no where that is not known, as of `holds`.
+
+    Args:
+        capacity: of the host.
+        claims: all promises, those to unmanaged machines included.
+
+    Returns:
+        True: it is known to hold.
+    """
     return holds(capacity, claims) is True
 
 
@@ -97,6 +124,14 @@ def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = N
 
     What is kept for the host counts against the sum only: its own virtual processors lie on every logical one, so it
     can use what is left on each (windows.md 2, minroot).
+
+    Args:
+        capacity: of the host.
+        claims: all promises, those to unmanaged machines included.
+        effort: steps that several searches share; None: this one has its own.
+
+    Returns:
+        False where sum, memory, or the places of virtual processors are too few.
     """
     together = tuple(claims)
     load = load_of(together)
@@ -109,6 +144,13 @@ def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
     """Whether every reserved virtual processor finds a logical one, or a core, that has so much left (windows.md 1.2).
 
     Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is not made.
+
+    Args:
+        claims: all promises, those to unmanaged machines included.
+        capacity: of the host.
+
+    Returns:
+        True: it is known to pack; sums and memory are not looked at.
     """
     return packed(claims, capacity) is True
 
@@ -120,6 +162,14 @@ def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = 
 
     A reserve is not guaranteed to a partition of more virtual processors than the host has logical ones, so such a
     one does not pack.
+
+    Args:
+        claims: as of `packs`.
+        capacity: as of `packs`.
+        effort: steps that several searches share; None: this one has its own.
+
+    Returns:
+        True, False, or None.
     """
     reserved, bins = _by_core(claims, capacity), capacity.cores
     if any(claim.processors > bins for claim in reserved):
@@ -135,6 +185,13 @@ def packs_by_size(claims: Iterable[Claim], capacity: Capacity) -> bool:
     """Whether first fit, the largest first, finds a place for each, as scripts for Hyper-V ask before each promise.
 
     Partitions that are as wide as the host are laid over all of it before. Where it finds none there may yet be one.
+
+    Args:
+        claims: as of `packs`.
+        capacity: as of `packs`.
+
+    Returns:
+        False also where an exact search would find places.
     """
     return _spread(_by_core(claims, capacity), capacity.cores)
 

@@ -20,7 +20,14 @@ class Claim:
     idle: int = 0  # of the logical processors, that stand idle beside a virtual processor of the partition
 
     def is_less_than(self, after: "Claim") -> bool:
-        """Whether `after` promises more processor time or memory than this."""
+        """Whether `after` promises more processor time or memory than this.
+
+        Args:
+            after: the claim that is to follow this one.
+
+        Returns:
+            False: going from this to `after` needs nothing more of the host.
+        """
         return (
             after.processors * after.reserve > self.processors * self.reserve
             or after.memory > self.memory
@@ -45,6 +52,9 @@ class CoreSharing:
             processors: virtual ones.
             reserve: whole per cent of each.
             memory: bytes.
+
+        Returns:
+            The claim, with the logical processors that stand idle beside it.
         """
         taken = -(-processors // self.used) * self.threads
         return Claim(processors=taken, reserve=reserve, memory=memory, idle=taken - processors)
@@ -68,7 +78,14 @@ class Load:
 
 
 def load_of(claims: Iterable[Claim]) -> Load:
-    """Add up claims; memory in bytes, processors in per cent of one logical processor."""
+    """Add up claims; memory in bytes, processors in per cent of one logical processor.
+
+    Args:
+        claims: in any order.
+
+    Returns:
+        The sums.
+    """
     percent = memory = 0
     for claim in claims:
         percent += claim.processors * claim.reserve

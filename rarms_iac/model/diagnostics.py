@@ -57,7 +57,18 @@ class Finding:
         address: str = "",
         related: tuple[Related, ...] = (),
     ) -> "Diagnostic":
-        """One case of this finding: what and why (`detail`), and what to do (`advice`)."""
+        """One case of this finding: what and why (`detail`), and what to do (`advice`).
+
+        Args:
+            place: in a manifest; None: it is about a host, a file or a run.
+            detail: what is wrong and why, with its numbers; whole sentences.
+            advice: what to do; whole sentences.
+            address: what it is about, as `policy.accept` names it; empty: nothing that has one.
+            related: other places that belong to it.
+
+        Returns:
+            The case; nothing is printed.
+        """
         return Diagnostic(
             code=self.code,
             severity=self.severity,
@@ -85,7 +96,14 @@ class Diagnostic:
 
 
 def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
-    """The same findings, by place, then code, then text; those without a place come first."""
+    """The same findings, by place, then code, then text; those without a place come first.
+
+    Args:
+        diagnostics: in any order.
+
+    Returns:
+        All of them.
+    """
 
     def key(diagnostic: Diagnostic) -> tuple[str, int, int, str, str, str]:
         file, line, column = (
@@ -97,7 +115,14 @@ def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:
-    """Whether one of them is an error."""
+    """Whether one of them is an error.
+
+    Args:
+        diagnostics: in any order.
+
+    Returns:
+        False: warnings and notes at most.
+    """
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 
@@ -105,11 +130,25 @@ class Places(Protocol):
     """Where in the manifest files a value or its key stands; asked only when something is to be told."""
 
     def value(self, *path: str | int) -> Place:
-        """The place of the value at this path; of the nearest parent that exists where it does not."""
+        """The place of the value at this path; of the nearest parent that exists where it does not.
+
+        Args:
+            path: keys and positions from the document's root.
+
+        Returns:
+            File, line and column, counted from 1.
+        """
         ...
 
     def key(self, *path: str | int) -> Place:
-        """The place of the key at this path, likewise."""
+        """The place of the key at this path, likewise.
+
+        Args:
+            path: as of `value`.
+
+        Returns:
+            File, line and column, counted from 1.
+        """
         ...
 
 

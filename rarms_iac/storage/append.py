@@ -39,6 +39,12 @@ class Damaged(Exception):
 def line_of(record: Record) -> bytes:
     """The record as its line, the end included.
 
+    Args:
+        record: fields of JSON values, no number of which is NaN or infinite.
+
+    Returns:
+        ASCII: the record's JSON with `length` and `checksum` over the text without them.
+
     Raises:
         ValueError: it is empty, or has a field of a name that the line itself needs.
     """
@@ -50,6 +56,10 @@ def line_of(record: Record) -> bytes:
 
 def append(path: Path, record: Record) -> None:
     """Add the record; it is on the disk when this returns. The folder must exist, the file need not.
+
+    Args:
+        path: the log; not a link.
+        record: as of `line_of`.
 
     Raises:
         OSError: it cannot be written.
@@ -69,6 +79,12 @@ def append(path: Path, record: Record) -> None:
 def read_records(path: Path) -> tuple[dict[str, Json], ...]:
     """All whole records, without `length` and `checksum`; none where there is no file.
 
+    Args:
+        path: the log.
+
+    Returns:
+        The records, oldest first.
+
     Raises:
         Damaged: one before the last is not as it was written.
     """
@@ -76,7 +92,18 @@ def read_records(path: Path) -> tuple[dict[str, Json], ...]:
 
 
 def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
-    """As `read_records`, one after the other: a long log need not be in memory as a whole."""
+    """Go through the records like `read_records`, one after the other: a long log need not be in memory as a whole.
+
+    Args:
+        path: the log.
+
+    Yields:
+        The records, oldest first; none where there is no file.
+
+    Raises:
+        TooLarge: the file has more than `LOG_LIMIT` bytes.
+        Damaged: a record before the last is not as it was written; those before it came already.
+    """
     try:
         file = open_regular(path)
     except FileNotFoundError:
@@ -90,6 +117,13 @@ def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
 def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
     """All whole records of these bytes; `path` says where they come from, for people.
 
+    Args:
+        data: the bytes of a log.
+        path: for messages.
+
+    Returns:
+        The records, oldest first.
+
     Raises:
         Damaged: one before the last is not as it was written.
     """
@@ -98,6 +132,12 @@ def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
 
 def read_first(path: Path) -> dict[str, Json] | None:
     """The first record alone, None where there is none or only a torn one.
+
+    Args:
+        path: the log; no more of it is read than this takes.
+
+    Returns:
+        The record without `length` and `checksum`.
 
     Raises:
         Damaged: it is damaged, and others follow.
@@ -110,7 +150,14 @@ def read_first(path: Path) -> dict[str, Json] | None:
 
 
 def read_last(path: Path) -> dict[str, Json] | None:
-    """The last record alone, whatever stands before it; None where there is none or it is torn."""
+    """The last record alone, whatever stands before it; None where there is none or it is torn.
+
+    Args:
+        path: the log, which is read from its end.
+
+    Returns:
+        The record without `length` and `checksum`.
+    """
     size = path.stat().st_size if path.exists() else 0
     _, line = _last_line(path, size)
     text = _text_of(line)

@@ -42,12 +42,27 @@ def _once(make: Callable[[Any], T]) -> Callable[[Any], T]:
 
 
 def encode(value: object, hint: object = None) -> Json:
-    """The JSON of a value, as its type (or the wider `hint`, for a union or mapping) says."""
+    """The JSON of a value, as its type (or the wider `hint`, for a union or mapping) says.
+
+    Args:
+        value: a frozen value, or a collection of them.
+        hint: the type to read it by; None: the value's own class.
+
+    Returns:
+        What `json.dumps` takes; `decode` of it is equal to the value.
+    """
     return _encoder(type(value) if hint is None else hint)(value)
 
 
 def decode(hint: type[T], data: object) -> T:
     """The value of this type that the JSON says.
+
+    Args:
+        hint: a class; a union takes `decode_union`.
+        data: what `parse_json` gave.
+
+    Returns:
+        The value, every field of it checked.
 
     Raises:
         NotDecodable: it says something else.
@@ -58,6 +73,13 @@ def decode(hint: type[T], data: object) -> T:
 def decode_union(hint: object, data: object) -> Any:
     """As `decode`, for a union or another type that is not a class.
 
+    Args:
+        hint: a type hint.
+        data: what `parse_json` gave.
+
+    Returns:
+        The value.
+
     Raises:
         NotDecodable: the JSON says something else.
     """
@@ -66,6 +88,13 @@ def decode_union(hint: object, data: object) -> Any:
 
 def in_64_bits(number: int, path: str) -> int:
     """Give the number back where 64 bits, with or without a sign, hold it: whatever is computed from it stays finite.
+
+    Args:
+        number: from outside.
+        path: of its field, for the message.
+
+    Returns:
+        The same number.
 
     Raises:
         NotDecodable: it is larger.

@@ -21,22 +21,49 @@ def canonical(value: object) -> str:
 
     What `storage.codec` can write, and plain JSON. The same value gives the same text on every system, whatever the
     order of its mappings.
+
+    Args:
+        value: a frozen value, or JSON.
+
+    Returns:
+        One line of ASCII.
     """
     return json.dumps(_as_json(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def digest(value: object) -> str:
-    """SHA-256 of the canonical JSON, in 64 hex digits."""
+    """SHA-256 of the canonical JSON, in 64 hex digits.
+
+    Args:
+        value: as of `canonical`.
+
+    Returns:
+        Lower case.
+    """
     return hashlib.sha256(canonical(value).encode("ascii")).hexdigest()
 
 
 def short(text: str, digits: int = 12) -> str:
-    """The first hex digits of a digest: enough to tell things apart that nobody forges."""
+    """The first hex digits of a digest: enough to tell things apart that nobody forges.
+
+    Args:
+        text: a digest.
+        digits: how many are wanted.
+
+    Returns:
+        The beginning of the digest.
+    """
     return text[:digits]
 
 
 def parse_json(text: str) -> Json:
     """The JSON of a text that came from outside.
+
+    Args:
+        text: of a file that was read up to its limit.
+
+    Returns:
+        Dictionaries, lists, texts, finite numbers, booleans and None.
 
     Raises:
         NotDecodable: it is not JSON, says a key twice, is nested too deeply, or holds NaN or an overlong number.
@@ -94,11 +121,24 @@ def set_of_settings(settings: PartitionSettings) -> str:
     """12 hex digits of what a partition is to be.
 
     Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest.
+
+    Args:
+        settings: as rarms writes them to a host.
+
+    Returns:
+        The `set` of a mark: where the host's settings have another one, somebody changed them.
     """
     by_hand = settings.start_action is StartAction.NOTHING
     return short(digest(replace(settings, running=False) if by_hand else settings))
 
 
 def set_of_values(values: Mapping[str, RegistryValue]) -> str:
-    """12 hex digits of a task class's values, with their types."""
+    """12 hex digits of a task class's values, with their types.
+
+    Args:
+        values: the registry values that rarms wrote, with their types.
+
+    Returns:
+        The `set` of a record.
+    """
     return short(digest({name: [value.kind.value, value.data] for name, value in values.items()}))

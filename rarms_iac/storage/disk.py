@@ -23,35 +23,71 @@ class FileEffects(Protocol):
     """The effects on files, each of which a crash may come before, in the middle of, or after."""
 
     def make_folder(self, folder: Path) -> None:
-        """Make one folder in one that exists; it may be there."""
+        """Make one folder in one that exists; it may be there.
+
+        Args:
+            folder: its parent exists.
+        """
         ...
 
     def write(self, path: Path, data: bytes) -> None:
-        """Make the file new, or empty it, and write this."""
+        """Make the file new, or empty it, and write this.
+
+        Args:
+            path: in a folder that exists; not a link.
+            data: all that the file holds then.
+        """
         ...
 
     def append(self, path: Path, data: bytes) -> None:
-        """Write at the end of a file that exists."""
+        """Write at the end of a file that exists.
+
+        Args:
+            path: of the file.
+            data: what is added.
+        """
         ...
 
     def cut(self, path: Path, size: int) -> None:
-        """Drop everything of the file behind so many bytes."""
+        """Drop everything of the file behind so many bytes.
+
+        Args:
+            path: of the file.
+            size: bytes that stay.
+        """
         ...
 
     def flush(self, path: Path) -> None:
-        """Return when the file's content is on the disk itself."""
+        """Return when the file's content is on the disk itself.
+
+        Args:
+            path: of a file that was written.
+        """
         ...
 
     def rename(self, source: Path, target: Path) -> None:
-        """Give the file this name in its folder, in one moment, in place of what has it."""
+        """Give the file this name in its folder, in one moment, in place of what has it.
+
+        Args:
+            source: the file.
+            target: its name afterwards, in the same folder.
+        """
         ...
 
     def flush_folder(self, folder: Path) -> None:
-        """Return when the names in the folder are on the disk itself."""
+        """Return when the names in the folder are on the disk itself.
+
+        Args:
+            folder: in which a name was made, changed or removed.
+        """
         ...
 
     def remove(self, path: Path) -> None:
-        """Remove the file; it may be gone."""
+        """Remove the file; it may be gone.
+
+        Args:
+            path: of the file.
+        """
         ...
 
 
@@ -59,31 +95,31 @@ class RealFileEffects:
     """The file system of this machine."""
 
     def make_folder(self, folder: Path) -> None:
-        """Make one folder in one that exists; it may be there."""
+        """See `FileEffects.make_folder`."""
         folder.mkdir(exist_ok=True)
 
     def write(self, path: Path, data: bytes) -> None:
-        """Make the file new, or empty it, and write this."""
+        """See `FileEffects.write`."""
         with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
             file.write(data)
 
     def append(self, path: Path, data: bytes) -> None:
-        """Write at the end of a file that exists."""
+        """See `FileEffects.append`."""
         with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
             file.write(data)
 
     def cut(self, path: Path, size: int) -> None:
-        """Drop everything of the file behind so many bytes."""
+        """See `FileEffects.cut`."""
         with os.fdopen(open_to_write(path), "r+b") as file:
             file.truncate(size)
 
     def flush(self, path: Path) -> None:
-        """Return when the file's content is on the disk itself."""
+        """See `FileEffects.flush`."""
         with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
             os.fsync(file.fileno())
 
     def rename(self, source: Path, target: Path) -> None:
-        """Give the file this name in its folder, in one moment, in place of what has it."""
+        """See `FileEffects.rename`."""
         for _ in range(RETRIES):
             try:
                 source.replace(target)
@@ -96,7 +132,7 @@ class RealFileEffects:
         source.replace(target)
 
     def flush_folder(self, folder: Path) -> None:
-        """Return when the names in the folder are on the disk itself."""
+        """See `FileEffects.flush_folder`."""
         if sys.platform == "win32":
             return  # NTFS journals its names, and a folder cannot be opened
         descriptor = os.open(folder, os.O_RDONLY)
@@ -106,7 +142,7 @@ class RealFileEffects:
             os.close(descriptor)
 
     def remove(self, path: Path) -> None:
-        """Remove the file; it may be gone."""
+        """See `FileEffects.remove`."""
         path.unlink(missing_ok=True)
 
 
@@ -126,6 +162,9 @@ def open_to_write(path: Path, flags: int = 0) -> int:
         path: the file.
         flags: more flags of `os.open`; `O_CREAT` makes the file where there is none.
 
+    Returns:
+        A file descriptor, which the caller closes.
+
     Raises:
         NotOurFile: the name is that of a link, a folder, a pipe or a device.
         OSError: the system refuses.
@@ -141,6 +180,9 @@ def open_to_write(path: Path, flags: int = 0) -> int:
 
 def check_target(path: Path) -> None:
     """Refuse a name that is there and is not a regular file's.
+
+    Args:
+        path: what is to be written.
 
     Raises:
         NotOurFile: the name is that of a link, a folder, a pipe or a device.
@@ -159,13 +201,20 @@ _in_use: list[FileEffects] = [RealFileEffects()]
 
 
 def current() -> FileEffects:
-    """The disk in use: the real one unless a test installed another."""
+    """Return the disk in use: the real one unless a test installed another."""
     return _in_use[-1]
 
 
 @contextmanager
 def use(disk: FileEffects) -> Iterator[None]:
-    """Have this disk used while the context lasts. For tests only."""
+    """Have this disk used while the context lasts. For tests only.
+
+    Args:
+        disk: whose effects are asked for from now on.
+
+    Yields:
+        Once, while the disk is in use.
+    """
     _in_use.append(disk)
     try:
         yield
@@ -174,7 +223,11 @@ def use(disk: FileEffects) -> Iterator[None]:
 
 
 def make_folders(folder: Path) -> None:
-    """Make the folder and those above it, each durable in its parent before the next."""
+    """Make the folder and those above it, each durable in its parent before the next.
+
+    Args:
+        folder: nothing is done where it exists.
+    """
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     for path in reversed(missing):
         current().make_folder(path)
@@ -185,7 +238,11 @@ PRIVATE = ".rarms"
 
 
 def make_room(path: Path) -> None:
-    """Make the folder that the file is to lie in; if that is below a `.rarms`, have git ignore all of it."""
+    """Make the folder that the file is to lie in; if that is below a `.rarms`, have git ignore all of it.
+
+    Args:
+        path: of a file that need not exist.
+    """
     make_folders(path.parent)
     private = next((folder for folder in path.parents if folder.name == PRIVATE), None)
     if private is not None and not _has_content(ignore := private / ".gitignore"):

@@ -33,6 +33,14 @@ class Locked(Exception):
 def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
     """Hold the lock while the context lasts. The folder must exist.
 
+    Args:
+        path: of the lock's file, which stays when the lock is gone.
+        owner: who holds it, for messages to others.
+        timeout_ms: how long to wait for it; 0: not at all.
+
+    Yields:
+        Once, with the lock held.
+
     Raises:
         Locked: somebody else holds it, after waiting so long.
         OSError: what has the name is no regular file, or the system refuses.
@@ -51,7 +59,14 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 
 
 def read_owner(path: Path) -> str:
-    """Who holds the lock, or held it when it was killed; empty where nobody says."""
+    """Who holds the lock, or held it when it was killed; empty where nobody says.
+
+    Args:
+        path: of the lock's file.
+
+    Returns:
+        The words that `hold` was given; whether the lock is held now is not looked at.
+    """
     try:
         with open_regular(path) as file:
             return file.read(OWNER_BYTES).decode("utf-8", "replace").strip()

@@ -47,7 +47,14 @@ class PlanEdited(PlanFileError):
 
 
 def identified(plan: Plan) -> Plan:
-    """The plan with its id."""
+    """The plan with its id.
+
+    Args:
+        plan: complete but for its id and the scripts that carry it.
+
+    Returns:
+        A copy.
+    """
     return replace(plan, id=plan_id(plan))
 
 
@@ -56,6 +63,12 @@ def plan_id(plan: Plan) -> str:
 
     Scripts are left out, which carry the id, and all that names files as they are seen from there: the manifest's path,
     the files of places, and the findings, whose advice repeats the options of the command. The seal covers them.
+
+    Args:
+        plan: whose own id does not matter.
+
+    Returns:
+        Lower case.
     """
     hosts = tuple(replace(host, scripts={}) for host in plan.hosts)
     bare = replace(plan, id="", manifest="", findings=(), accepted=(), hosts=hosts)
@@ -78,7 +91,14 @@ def _without_files(value: Json) -> Json:
 
 
 def write_plan(plan: Plan) -> bytes:
-    """The plan as a sealed file: JSON that a person can read and git can compare."""
+    """The plan as a sealed file: JSON that a person can read and git can compare.
+
+    Args:
+        plan: with its id.
+
+    Returns:
+        UTF-8 with LF; the same plan has the same bytes.
+    """
     document = cast("dict[str, Json]", encode(plan))
     sealed = {**document, "seal": _seal(document)}
     return (json.dumps(sealed, indent=1, ensure_ascii=False) + "\n").encode("utf-8")
@@ -86,6 +106,12 @@ def write_plan(plan: Plan) -> bytes:
 
 def read_plan(data: bytes) -> Plan:
     """The plan of a file.
+
+    Args:
+        data: all of the file.
+
+    Returns:
+        The plan, of which seal and id were checked.
 
     Raises:
         PlanUnreadable: not a plan file, or of another format version.

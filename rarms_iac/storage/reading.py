@@ -45,6 +45,12 @@ def open_regular(path: Path | str) -> BinaryIO:
     NOTE: in a git repository no link is followed out of it. Who wrote what lies there may be a stranger whose pull
     request is being looked at, and a finding shows lines of files.
 
+    Args:
+        path: of the file.
+
+    Returns:
+        The file at its first byte.
+
     Raises:
         NotRegular: it is no regular file: a pipe would block, a device may be endless. Or a link leads out.
         OSError: there is no such file, or the system does not let us read it.
@@ -90,6 +96,9 @@ def read_file(path: Path | str, limit: int) -> bytes:
         path: a link is followed.
         limit: bytes that the file may have.
 
+    Returns:
+        All of its bytes; no more memory than they take is used.
+
     Raises:
         NotRegular: it is no regular file.
         TooLarge: it has more bytes than the limit.
@@ -112,6 +121,9 @@ def read_input(path: str, limit: int) -> bytes:
     Args:
         path: a link is followed; `STANDARD_INPUT` is standard input, which is read to its end.
         limit: bytes that it may have.
+
+    Returns:
+        All of its bytes.
 
     Raises:
         NotRegular: it is no regular file.

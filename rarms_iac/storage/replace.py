@@ -13,6 +13,10 @@ def replace(path: Path, data: bytes) -> None:
 
     The file's folder must exist.
 
+    Args:
+        path: of the file.
+        data: all that it holds then.
+
     Raises:
         NotOurFile: the name is that of a link, a folder, a pipe or a device.
         OSError: it cannot be written; the old content is still there.
@@ -32,6 +36,10 @@ def replace(path: Path, data: bytes) -> None:
 
 
 def remove_leftovers(path: Path) -> None:
-    """Remove what killed writers of this file left beside it. Only for who holds the lock that all its writers take."""
+    """Remove what killed writers of this file left beside it. Only for who holds the lock that all its writers take.
+
+    Args:
+        path: of the file, which stays.
+    """
     for leftover in sorted(path.parent.glob(f".{path.name}.*.new")):
         disk.current().remove(leftover)

@@ -16,6 +16,12 @@ class NotShipped(FileNotFoundError):
 def shipped(relative: str) -> Path:
     """Where a shipped file or folder lies, e.g. `docs/findings`: inside the wheel, else in the checkout.
 
+    Args:
+        relative: path with `/`, as in the checkout.
+
+    Returns:
+        A path that exists.
+
     Raises:
         NotShipped: it lies in neither.
     """
@@ -28,6 +34,12 @@ def shipped(relative: str) -> Path:
 
 def shipped_text(relative: str) -> str:
     """The text of a shipped file, with LF on every system.
+
+    Args:
+        relative: as of `shipped`.
+
+    Returns:
+        UTF-8, decoded.
 
     Raises:
         NotShipped: it lies in neither place.

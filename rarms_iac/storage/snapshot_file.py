@@ -25,13 +25,26 @@ class SnapshotUnreadable(Exception):
 
 
 def write_snapshot(state: State) -> bytes:
-    """The state as JSON that a person can read and git can compare."""
+    """The state as JSON that a person can read and git can compare.
+
+    Args:
+        state: of a host.
+
+    Returns:
+        UTF-8 with LF; what no encoding has is escaped.
+    """
     document = {"format_version": FORMAT, "state": encode(state)}
     return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode("utf-8", "backslashreplace")
 
 
 def read_snapshot(data: bytes) -> State:
     """The state that a snapshot says.
+
+    Args:
+        data: all of the file.
+
+    Returns:
+        The state; it says of what nobody could look at that it is not known.
 
     Raises:
         SnapshotUnreadable: it is no snapshot, or one of another version.

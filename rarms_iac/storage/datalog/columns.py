@@ -32,12 +32,25 @@ def as_recorded(setting: Setting) -> Setting:
     """The setting as it will be read back: its times rounded.
 
     Whoever decides by what was measured decides by this, so that a run that goes on from its log decides the same.
+
+    Args:
+        setting: as it was measured.
+
+    Returns:
+        A setting that equals what `setting_in` gives of its line.
     """
     return replace(setting, series=tuple(_rounded_series(series) for series in setting.series))
 
 
 def line_of(recorded: Recorded) -> dict[str, Json]:
-    """The record of a setting."""
+    """The record of a setting.
+
+    Args:
+        recorded: a setting, and where and when it was measured.
+
+    Returns:
+        Fields of JSON values; the samples as columns, which a reviewer reads and git packs.
+    """
     setting = as_recorded(recorded.setting)
     return {
         "reserve": setting.reserve,
@@ -50,6 +63,12 @@ def line_of(recorded: Recorded) -> dict[str, Json]:
 
 def setting_in(line: Mapping[str, Json]) -> Recorded:
     """The setting that a record says.
+
+    Args:
+        line: a record of a data log.
+
+    Returns:
+        The setting; its samples stay columns.
 
     Raises:
         NotDecodable: it is none.

@@ -68,6 +68,10 @@ Entry = Chosen | Proven
 def append_entry(path: Path, entry: Entry) -> None:
     """Add an entry; the log and its folder are made. It is on the disk on return.
 
+    Args:
+        path: of the configuration log (`configuration_path`).
+        entry: a choice of `rarms select`, or a proof.
+
     Raises:
         OSError: it cannot be written.
     """
@@ -77,6 +81,12 @@ def append_entry(path: Path, entry: Entry) -> None:
 def read_entries(path: Path) -> tuple[Entry, ...]:
     """All entries, oldest first; none where there is no file.
 
+    Args:
+        path: of the configuration log.
+
+    Returns:
+        Choices and proofs as they were made.
+
     Raises:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
@@ -85,5 +95,12 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
 
 
 def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:
-    """The choice that holds."""
+    """The choice that holds.
+
+    Args:
+        entries: oldest first.
+
+    Returns:
+        None: nobody chose yet.
+    """
     return next((entry for entry in reversed(entries) if isinstance(entry, Chosen)), None)

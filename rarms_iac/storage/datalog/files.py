@@ -32,6 +32,10 @@ class LogUnreadable(Exception):
 def begin_log(path: Path, header: Header) -> None:
     """Make the file a log without settings, whatever it was; its folder is made. It is on the disk on return.
 
+    Args:
+        path: of the data log (`log_path`).
+        header: what it was measured with.
+
     Raises:
         OSError: it cannot be written; what was there is still there.
     """
@@ -44,6 +48,10 @@ def begin_log(path: Path, header: Header) -> None:
 def append_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
     """Add that a pass begins, or has ended, to a log that was begun. It is on the disk on return.
 
+    Args:
+        path: of the data log.
+        remeasurement: its seed, and whether it has ended.
+
     Raises:
         OSError: it cannot be written.
     """
@@ -53,6 +61,10 @@ def append_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
 def append_setting(path: Path, recorded: Recorded) -> None:
     """Add a setting to a log that was begun. It is on the disk on return; a torn last line gives way.
 
+    Args:
+        path: of the data log.
+        recorded: the setting, with all its samples.
+
     Raises:
         OSError: it cannot be written.
     """
@@ -61,6 +73,10 @@ def append_setting(path: Path, recorded: Recorded) -> None:
 
 def append_to_log(path: Path, value: object) -> None:
     """Add a value as a record; the log and its folder are made. It is on the disk on return.
+
+    Args:
+        path: of the log.
+        value: a frozen value that `encode` turns into an object.
 
     Raises:
         OSError: it cannot be written.
@@ -91,6 +107,13 @@ def _numbered_records(path: Path) -> Iterator[tuple[int, dict[str, Json]]]:
 def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -> tuple[T, ...]:
     """The values of a log's records, oldest first; none where there is no file.
 
+    Args:
+        path: of the log.
+        decode_record: makes a value of a record, or raises `NotDecodable`.
+
+    Returns:
+        The values.
+
     Raises:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
@@ -108,6 +131,12 @@ def read_log(path: Path) -> DataLog | None:
     """The log, without a last line that a crash tore; None where there is no file, or one without a whole header.
 
     As long as somebody has the log, and the file is the same, it is not read again: a long one takes a second.
+
+    Args:
+        path: of the data log.
+
+    Returns:
+        Header, settings in the order of their lines, and remeasurements; the same object to every caller.
 
     Raises:
         LogUnreadable: it is damaged, of another version, or no data log.
@@ -174,15 +203,41 @@ FOLDER = "measurements"
 
 
 def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
-    """The data log of components that are in one partition, below the manifest's folder."""
+    """The data log of components that are in one partition, below the manifest's folder.
+
+    Args:
+        folder: the manifest's.
+        platform: of the hosts that the log holds for.
+        components: names, in any order.
+        interference: the load's name.
+
+    Returns:
+        The path; whether there is such a file is not looked at.
+    """
     return folder / FOLDER / platform / joined(components) / f"{interference}.jsonl"
 
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
-    """The configuration log of a component on a platform; no name has a dot, so it is nobody's folder."""
+    """The configuration log of a component on a platform; no name has a dot, so it is nobody's folder.
+
+    Args:
+        folder: the manifest's.
+        platform: of the hosts.
+        component: its name.
+
+    Returns:
+        The path; whether there is such a file is not looked at.
+    """
     return folder / FOLDER / platform / f"{component}.configuration.jsonl"
 
 
 def joined(components: Iterable[str]) -> str:
-    """Components of one partition as one name: `path-planning+video-streaming`, in name order."""
+    """Components of one partition as one name: `path-planning+video-streaming`, in name order.
+
+    Args:
+        components: names, in any order.
+
+    Returns:
+        A name that stands for the compound in files and output.
+    """
     return "+".join(sorted(components))

@@ -43,7 +43,16 @@ class LogSubject:
 
 
 def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
-    """The parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them."""
+    """The parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them.
+
+    Args:
+        subject: what is, or would be, measured.
+        files: digests by path below the manifest's folder; one that is missing here cannot be verified.
+        interpreters: digests of programs outside of it, by the command's word; they only warn.
+
+    Returns:
+        Everything that can change a performance index, flat and by name.
+    """
     parts = dict(_setup_parts(subject))
     for component in subject.components:
         parts.update(_component_parts(component, subject.tasks))
@@ -52,7 +61,16 @@ def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Map
 
 
 def header_of(subject: LogSubject, identity: Identity, bench: Bench) -> Header:
-    """What the log of a subject begins with."""
+    """What the log of a subject begins with.
+
+    Args:
+        subject: what is measured.
+        identity: as `identity_of` makes it.
+        bench: the host that it is measured on.
+
+    Returns:
+        The header, with the digest of the identity.
+    """
     return Header(
         platform=subject.platform,
         digest=identity_digest(identity),
@@ -63,7 +81,14 @@ def header_of(subject: LogSubject, identity: Identity, bench: Bench) -> Header:
 
 
 def identity_digest(identity: Identity) -> str:
-    """The digest of the parts, which a header shows and a reader compares at a glance."""
+    """The digest of the parts, which a header shows and a reader compares at a glance.
+
+    Args:
+        identity: of a log, or of what would be measured now.
+
+    Returns:
+        64 hex digits; interpreters are no part of it.
+    """
     return digest(dict(identity.parts))
 
 
@@ -92,7 +117,16 @@ def _component_parts(component: Component, tasks: Mapping[str, TaskRequest]) -> 
 
 
 def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) -> Iterator[tuple[str, str]]:
-    """What a value of the model says, flat: a dotted name and a text each; a field at its default is left out."""
+    """What a value of the model says, flat: a dotted name and a text each; a field at its default is left out.
+
+    Args:
+        name: stands before the names of the fields.
+        value: a dataclass of the model.
+        without: names of fields that are left out.
+
+    Yields:
+        Names and texts, by the order of the fields.
+    """
     if name not in _WITHOUT_KIND and not isinstance(value, Run):
         yield name, type(value).__name__
     hints = get_type_hints(type(value))
@@ -164,13 +198,26 @@ class Files:
     def of(self, subject: LogSubject) -> dict[str, str]:
         """The digest of every file that belongs to the subject, by path below the manifest's folder.
 
+        Args:
+            subject: what is, or would be, measured.
+
+        Returns:
+            Digests by path, sorted; a file that the manifest names and that is not here is missing.
+
         Raises:
             OSError: one of them cannot be read.
         """
         return {self._named(path): self._digest(path) for path in sorted(set(self._all(subject)))}
 
     def interpreters(self, subject: LogSubject) -> dict[str, str]:
-        """The digest of every program outside the folder that the subject's commands begin with, by their word."""
+        """The digest of every program outside the folder that the subject's commands begin with, by their word.
+
+        Args:
+            subject: what is, or would be, measured.
+
+        Returns:
+            Digests by word; a word that is not on the search path is missing.
+        """
         found = {}
         for word in _first_words(subject):
             program = shutil.which(word)
@@ -226,6 +273,12 @@ class Files:
 
 def file_digest(path: Path) -> str:
     """A digest of the content, the same whatever git did to a text's line ends.
+
+    Args:
+        path: of a regular file; it is read in pieces.
+
+    Returns:
+        16 hex digits.
 
     Raises:
         OSError: it cannot be read.

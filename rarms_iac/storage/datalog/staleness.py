@@ -49,7 +49,16 @@ class Comparison:
 
 
 def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:
-    """Compare a log with what would be measured now."""
+    """Compare a log with what would be measured now.
+
+    Args:
+        header: of the log.
+        identity: of what would be measured now.
+        bench: the host as it is now, as far as anybody looked.
+
+    Returns:
+        What makes the log stale, what only warns, and what could not be verified.
+    """
     return Comparison(
         changed=(*_parts(header, identity), *_bench(header.bench, bench)),
         warns=(*_interpreters(header.identity, identity), *_build(header.bench, bench)),
@@ -62,7 +71,14 @@ def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:
 
 
 def known(bench: Bench) -> BenchNow:
-    """A host that was looked at whole."""
+    """A host that was looked at whole.
+
+    Args:
+        bench: of a host that was observed.
+
+    Returns:
+        The same as what is known now; nothing of it is left open.
+    """
     return BenchNow(
         provider=bench.provider,
         logical_processors=bench.logical_processors,

@@ -68,12 +68,24 @@ class TuningRun:
 
 
 def tuning_path(folder: Path, platform: str) -> Path:
-    """Where it lies, below the manifest's folder; components have folders there, so it is nobody's."""
+    """Where it lies, below the manifest's folder; components have folders there, so it is nobody's.
+
+    Args:
+        folder: the manifest's.
+        platform: of the hosts.
+
+    Returns:
+        The path; whether there is such a file is not looked at.
+    """
     return folder / FOLDER / platform / "tuning.jsonl"
 
 
 def append_run(path: Path, run: TuningRun) -> None:
     """Add a run, unless the last one says the same; the log and its folder are made. On the disk on return.
+
+    Args:
+        path: of the log of tuning.
+        run: what `rarms tune` asked, found and wrote.
 
     Raises:
         LogUnreadable: the log is damaged.
@@ -91,6 +103,12 @@ _NO_LONGER_WRITTEN = "probability"
 
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
     """All runs, oldest first; none where there is no file.
+
+    Args:
+        path: of the log of tuning.
+
+    Returns:
+        The runs as they were recorded.
 
     Raises:
         LogUnreadable: the log is damaged, or holds something else.
