@@ -56,7 +56,6 @@ class Result:
     certified: bool
     right: bool
     over: int  # points above the least CR that truly meets the APT
-    identifiable: bool
 
 
 def measured(goal: Goal, strategy: str) -> Strategy:
@@ -88,7 +87,6 @@ def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:
         and truth.meets(answer, stricter=-TOLERANCE)
         and answer <= truth.least(stricter=max(TOLERANCE, resolution(truth))) + 1,
         over=answer - truth.least(),
-        identifiable=_identifiable(truth),
     )
 
 
@@ -116,13 +114,6 @@ def resolution(truth: Truth) -> float:
     return CLEAR * math.sqrt(truth.apt * (100 - truth.apt) / worth) / 100
 
 
-def _identifiable(truth: Truth) -> bool:
-    """Whether all samples tell a point beyond the neighbours of the least CR apart from the APT."""
-    least, apart = truth.least(), resolution(truth) * (truth.apt if truth.limit_ms is None else 100)
-    near = [reserve for reserve in (least - 2, least + 1) if 1 <= reserve <= 100]
-    return all(abs(truth.index(reserve) - truth.apt) >= apart for reserve in near)
-
-
 def percentile(numbers: Iterable[float], share: float) -> float:
     ordered = sorted(numbers)
     return ordered[math.ceil(share * len(ordered)) - 1]
@@ -137,7 +128,6 @@ def figures(found: Sequence[Result]) -> list[Figure]:
     """Those of the default that have goals, and what stands beside them."""
     ours = [result for result in found if result.strategy == DEFAULT]
     answers = [result for result in ours if result.found]
-    clear = [result for result in answers if result.identifiable]
     halved = fmean(result.samples for result in found if result.strategy == HALVED)
     rows: list[tuple[str, float, str, float | None]] = [
         ("not resolved", share_without(result.found for result in ours), "%", 2),
@@ -148,8 +138,6 @@ def figures(found: Sequence[Result]) -> list[Figure]:
         ("settings, 95th percentile", percentile((result.settings for result in ours), 0.95), "", MOST_SETTINGS),
         ("samples against bisection", fmean(result.samples for result in ours) / halved, "x", 1),
         ("not within 1 point of the truth", share_without(abs(answer.over) <= 1 for answer in answers), "%", None),
-        ("  of identifiable ones", share_without(abs(answer.over) <= 1 for answer in clear), "%", 1),
-        ("identifiable", 100 * len(clear) / len(answers), "%", None),
         ("over-reservation, mean", fmean(answer.over for answer in answers), "points", 0.7),
         ("  99th percentile", percentile((answer.over for answer in answers), 0.99), "points", None),
     ]

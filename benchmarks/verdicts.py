@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from benchmarks.components import NOISES, deviation_of_logarithm
 from benchmarks.timing import Figure, report
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
@@ -21,7 +22,6 @@ from tests.builders import a_run
 SAMPLES = 400
 MEAN = 100.0
 DEADLINE = 120.0
-NOISES = (0.01, 0.05, 0.15)
 RUN = a_run(until=SampleCount(samples=SAMPLES), deadline=f"{DEADLINE:g} ms")
 KINDS = (
     "mean_response_time",
@@ -61,12 +61,12 @@ class _Jobs:
 
     def quantile(self, deviations: float) -> float:
         """The response time that lies so many deviations above the middle one."""
-        spread = _spread(self.noise)
+        spread = deviation_of_logarithm(self.noise)
         return MEAN * math.exp(spread * deviations - spread**2 / 2)
 
     def share_below(self, time: float) -> float:
         """The share of jobs that take less."""
-        spread = _spread(self.noise)
+        spread = deviation_of_logarithm(self.noise)
         return 0.5 * math.erfc(-(math.log(time / MEAN) + spread**2 / 2) / spread / math.sqrt(2.0))
 
 
@@ -82,7 +82,7 @@ def series_of(times: Sequence[float], *, limit: float = math.inf) -> Series:
 
 def noisy(chance: random.Random, count: int, noise: float, correlation: float, mean: float = MEAN) -> list[float]:
     """A steady series: lognormal, each value correlated with the one before."""
-    spread = _spread(noise)
+    spread = deviation_of_logarithm(noise)
     fresh, state, times = math.sqrt(1.0 - correlation**2), chance.gauss(0.0, 1.0), []
     for _ in range(count):
         times.append(mean * math.exp(spread * state - spread**2 / 2))
@@ -188,11 +188,6 @@ def limit_at(value: float) -> Threshold:
 def _jobs(chance: random.Random) -> _Jobs:
     noise, correlation = chance.choice(NOISES), chance.uniform(0.0, 0.5)
     return _Jobs(times=noisy(chance, SAMPLES, noise, correlation), noise=noise)
-
-
-def _spread(noise: float) -> float:
-    """The deviation of the logarithm of times with this coefficient of variation."""
-    return math.sqrt(math.log(1.0 + noise**2))
 
 
 def _at_most(index: str, series: Series, truth: float, away: float) -> Case:
