@@ -6,7 +6,6 @@ can end a single-quoted string: the four other characters that PowerShell takes 
 """
 
 import re
-from collections.abc import Sequence
 from itertools import groupby
 from struct import iter_unpack
 
@@ -46,15 +45,6 @@ def literal(value: Scalar) -> Literal:
             return _number(value)
         case str():
             return _quoted(value) if _is_plain(value) else _joined(value)
-
-
-def literals(values: Sequence[Scalar]) -> Literal:
-    """An array of literals, also of one and of none: `@('a', 'b')`.
-
-    Raises:
-        NoLiteral: one of them has none.
-    """
-    return f"@({', '.join(map(literal, values))})"
 
 
 def _number(value: int) -> Literal:

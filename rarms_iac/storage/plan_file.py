@@ -126,7 +126,9 @@ def read_plan(data: bytes) -> Plan:
     try:
         plan = decode(Plan, document)
     except NotDecodable as error:
-        raise PlanUnreadable(str(error), "Make the plan again with this version of rarms") from error
+        raise PlanUnreadable(
+            str(error), "Make the plan again with this version of rarms: `rarms plan --out FILE`"
+        ) from error
     if plan.id != plan_id(plan):
         raise PlanEdited(
             "its id does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`"
@@ -145,7 +147,7 @@ def _parsed(data: bytes) -> dict[str, Json]:
     if document["format_version"] != FORMAT:
         raise PlanUnreadable(
             f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}",
-            "Make the plan again with this version of rarms",
+            "Make the plan again with this version of rarms: `rarms plan --out FILE`",
         )
     return document
 

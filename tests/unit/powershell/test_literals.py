@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, NotALiteral, literal, literals, read_literal
+from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, NotALiteral, literal, read_literal
 from rarms_iac.powershell.templates import remark
 from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
 from tests.effort import LONG
@@ -31,10 +31,6 @@ RECORDED = Path(__file__).resolve().parents[2] / "recorded/powershell/literals.j
 )
 def test_each_form(value: bool | int | str, written: str) -> None:
     assert literal(value) == written
-
-
-def test_arrays_of_none_one_and_more() -> None:
-    assert [literals(()), literals(("a",)), literals((1, "b"))] == ["@()", "@('a')", "@(1, 'b')"]
 
 
 @pytest.mark.parametrize("value", [-1, LARGEST + 1, "\ud800", "x\udfff", "é" * (MOST_PARTS + 1)])

@@ -1,6 +1,6 @@
 import pytest
 
-from rarms_iac.powershell.literals import literal, literals
+from rarms_iac.powershell.literals import literal
 from rarms_iac.powershell.tree import LITERAL, NotParsed, sound
 from tests.effort import LONG
 from tests.unit.powershell.hostile import PIECES, QUOTES, hostile_texts
@@ -54,8 +54,8 @@ def test_each_piece_is_a_leaf_as_number_text_or_truth(piece: str) -> None:
 
 
 def test_arrays_of_literals_are_one_leaf() -> None:
-    for values in ((), ("a",), ("a", "it's\u2019", 3)):
-        assert same_structure("$a = @('x')\r\n", f"$a = {literals(values)}\r\n")
+    for values in ([], ["a"], ["a", "it's\u2019", "3"]):
+        assert same_structure("$a = @('x')\r\n", f"$a = @({', '.join(map(literal, values))})\r\n")
     assert not same_structure("$a = @('x')\r\n", "$a = @('x'; Get-It)\r\n")
     assert not same_structure("$a = @('x')\r\n", "$a = @($x)\r\n")
 
