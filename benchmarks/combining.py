@@ -49,7 +49,7 @@ class Result:
     walked: int
     fits: bool
     optimal: bool
-    told: bool  # an answer contradicted the assumption
+    contradicted: bool  # an answer contradicted the assumption
     breaks: bool  # the assumption is wrong there, seen or not
     near: bool = True  # who shares in the best does, and the total is within 1 point a compound
     near_the_truth: bool = True  # the same without any noise
@@ -91,7 +91,7 @@ class Repeating:
     def least(self, members: Members) -> int:
         """The least reservation that passes all repeats."""
         near = max(1, self.case.needs[members] - 8)
-        return next((one for one in range(near, NEVER) if self.passes(members, one)), NEVER)
+        return next((reserve for reserve in range(near, NEVER) if self.passes(members, reserve)), NEVER)
 
 
 def run(case: Instance, way: Way) -> Result:
@@ -108,14 +108,14 @@ def run(case: Instance, way: Way) -> Result:
     truly = best if oracle is None else best_value(case, case.needs, way.minimise)
     reached = value_of(case, found.cois) if isinstance(found, Best) else None
     compounds = [coi for coi in found.cois if len(coi.members) > 1] if isinstance(found, Best) else []
-    possible = [names for names, one in _candidates(tuning).items()]
+    possible = [names for names, coi in _candidates(tuning).items()]
     return Result(
         components=len(case.cois),
         asked=len(trail) if oracle is None else oracle.runs,
         walked=sum(_walked(case, names, oracle) for names in (case.needs if case.largest == 2 else possible)),
         fits=best is not None,
         optimal=reached == best,
-        told=bool(found.contradictions),
+        contradicted=bool(found.contradictions),
         breaks=case.breaks,
         near=_near(reached, best, len(compounds) * case.processors),
         near_the_truth=_near(reached, truly, len(compounds) * case.processors),
@@ -255,11 +255,11 @@ def _not_the_best(name: str, results: Sequence[Result], *, with_limit: bool) -> 
     missed = sum(not result.optimal for result in sound)
     yield Figure(name=f"{name}: not the best, of {len(sound)}", value=missed, unit="", at_most=0)
     if broken := [result for result in results if result.breaks]:
-        silent = sum(not result.optimal and not result.told for result in broken)
+        silent = sum(not result.optimal and not result.contradicted for result in broken)
         print(
             f"  {name}: the assumption is wrong in {len(broken)} more; an answer showed it in "
-            f"{sum(result.told for result in broken)}, where nothing was claimed; {silent} were called proved and are "
-            "not the best"
+            f"{sum(result.contradicted for result in broken)}, where nothing was claimed; {silent} were called proved "
+            "and are not the best"
         )
     if with_limit:
         part = sum(not result.optimal for result in results) / len(results)
@@ -281,7 +281,7 @@ def _with_noise(name: str, results: Sequence[Result]) -> Iterable[Figure]:
     print(
         f"  noise of {NOISE} % CR, {REPEATS} of {REPEATS} repeats: {held} reservations are said to hold, {wrong} do "
         f"not; {sum(not result.near_the_truth for result in results)} of {len(results)} are another layout, or further "
-        f"off, than without noise; {sum(result.told for result in results)} times answers contradicted each other"
+        f"off, than without noise; {sum(result.contradicted for result in results)} times answers disagreed"
     )
     yield Figure(name=f"{name}, noise: another layout", value=100 * far / len(results), unit="%", at_most=10)
     yield Figure(name=f"{name}, noise: do not hold", value=100 * wrong / max(1, held), unit="%", at_most=1)

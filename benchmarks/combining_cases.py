@@ -53,7 +53,7 @@ def edf(chance: random.Random, components: int) -> Drawn:
         tasks.append((period * chance.uniform(0.06, 0.30), period, period * chance.uniform(0.4, 1.0)))
 
     def need(which: tuple[int, ...]) -> int:
-        mine = [tasks[one] for one in which]
+        mine = [tasks[member] for member in which]
         rate = sum(work / period for work, period, _ in mine)
         for at in sorted({deadline + k * period for _, period, deadline in mine for k in range(800 // period)}):
             demand = sum((floor((at - d) / p) + 1) * w for w, p, d in mine if at >= d)
@@ -78,11 +78,14 @@ def fair(chance: random.Random, components: int) -> Drawn:
 
     def meets(which: tuple[int, ...], reserve: int) -> bool:
         share = reserve / 100
-        found = [loops[one][1] + loops[one][0] / share for one in which]
+        found = [loops[member][1] + loops[member][0] / share for member in which]
         for _ in range(40):
-            busy = [1 - loops[one][1] / seen for one, seen in zip(which, found, strict=True)]
-            found = [loops[one][1] + loops[one][0] / share * (1 + sum(busy) - busy[at]) for at, one in enumerate(which)]
-        return all(seen <= loops[one][2] * (1 + 1e-9) for one, seen in zip(which, found, strict=True))
+            busy = [1 - loops[member][1] / seen for member, seen in zip(which, found, strict=True)]
+            found = [
+                loops[member][1] + loops[member][0] / share * (1 + sum(busy) - busy[at])
+                for at, member in enumerate(which)
+            ]
+        return all(seen <= loops[member][2] * (1 + 1e-9) for member, seen in zip(which, found, strict=True))
 
     need = halving(meets)
     alone = {}
@@ -102,7 +105,7 @@ def mixing(chance: random.Random, components: int) -> Drawn:
 
     @cache
     def need(which: tuple[int, ...]) -> int:
-        mine = [alone[one] for one in which]
+        mine = [alone[member] for member in which]
         if len(which) == 1:
             return mine[0]
         least = max(mine) if len(which) == 2 else max(map(need, combinations(which, 2)))
@@ -133,9 +136,9 @@ def host(chance: random.Random, components: int) -> Drawn:
     drawn = pool(number)
 
     def need(which: tuple[int, ...]) -> int:
-        return drawn.need(tuple(sorted(chosen[one] for one in which)))
+        return drawn.need(tuple(sorted(chosen[member] for member in which)))
 
-    alone = {at: drawn.alone[one] for at, one in enumerate(chosen)}
+    alone = {at: drawn.alone[member] for at, member in enumerate(chosen)}
     return Drawn(need=need, alone=alone, processors=drawn.lps)
 
 
@@ -152,10 +155,12 @@ def pool(number: int) -> Pool:
 
     @cache
     def means(which: tuple[int, ...], reserve: int) -> tuple[float, ...]:
-        return _means(tuple(demands[one] for one in which), lps, reserve, 4 * JOBS * max(wanted[one] for one in which))
+        return _means(
+            tuple(demands[member] for member in which), lps, reserve, 4 * JOBS * max(wanted[member] for member in which)
+        )
 
     def meets(which: tuple[int, ...], reserve: int) -> bool:
-        return all(seen <= wanted[one] for one, seen in zip(which, means(which, reserve), strict=True))
+        return all(seen <= wanted[member] for member, seen in zip(which, means(which, reserve), strict=True))
 
     need = cache(halving(meets))
     alone = {}
@@ -252,11 +257,11 @@ def instance(model: str, components: int, seed: int, largest: int = 2) -> Instan
         for at in range(components)
     )
     needs = {
-        tuple(cois[one].name for one in which): drawn.need(which)
+        tuple(cois[member].name for member in which): drawn.need(which)
         for size in range(2, largest + 1)
         for which in combinations(range(components), size)
     }
-    alone = {cois[at].name: one for at, one in drawn.alone.items()}
+    alone = {cois[at].name: member for at, member in drawn.alone.items()}
     predictor = predictor_of(alone) if alone else NOTHING
     return Instance(
         model=model,
@@ -298,18 +303,18 @@ def best_value(case: Instance, needs: Mapping[Members, int], minimise: Minimise)
             gains.setdefault(mask.bit_length() - 1, []).append((mask, saved))
 
     @cache
-    def most_saved(left: int) -> int:
+    def most_saved(remaining: int) -> int:
         """The most that compounds of just these save; far below 0 where they cannot all be in one."""
-        if not left:
+        if not remaining:
             return 0
-        blocks = [one for one in gains.get(left.bit_length() - 1, []) if one[0] & left == one[0]]
-        return max((saved + most_saved(left ^ mask) for mask, saved in blocks), default=-NEVER * NEVER)
+        blocks = [block for block in gains.get(remaining.bit_length() - 1, []) if block[0] & remaining == block[0]]
+        return max((saved + most_saved(remaining ^ mask) for mask, saved in blocks), default=-NEVER * NEVER)
 
     values = []
-    for left in range(1 << len(order)):
-        reserved = total(order) - most_saved(left)
+    for subset in range(1 << len(order)):
+        reserved = total(order) - most_saved(subset)
         if reserved <= case.capacity:
-            shared = tuple(order[at].criticality for at in range(len(order)) if left >> at & 1)
+            shared = tuple(order[at].criticality for at in range(len(order)) if subset >> at & 1)
             values.append(Value(shared=shared, total=reserved))
     return min(values, key=lambda value: value.key(minimise), default=None)
 

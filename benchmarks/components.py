@@ -150,14 +150,14 @@ def knees(physics: _Physics) -> Level:
     at = [0.0, *sorted(math.log(chance.uniform(2, 99)) for _ in range(chance.randint(2, 4))), math.log(100)]
     slopes = [chance.uniform(0.02, 2.0) for _ in at[1:]]
     heights = [0.0]
-    for left, right, slope in zip(at, at[1:], slopes, strict=False):
-        heights.append(heights[-1] - slope * (right - left))
+    for lower, upper, slope in zip(at, at[1:], slopes, strict=False):
+        heights.append(heights[-1] - slope * (upper - lower))
 
     def height(reserve: int) -> float:
-        where = math.log(reserve)
-        right = next(number for number in range(1, len(at)) if where <= at[number] + 1e-9)
-        part = (where - at[right - 1]) / (at[right] - at[right - 1])
-        return heights[right - 1] + part * (heights[right] - heights[right - 1])
+        position = math.log(reserve)
+        upper = next(number for number in range(1, len(at)) if position <= at[number] + 1e-9)
+        part = (position - at[upper - 1]) / (at[upper] - at[upper - 1])
+        return heights[upper - 1] + part * (heights[upper] - heights[upper - 1])
 
     return _above_its_work(physics, [math.exp(height(reserve)) for reserve in range(1, 101)])
 

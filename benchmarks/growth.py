@@ -71,7 +71,7 @@ def system(components: int, hosts: int, weight: int) -> System:
     return System(
         application=Application(name="fleet"),
         hosts={name: host(name, components // hosts) for name in names},
-        components={one.name: one for one in (component(number, weight) for number in range(components))},
+        components={drawn.name: drawn for drawn in (component(number, weight) for number in range(components))},
         partitions={},
         interference={},
         tasks={},
@@ -120,10 +120,10 @@ def applied(wanted_system: System) -> dict[str, State]:
 
 def with_ids(desired: State) -> State:
     made = []
-    for number, one in enumerate(desired.partitions):
+    for number, partition in enumerate(desired.partitions):
         machine = f"{number:08x}-made"
-        assert one.mark is not None
-        made.append(replace(one, id=machine, mark=replace(one.mark, machine=machine[:8])))
+        assert partition.mark is not None
+        made.append(replace(partition, id=machine, mark=replace(partition.mark, machine=machine[:8])))
     return replace(desired, partitions=tuple(made))
 
 

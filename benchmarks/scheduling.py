@@ -28,11 +28,11 @@ def cost(machine: ModelMachine) -> float:
 
 def figures() -> list[Figure]:
     fdp = demands()[FDP]
-    one = max(cost(bench(fdp, (cr, 100 - cr), BusyLoops())) for cr in RESERVES)
+    slowest = max(cost(bench(fdp, (cr, 100 - cr), BusyLoops())) for cr in RESERVES)
     ten = max(cost(bench(fdp, pair, playing(10))) for pair in PAIRS)
     return [
-        Figure(name="Experiment 1, slowest reserve", value=one, unit=UNIT, at_most=1000 / EXPERIMENT_1),
-        Figure(name="  times real time", value=1000 / one),
+        Figure(name="Experiment 1, slowest reserve", value=slowest, unit=UNIT, at_most=1000 / EXPERIMENT_1),
+        Figure(name="  times real time", value=1000 / slowest),
         Figure(name="ten browsers, slowest pair", value=ten, unit=UNIT, at_most=1000 / TEN_BROWSERS),
         Figure(name="  times real time", value=1000 / ten),
     ]

@@ -66,7 +66,7 @@ def interleaved(tasks: Mapping[str, Task], *, rounds: int) -> dict[str, list[flo
 
 def median_ratio(times: Sequence[float], to: Sequence[float]) -> float:
     """The median of the ratios of runs that were neighbours in time."""
-    return statistics.median(one / other for one, other in zip(times, to, strict=True))
+    return statistics.median(time / other for time, other in zip(times, to, strict=True))
 
 
 def table(figures: Sequence[Figure]) -> str:

@@ -62,6 +62,21 @@ def write_file(path: str, data: bytes) -> None:
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error
 
 
+def write_plan_file(path: str, plan: "Plan") -> None:
+    """Write a sealed plan, for `read_plan_file`.
+
+    Args:
+        path: as the user gave it.
+        plan: as `planning.plan` made it.
+
+    Raises:
+        UseCaseError: it cannot be written (failed).
+    """
+    from rarms_iac.storage.plan_file import write_plan
+
+    write_file(path, write_plan(plan))
+
+
 def make_folder(path: str) -> None:
     """Make a folder and those above it; it may exist.
 

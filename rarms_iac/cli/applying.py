@@ -5,7 +5,7 @@ from typing import Literal
 
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
-from rarms_iac.app.files import write_file
+from rarms_iac.app.files import write_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest, refuse_unknown_partitions
@@ -20,7 +20,6 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
-from rarms_iac.storage.plan_file import write_plan
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.plan_json import plan_json
 from rarms_iac.views.run import run_json, run_text
@@ -36,13 +35,9 @@ def show_plan(
         session.terminal.show(plan_text(plan, sources=sources, verbose=verbose))
 
 
-def write_plan_file(session: Session, path: str, plan: Plan) -> None:
-    """Write the sealed plan and say how to use it.
-
-    Raises:
-        UseCaseError: it cannot be written.
-    """
-    write_file(path, write_plan(plan))
+def write_and_advise(session: Session, path: str, plan: Plan) -> None:
+    """Write the sealed plan and say how to use it."""
+    write_plan_file(path, plan)
     advice = f" Apply it with: rarms apply {path}" if plan.has_changes else ""
     session.terminal.talk(f"Wrote the plan to {path}.{advice}")
 
@@ -152,5 +147,5 @@ def code_of(session: Session, ending: RunEnding) -> ExitCode:
 
 def _write_only(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:
     show_plan(session, plan, sources, as_json=as_json)
-    write_plan_file(session, out, plan)
+    write_and_advise(session, out, plan)
     return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

@@ -17,13 +17,13 @@ def searched(each: int) -> list[Result]:
 
 def test_answers_are_certified_and_right_with_fewer_settings_than_halving() -> None:
     found = searched(examples(2))
-    ours = [one for one in found if one.strategy == DEFAULT]
-    halved = [one for one in found if one.strategy == HALVED]
+    guided = [result for result in found if result.strategy == DEFAULT]
+    halved = [result for result in found if result.strategy == HALVED]
 
-    assert all(one.certified for one in ours if one.found)
-    assert sum(not one.right for one in ours) <= 0.03 * len(ours) + 1
-    assert fmean(one.settings for one in ours) < fmean(one.settings for one in halved) - 1.5
-    assert fmean(one.samples for one in ours) < 1.1 * fmean(one.samples for one in halved)
+    assert all(result.certified for result in guided if result.found)
+    assert sum(not result.right for result in guided) <= 0.03 * len(guided) + 1
+    assert fmean(result.settings for result in guided) < fmean(result.settings for result in halved) - 1.5
+    assert fmean(result.samples for result in guided) < 1.1 * fmean(result.samples for result in halved)
 
 
 def test_every_shape_has_a_least_reservation_and_never_rises() -> None:
@@ -38,7 +38,7 @@ def test_the_figures_name_their_goals() -> None:
     found = [
         result for seed in (0, 10) for shape in SHAPES[:2] + SHAPES[5:6] for result in results((shape, seed, 0.01))
     ]
-    filled = [*found, *(_as(one, shape) for shape in SHAPES for one in found[:3])]
+    filled = [*found, *(_as(result, shape) for shape in SHAPES for result in found[:3])]
 
     text = table(figures(filled))
 

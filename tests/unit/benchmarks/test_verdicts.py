@@ -94,8 +94,8 @@ def test_a_series_without_a_steady_state_is_named_and_gets_no_verdict(shape: str
     tries = examples(20)
     found = [judge(series_of(unsteady(shape, seed)), APT, RUN) for seed in range(tries)]
 
-    named = sum(isinstance(one, Unsteady) for one in found)
-    verdicts = sum(isinstance(one, Met | Missed) for one in found)
+    named = sum(isinstance(verdict, Unsteady) for verdict in found)
+    verdicts = sum(isinstance(verdict, Met | Missed) for verdict in found)
     assert named >= 0.95 * tries - 1
     assert verdicts <= 0.01 * tries + 1
 
