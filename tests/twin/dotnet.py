@@ -318,7 +318,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
     ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{byte:02X}" for byte in bytes(data)),
     ("array", "sort"): _sort,
-    ("collections.hashtable", "new"): lambda scope, comparer: Table(ordinal=True),
+    ("hashtable", "new"): lambda scope, *given: Table(*(one.items() for one in given[:-1]), ordinal=True),
     ("string", "equals"): _equals,
     ("security.principal.windowsidentity", "getcurrent"): _identity,
     ("security.principal.windowsprincipal", "new"): lambda scope, identity: Principal(scope),

@@ -99,8 +99,8 @@ _ONLY_READING_TYPES = words(
 )
 _CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
     """
-    scriptblock
-    Array DateTime System.BitConverter System.Collections.Hashtable System.Collections.IDictionary
+    hashtable scriptblock
+    Array DateTime System.BitConverter System.Collections.IDictionary
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.Security.Cryptography.SHA256 System.StringComparer System.StringComparison System.Text.Encoding
     System.Threading.AbandonedMutexException System.Threading.Mutex System.UnauthorizedAccessException

@@ -4,7 +4,7 @@
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
-$script:Machines = @{}          # by partition: the id of the machine that answered to it
+$script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of the machine that answered to it
 
 function Read-Partition {
     # What the host shows of the wanted names: one call for the machine, and one for each kind of its settings.

@@ -7,8 +7,7 @@ $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
-    # Ordinal: names of values are anybody's, and 5.1 compares other tables' keys by culture.
-    $live = [System.Collections.Hashtable]::new([System.StringComparer]::Ordinal)
+    $live = [hashtable]::new($script:Ordinal)
     $live['exists'] = $false
     foreach ($name in @('values', 'record', 'set')) { $live[$name] = '' }
     $live['empty'] = Test-EmptyKey -Task $Task

@@ -26,7 +26,7 @@ function Save-TaskRecord {
         $path = Get-RecordPath -Task $Task -Application $Application
         $before = [string] (Get-Item -LiteralPath $path).GetValue('before')
     } elseif ($live['exists']) {
-        $values = [ordered] @{}
+        $values = [hashtable]::new($script:Ordinal)
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
             $kind, $data = $live['value:' + $name.ToLowerInvariant()] -split ':', 2
             if ($kind -cne 'sz') { $data = [long] $data }

@@ -1,11 +1,15 @@
 """Scripts mean the same in every culture: to a Turkish one I and i are two letters, also in 5.1's keys of tables."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from rarms_iac.powershell.templates import PARTS, part_text, read, runtime
 from rarms_iac.powershell.tokens import TokenKind, tokens
+from tests.twin.cell import apply, undo
+from tests.twin.cells import fresh
+from tests.twin.observing import PROFILE
 from tests.twin.values import Table, Unsupported
 
 TEXTS = {
@@ -39,6 +43,32 @@ def test_no_number_is_shaped_by_the_culture(name: str) -> None:
 
     assert set(holes) <= {"", ":x4"}
     assert "ToString()" not in TEXTS[name]
+
+
+@pytest.mark.parametrize("name", ["runtime", *(f"part {name}" for name in PARTS)])
+def test_every_table_that_is_filled_as_a_script_runs_tells_its_keys_apart_by_their_characters(name: str) -> None:
+    """A table that is written out has words of ours as keys; all others are given `$script:Ordinal`."""
+    text = TEXTS[name]
+
+    assert re.findall(r"^.*@\{ *\}.*$", text, flags=re.MULTILINE) == []
+    made = re.findall(r"(?i)\[[a-z.]*(?:hashtable|dictionary)\]::new\(.*?\)", text)
+    assert [one for one in made if not one.endswith("$script:Ordinal)")] == []
+    tables = re.findall(r"@\{([^{}]+)\}", text)
+    keys = [entry.split("=")[0].strip() for table in tables for entry in re.split(r"[;\n]", table) if "=" in entry]
+    assert [key for key in keys if not re.fullmatch("[A-Za-z_]+", key)] == []
+
+
+def test_names_that_a_culture_takes_for_one_stay_two_while_a_script_runs() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    assert apply(host, prepared.plan).code == 0
+    task = host.add_key(f"{PROFILE}\\Tasks\\Localization").values
+    task["pri\u00adority"] = replace(task["priority"], name="Pri\u00adority")
+
+    ran = undo(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert "changed since the plan: values" in ran.says
 
 
 @pytest.mark.parametrize("other", ["value:SFIO", "value:sf\u00adio"])
