@@ -37,8 +37,9 @@ generated: $(TESTS) ## Write what is made from the code: schemas, references, th
 figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers beside them
 	@scripts/figures
 
-pictures: $(RUNS) ## The tutorial's pictures of a terminal, from its commands
+pictures: $(RUNS) ## The tutorial's pictures of a terminal, and that of a pull request's comment
 	@$(VENV)/bin/python -m scripts.pictures
+	@$(VENV)/bin/python -m scripts.comment_picture
 
 docs: $(TESTS) ## The rendered documentation, in .cache/site; fails at links that lead nowhere
 	@$(VENV)/bin/zensical build --strict

@@ -161,7 +161,7 @@ def _risks(review: PlanReview) -> Iterator[str]:
     yield "#### Risk\n\n" + "\n".join(_fitting(lines, _RISKS, "more"))
     if len(review.headrooms) > 1:
         rows = [f"- {_headroom(headroom)}" for headroom in review.headrooms]
-        yield _folded(f"Headroom of all {len(rows)} APTs", _fitting(rows, _LOGS, "more"))
+        yield _folded(f"Headroom of each APT ({len(rows)})", _fitting(rows, _LOGS, "more"))
     yield "#### Taking it back\n\n" + "\n".join(_fitting(list(_undo(plan)), _LOGS, "more"))
 
 
@@ -210,7 +210,7 @@ def _headroom(headroom: AptHeadroom) -> str:
     share = "unbounded" if headroom.share == float("inf") else f"{100 * headroom.share:.0f} %"
     return (
         f"{headroom.index} of {_text(headroom.component)} must be {_text(show_threshold(index, headroom.threshold))}; "
-        f"measured, it is {_text(show_value(index, headroom.expected))} at worst: {share} of the threshold to spare"
+        f"measured, it is {_text(show_value(index, headroom.expected))} at worst: {share} of the threshold to spare."
     )
 
 
