@@ -44,7 +44,7 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
 
 def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
-    with TerminalReporter(session) as reporter:
+    with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
         report = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts)
     if report is not None and report.ending is RunEnding.DONE:
         session.terminal.tell("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
@@ -99,7 +99,7 @@ def stop_or_start(
 
 def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:
     """Do what the plan says; the first signal stops after the running step."""
-    with TerminalReporter(session) as reporter:
+    with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
         return apply(plan, folder=folder, waits=how.waits, reporter=reporter, stop=session.interrupts)
 
 

@@ -52,8 +52,9 @@ def write_outputs(
 class TerminalReporter:
     """What a use case tells while it works, for a person at a terminal; progress ends with the `with` block."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, *, steps_as_json: bool = False) -> None:
         self._terminal = session.terminal
+        self._steps_as_json = steps_as_json and not session.answer_follows
         self._progress = ExitStack()
 
     def __enter__(self) -> Self:
@@ -68,10 +69,12 @@ class TerminalReporter:
 
     @cached_property
     def steps(self) -> "RunReporter":
-        """Steps of a run, a line a partition, updated in place."""
-        from rarms_iac.views.run import RunProgress
+        """Steps of a run, a line a partition, updated in place; for programs a line a step, as data."""
+        from rarms_iac.views.run import RunProgress, StepLines
 
         terminal = self._terminal
+        if self._steps_as_json:
+            return StepLines(terminal.data_now)
         live = terminal.live() if terminal.lively else None
         return self._progress.enter_context(RunProgress(terminal.status, time.monotonic, live))
 

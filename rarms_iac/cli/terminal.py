@@ -60,6 +60,11 @@ class Terminal:
         self.answered = True
         self.out = write_text(self.out, text)
 
+    def data_now(self, text: str) -> None:
+        """Write a part of what was asked for, to be read before the rest is there."""
+        self.data(text)
+        self.out = flush_stream(self.out)
+
     def exactly(self, text: str) -> None:
         """Write ASCII text with its own line ends, also where the system would change them."""
         self.out = flush_stream(self.out)

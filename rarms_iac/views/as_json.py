@@ -14,6 +14,11 @@ def as_json(output: "Output") -> str:
     return json.dumps(_encodable(encode(output)), indent=2) + "\n"
 
 
+def as_json_line(output: "Output") -> str:
+    """The same on one line, where several follow each other."""
+    return json.dumps(_encodable(encode(output))) + "\n"
+
+
 def _encodable(value: Json) -> Json:
     """The value without lone surrogates: strict parsers refuse their escapes."""
     match value:

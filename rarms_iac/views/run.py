@@ -10,17 +10,24 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.applying.refusals import UNDO_PARTIAL
-from rarms_iac.applying.run_report import NO_COMPONENTS, HostReport, ReportedStep, RunEnding, RunReport
+from rarms_iac.applying.run_report import (
+    NO_COMPONENTS,
+    HostReport,
+    ReportedStep,
+    RunEnding,
+    RunReport,
+    SilentRunReporter,
+)
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
-from rarms_iac.views.as_json import as_json
+from rarms_iac.views.as_json import as_json_line
 from rarms_iac.views.changes import count, members_of, reserved_after
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput
+from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput, StepEndedOutput
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -246,9 +253,31 @@ def _resources(part: HostPlan) -> str:
     return ", ".join(parts)
 
 
+class StepLines(SilentRunReporter):
+    """A `RunReporter` for programs: a line of JSON for each step that ended."""
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
+
+    def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
+        """Write it at once."""
+        self._write(
+            as_json_line(
+                StepEndedOutput(
+                    host=host,
+                    number=number,
+                    total=total,
+                    address=str(step.address),
+                    title=step.title,
+                    status="unchanged" if status is StepStatus.UNCHANGED else "changed",
+                )
+            )
+        )
+
+
 def run_json(report: RunReport) -> str:
-    """The same for programs."""
-    return as_json(
+    """The same for programs: the last line, after those of the steps."""
+    return as_json_line(
         RunOutput(
             ending=report.ending.value,
             hosts=tuple(map(_host_output, report.hosts)),

@@ -30,7 +30,7 @@ def command(
     applies = last_applies(select_hosts(load_manifest(source), host_selection))
     if not how.auto_approve and any(last.can_be_undone for last in applies):
         _show_and_ask(session, applies)
-    with TerminalReporter(session) as reporter:
+    with TerminalReporter(session, steps_as_json=as_json) as reporter:
         report = undo_applies(applies, waits=how.waits, reporter=reporter, stop=session.interrupts)
     return report_end(session, report, as_json=as_json)
 

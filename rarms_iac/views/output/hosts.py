@@ -108,8 +108,22 @@ class HostRunOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StepEndedOutput:
+    """`rarms apply`, `undo`: a step that ended, on a line of its own as soon as it did."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["step"] = "step"
+    host: str
+    number: int  # from 1
+    total: int
+    address: str
+    title: str
+    status: Literal["changed", "unchanged"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutput:
-    """`rarms apply`, `undo`: how a run ended."""
+    """`rarms apply`, `undo`: how a run ended; the last line, after those of its steps."""
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["run"] = "run"

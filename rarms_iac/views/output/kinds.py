@@ -14,6 +14,7 @@ from rarms_iac.views.output.hosts import (
     HistoryOutput,
     RunOutput,
     StatusOutput,
+    StepEndedOutput,
 )
 from rarms_iac.views.output.measuring import (
     ComponentExplanationOutput,
@@ -27,6 +28,7 @@ from rarms_iac.views.output.plan import PlanOutput, ScriptDifferenceOutput, Scri
 Output = (
     PlanOutput
     | RunOutput
+    | StepEndedOutput
     | ComponentRunOutput
     | DriftOutput
     | DoctorOutput
