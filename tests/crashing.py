@@ -52,6 +52,7 @@ class CrashingDisk:
         self.when = when
         self.end = end
         self.effects: list[str] = []
+        self._busy = False
         self._real = disk.RealFileEffects()
 
     def make_folder(self, folder: Path) -> None:
@@ -82,14 +83,23 @@ class CrashingDisk:
     def remove(self, path: Path) -> None:
         self._effect(f"remove {path.name}", lambda: self._real.remove(path))
 
+    def meet(self, name: str) -> None:
+        """Count something that happens outside of this disk, and is not part of an effect, as an effect of it."""
+        if not self._busy:
+            self._effect(name, _nothing)
+
     def _effect(self, name: str, do: Callable[[], None], half: Callable[[], None] = _nothing) -> None:
         self.effects.append(name)
-        if len(self.effects) != self.at:
-            do()
-            return
-        if self.when is not When.BEFORE:
-            (half if self.when is When.HALF else do)()
-        self.end()
+        self._busy = True
+        try:
+            if len(self.effects) != self.at:
+                do()
+                return
+            if self.when is not When.BEFORE:
+                (half if self.when is When.HALF else do)()
+            self.end()
+        finally:
+            self._busy = False
 
 
 def run_command(at: int, when: When, arguments: list[str]) -> int:

@@ -1,18 +1,21 @@
 """Disturbs a command at one of its effects on files, repeats it, and tells what is there in the end.
 
 A disturbance is a kill (before, half-way through or after the effect; a process of its own, ended by SIGKILL), a disk
-that is full, a disk that fails, or a write that stops half-way. `end_of` runs a command undisturbed, `end_after` runs
-it disturbed and then as often as its user would.
+that is full, a disk that fails, or a write that stops half-way. Disturbed are the effects of `storage.disk` (making,
+writing, flushing, renaming, removing), and every opening of a file of the folder, for reading and as a lock. `end_of`
+runs a command undisturbed, `end_after` runs it disturbed and then as often as its user would.
 """
 
 import errno
 import json
 import os
 import signal
-from collections.abc import Mapping, Sequence
-from contextlib import chdir, suppress
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import chdir, contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -45,6 +48,50 @@ ERRORS = {
 }
 
 
+WRITES = frozenset({"write", "append"})
+
+
+def disturbances_of(effect: str) -> Sequence[Disturbance]:
+    """The disturbances that an effect can meet, each of which leaves something else behind."""
+    verb = effect.partition(" ")[0]
+    if verb in WRITES:
+        return list(Disturbance)
+    if verb == OPEN:
+        return [Disturbance.KILLED_BEFORE, Disturbance.DISK_FAILED]
+    return [Disturbance.KILLED_AFTER, Disturbance.DISK_FULL, Disturbance.DISK_FAILED]
+
+
+OPEN = "open"
+_watched: list[tuple[CrashingDisk, Path]] = []
+"""The disk whose effects openings are now, and the folder whose files count; at most one."""
+
+
+@cache
+def _watch_openings() -> None:
+    """Have openings counted from now on; Python cannot take such a hook back, so it does nothing when nobody asks."""
+
+    def hear(event: str, arguments: tuple[Any, ...]) -> None:
+        if event != OPEN or not _watched or not isinstance(arguments[0], str | Path):
+            return
+        disk_in_use, folder = _watched[-1]
+        path = Path(arguments[0]).absolute()
+        if path.is_relative_to(folder) and not path.is_dir():
+            disk_in_use.meet(f"{OPEN} {path.name}")
+
+    sys.addaudithook(hear)
+
+
+@contextmanager
+def _disturbing(folder: Path, disk_in_use: CrashingDisk) -> Iterator[None]:
+    _watch_openings()
+    _watched.append((disk_in_use, folder.absolute()))
+    try:
+        with disk.use(disk_in_use):
+            yield
+    finally:
+        _watched.pop()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class End:
     """What a user has when all is over: the host, what was measured, the manifest, and every other file's name."""
@@ -56,22 +103,17 @@ class End:
     files: frozenset[str]
 
 
-def end_of(folder: Path, words: Sequence[str]) -> tuple[End, int]:
-    """Run a command undisturbed; what is there afterwards, and how many effects on files it had."""
+def end_of(folder: Path, words: Sequence[str]) -> tuple[End, Sequence[str]]:
+    """Run a command undisturbed; what is there afterwards, and the effects on files that it had."""
     counting = CrashingDisk(0)
-    with disk.use(counting):
+    with _disturbing(folder, counting):
         code = _run(folder, words)
-    return _look(folder, code), len(counting.effects)
+    return _look(folder, code), counting.effects
 
 
 def end_after(folder: Path, words: Sequence[str], at: int, disturbance: Disturbance, wanted: End) -> End:
     """Run a command disturbed at the effect of this number, then again until it is as `wanted` or the user gives up."""
-    if disturbance in KILLS:
-        _run_killed(folder, words, at, KILLS[disturbance])
-    else:
-        when, number = ERRORS[disturbance]
-        with disk.use(CrashingDisk(at, when, lambda: _fail(number))):
-            _run(folder, words)
+    disturb(folder, words, at, disturbance)
     found = None
     for _ in range(ATTEMPTS):
         with disk.use(CrashingDisk(0)):  # without flushes, which take long
@@ -80,6 +122,16 @@ def end_after(folder: Path, words: Sequence[str], at: int, disturbance: Disturba
             break
     assert found is not None
     return found
+
+
+def disturb(folder: Path, words: Sequence[str], at: int, disturbance: Disturbance) -> None:
+    """Run a command disturbed at the effect of this number, from 1."""
+    if disturbance in KILLS:
+        _run_killed(folder, words, at, KILLS[disturbance])
+    else:
+        when, number = ERRORS[disturbance]
+        with _disturbing(folder, CrashingDisk(at, when, lambda: _fail(number))):
+            _run(folder, words)
 
 
 def _fail(number: int) -> NoReturn:
@@ -97,7 +149,7 @@ def _run_killed(folder: Path, words: Sequence[str], at: int, when: When) -> None
     """In a process of its own: SIGKILL lets nothing clean up, and gives back every lock."""
     child = os.fork()
     if not child:
-        with suppress(BaseException), disk.use(CrashingDisk(at, when, _kill_this_process)):
+        with suppress(BaseException), _disturbing(folder, CrashingDisk(at, when, _kill_this_process)):
             _run(folder, words)
         os._exit(0)
     os.waitpid(child, 0)

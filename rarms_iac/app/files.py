@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.errors import Outcome, UseCaseError, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
-from rarms_iac.storage.replace import replace
+from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
 
 if TYPE_CHECKING:
     from rarms_iac.model.plan import Plan
@@ -55,6 +55,7 @@ def write_file(path: str, data: bytes) -> None:
             target.write_bytes(data)  # NOTE: a device or pipe must never be replaced by a file; a folder says no
             return
         replace(target, data)
+        remove_leftovers_of_ended(target)
         if before is not None:
             target.chmod(stat.S_IMODE(before.st_mode))
     except (OSError, ValueError) as error:

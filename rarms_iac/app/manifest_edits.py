@@ -1,7 +1,7 @@
 """What use cases write into the manifest, comments kept: a level of performance, and partitions of compounds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import Manifest
@@ -16,10 +16,19 @@ from rarms_iac.storage.reading import read_file
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionEdits:
-    """What was changed."""
+    """What is to be changed in the files of a manifest."""
 
-    files: tuple[str, ...]
-    removed: tuple[str, ...]  # entries of partitions whose members are elsewhere now
+    texts: Mapping[str, str] = field(default_factory=dict)  # the new text of each file that changes, by its path
+    removed: tuple[str, ...] = ()  # entries of partitions whose members are elsewhere now
+
+    def write(self) -> None:
+        """Write the files.
+
+        Raises:
+            UseCaseError: One cannot be written (failed).
+        """
+        for file, text in self.texts.items():
+            write_file(file, text.encode("utf-8"))
 
 
 def write_level(manifest: Manifest, component: Component, index: PerformanceIndex, level: str) -> str:
@@ -70,13 +79,13 @@ def write_processors(manifest: Manifest, component: str, processors: int) -> str
     return file
 
 
-def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
-    """Write each compound as a partition of its name; entries of partitions that are left without members go.
+def edit_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
+    """Make each compound a partition of its name; entries of partitions that are left without members go.
 
     What comments said of these stands above the entry of the compound that has their members.
 
     Args:
-        manifest: Its files are written.
+        manifest: Its files are read; nothing is written yet.
         compounds: Those that are new.
 
     Returns:
@@ -84,7 +93,6 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionE
 
     Raises:
         CannotFormat: The text is no manifest.
-        UseCaseError: A file cannot be written (failed).
     """
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
@@ -97,10 +105,8 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionE
     for name, heir in removed.items():
         file = manifest.places.key("partitions", name).file
         texts[file] = remove_value(_text(texts, before, file), ("partitions", name), ("partitions", heir))
-    changed = [file for file in sorted(texts) if texts[file] != before[file]]
-    for file in changed:
-        write_file(file, texts[file].encode("utf-8"))
-    return PartitionEdits(files=tuple(changed), removed=tuple(removed))
+    changed = {file: text for file, text in sorted(texts.items()) if text != before[file]}
+    return PartitionEdits(texts=changed, removed=tuple(removed))
 
 
 def _emptied_partitions(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:

@@ -8,7 +8,7 @@ from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.manifest_edits import PartitionEdits, write_partitions
+from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import hold_benches, record_reservations
 from rarms_iac.app.measurement_files import now
@@ -89,25 +89,28 @@ def tune_components(
     """
     rest = PartitionRest(hosts=hosts, reporter=reporter, consents=stop_consents, command="tune")
     end = _search_held(hosts, request, rest, stop, planner_reporter or SilentReporter(), consent or Always())
-    edits = PartitionEdits(files=(), removed=())
+    edits = PartitionEdits()
     is_wanted = bool(end.compounds) and not request.dry_run
     if is_wanted and (confirms is None or confirms(_result(hosts, end, request, edits))):
-        edits = write_partitions(hosts.manifest, end.compounds)
+        edits = edit_partitions(hosts.manifest, end.compounds)
+    # NOTE: the manifest is written when the run is recorded, and what follows from it is always recorded: killed in
+    # between, the same command finds the manifest as tuned, has nothing to do, and could not tell the run any more.
+    record_tuning(hosts, end.subject.bench.platform, tuning_run(end, request.strategy, written=bool(edits.texts)))
+    edits.write()
+    if not request.dry_run:
         record_reservations(hosts)
-    result = _result(hosts, end, request, edits)
-    record_tuning(hosts, result.platform, result.run)
-    return result
+    return _result(hosts, end, request, edits)
 
 
 def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: PartitionEdits) -> TuningResult:
-    findings = (*tuning_findings(end, hosts.manifest.places), *(_still_too_much(hosts, end) if edits.files else ()))
+    findings = (*tuning_findings(end, hosts.manifest.places), *(_still_too_much(hosts, end) if edits.texts else ()))
     return TuningResult(
         platform=end.subject.bench.platform,
         hosts=tuple(sorted(hosts.chosen)),
-        run=tuning_run(end, request.strategy, written=bool(edits.files)),
+        run=tuning_run(end, request.strategy, written=bool(edits.texts)),
         findings=findings,
         removed=edits.removed,
-        files=edits.files,
+        files=tuple(edits.texts),
     )
 
 

@@ -1,8 +1,10 @@
 """The first of the two writers: a whole file at once, for state, plans and snapshots."""
 
 import os
+import sys
 import threading
 from contextlib import suppress
+from glob import escape
 from pathlib import Path
 
 from rarms_iac.storage import disk
@@ -41,5 +43,35 @@ def remove_leftovers(path: Path) -> None:
     Args:
         path: of the file, which stays.
     """
-    for leftover in sorted(path.parent.glob(f".{path.name}.*.new")):
+    for leftover in _leftovers(path):
         disk.current().remove(leftover)
+
+
+def remove_leftovers_of_ended(path: Path) -> None:
+    """Remove what killed writers left beside a file that needs no lock: that of processes that are no longer there.
+
+    On Windows nothing is removed, since there nobody can ask for a process by its number without ending it.
+
+    Args:
+        path: of the file, which stays.
+    """
+    if sys.platform == "win32":
+        return
+    for leftover in _leftovers(path):
+        process = leftover.name.removeprefix(f".{path.name}.").partition("-")[0]
+        if process.isdecimal() and not _is_alive(int(process)):
+            disk.current().remove(leftover)
+
+
+def _leftovers(path: Path) -> list[Path]:
+    return sorted(path.parent.glob(f".{escape(path.name)}.*.new"))
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True

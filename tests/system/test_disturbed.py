@@ -1,10 +1,10 @@
 """Every command that changes something, disturbed at its effects on files: repeated, it ends as if undisturbed.
 
-A usual run takes some of the points of each command; `make test-long` takes all of them, more than a thousand.
+A usual run takes some of the points of each command; `make test-long` takes all of most, and more than two thousand.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ import pytest
 from rarms_iac.providers.simulated import run
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
-from tests.disturbing import Disturbance, End, end_after, end_of
+from tests.disturbing import Disturbance, End, disturb, disturbances_of, end_after, end_of
 from tests.effort import LONG
 from tests.files import copy_files
 from tests.measured_cell import MANIFEST
@@ -22,8 +22,8 @@ from tests.unit.cli.running import rarms
 
 pytestmark = pytest.mark.needs("posix")
 
-POINTS = 24
-"""Points of a command in a usual run, evenly over its effects; the disturbances take turns."""
+POINTS = 300 if LONG else 20
+"""The most points of a command, evenly over all of its."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +32,7 @@ class Scenario:
 
     words: tuple[str, ...]
     before: tuple[tuple[str, ...], ...] = ()
+    killed_at: float = 0.0  # its first run was killed there: a share of its effects; 0: there was none
 
 
 FIXED = MANIFEST.replace("reserve: measured", "reserve: 30 %")
@@ -39,6 +40,7 @@ APPLY = ("apply", "--auto-approve")
 MEASURE = ("measure", "--samples", "60")
 SCENARIOS = {
     "apply": Scenario(words=APPLY),
+    "resume": Scenario(words=APPLY, killed_at=0.6),
     "undo": Scenario(words=("undo", "--auto-approve"), before=(APPLY,)),
     "destroy": Scenario(words=("destroy", "--auto-approve"), before=(APPLY,)),
     "release": Scenario(words=("release", "vision", "--auto-approve"), before=(APPLY,)),
@@ -59,7 +61,11 @@ def prepare(folder: Path, scenario: Scenario) -> tuple[str, ...]:
     with chdir(folder), disk.use(CrashingDisk(0)):
         for words in scenario.before:
             assert rarms(*words).code == 0, words
-    return tuple(id_of(folder, "vision") if word == "ID" else word for word in scenario.words)
+    command = tuple(id_of(folder, "vision") if word == "ID" else word for word in scenario.words)
+    if scenario.killed_at:
+        _, effects = end_of(copy_files(folder, folder.with_name("whole")), command)
+        disturb(folder, command, round(scenario.killed_at * len(effects)), Disturbance.KILLED_AFTER)
+    return command
 
 
 def id_of(folder: Path, name: str) -> str:
@@ -68,35 +74,38 @@ def id_of(folder: Path, name: str) -> str:
     return next(str(machine["id"]) for machine in content["machines"].values() if machine["settings"]["name"] == name)
 
 
-def points(effects: int) -> list[tuple[int, Disturbance]]:
+def all_points(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
+    """Every effect with every disturbance that it can meet."""
+    return [(at, kind) for at, effect in enumerate(effects, 1) for kind in disturbances_of(effect)]
+
+
+def points(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
     """Which effects are disturbed, and how."""
-    kinds = list(Disturbance)
-    if LONG:
-        return [(at, kind) for at in range(1, effects + 1) for kind in kinds]
-    chosen = sorted({1 + number * (effects - 1) // (POINTS - 1) for number in range(POINTS)})
-    return [(at, kinds[number % len(kinds)]) for number, at in enumerate(chosen)]
+    every = all_points(effects)
+    chosen = {number * (len(every) - 1) // (POINTS - 1) for number in range(POINTS)}
+    return [every[number] for number in sorted(chosen)]
 
 
-def half_way(effects: int) -> list[tuple[int, Disturbance]]:
-    """Every effect, killed half-way through it."""
-    return [(at, Disturbance.KILLED_HALF_WAY) for at in range(1, effects + 1)]
+def half_way(effects: Sequence[str]) -> list[tuple[int, Disturbance]]:
+    """Every write, killed half-way through it."""
+    return [(at, kind) for at, kind in all_points(effects) if kind is Disturbance.KILLED_HALF_WAY]
 
 
 def bad_ends(
-    tmp_path: Path, name: str, choose: Callable[[int], list[tuple[int, Disturbance]]] = points
-) -> list[tuple[int, Disturbance, list[str]]]:
+    tmp_path: Path, name: str, choose: Callable[[Sequence[str]], list[tuple[int, Disturbance]]] = points
+) -> list[tuple[str, Disturbance, list[str]]]:
     """The points at which the disturbed command does not end as the undisturbed one."""
     start, work = tmp_path / "start", tmp_path / "cell"
     words = prepare(start, SCENARIOS[name])
     wanted, effects = end_of(copy_files(start, work), words)
     assert wanted.code == 0
-    assert effects >= 10
+    assert len(effects) >= 10
     bad = []
     for at, kind in choose(effects):
         clear(work)
         found = end_after(copy_files(start, work), words, at, kind, wanted)
         if found != wanted:
-            bad.append((at, kind, differences(found, wanted)))
+            bad.append((f"{at}: {effects[at - 1]}", kind, differences(found, wanted)))
     return bad
 
 

@@ -1,9 +1,10 @@
 """Compounds written into `partitions`: comments kept, entries of emptied partitions gone, in the file that says it."""
 
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.app.manifest_edits import PartitionEdits, write_partitions
+from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.planner.combining.oracle import Coi
@@ -49,6 +50,12 @@ def write(folder: Path, text: str, name: str = "rarms.yaml") -> None:
     (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
+def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
+    edits = edit_partitions(manifest, compounds)
+    edits.write()
+    return edits
+
+
 def test_a_section_is_made_where_there_is_none(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     done = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
@@ -63,7 +70,8 @@ def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path:
     write(tmp_path, MANIFEST + PARTITIONS)
     done = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
 
-    assert done == PartitionEdits(files=(done.files[0],), removed=("video",))
+    assert list(done.texts) == [str(tmp_path / "rarms.yaml")]
+    assert done.removed == ("video",)
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
     assert text.endswith(
         "partitions: # by hand\n  front: # the camera's\n    components: [vision, video]\n    start: manual\n"
@@ -106,4 +114,4 @@ def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
 
 def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
-    assert write_partitions(manifest(tmp_path), []) == PartitionEdits(files=(), removed=())
+    assert write_partitions(manifest(tmp_path), []) == PartitionEdits()

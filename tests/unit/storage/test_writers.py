@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +14,7 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_last, read_records
 from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.lock import hold
-from rarms_iac.storage.replace import remove_leftovers, replace
+from rarms_iac.storage.replace import remove_leftovers, remove_leftovers_of_ended, replace
 from tests.crashing import Crash, CrashingDisk, When
 
 
@@ -43,6 +45,20 @@ def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Pat
     assert path.read_bytes() == (b"new content" if (at, when) == (3, When.AFTER) or at == 4 else b"old content")
     remove_leftovers(path)
     assert [file.name for file in tmp_path.iterdir()] == ["state.json"]
+
+
+@pytest.mark.needs("posix")
+def test_what_a_writer_that_ended_left_goes_and_what_another_is_writing_stays(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    path = tmp_path / "rarms[7].yaml"
+    names = {number: f".{path.name}.{number}-1.new" for number in (ended.pid, os.getppid())}
+    for name in names.values():
+        (tmp_path / name).touch()
+
+    remove_leftovers_of_ended(path)
+
+    assert [file.name for file in tmp_path.iterdir()] == [names[os.getppid()]]
 
 
 def test_a_reader_that_has_the_file_open_delays_a_replace_and_does_not_break_it(tmp_path: Path) -> None:
