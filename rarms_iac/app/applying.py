@@ -7,8 +7,9 @@ from pathlib import Path
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import folder_of
-from rarms_iac.app.hosts import hold_hosts, run_origin
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.hosts import Hosts, hold_hosts, run_origin, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
@@ -109,18 +110,29 @@ def abandon_runs(hosts: Sequence[LiveHost], *, waits: WaitLimits = NO_WAITING) -
         return {host.name: abandon(host, waits) for host in hosts}
 
 
-def hosts_left_unfinished(source: ManifestSource) -> tuple[LiveHost, ...]:
-    """Find the simulated hosts beside a manifest whose last run did not end.
-
-    The manifest itself may have errors by now.
+def hosts_to_apply(source: ManifestSource, selection: HostSelection) -> Hosts | tuple[LiveHost, ...]:
+    """Find where something is to be done: what was begun is finished also where the manifest has errors by now.
 
     Args:
-        source: names the manifest, whose folder is searched.
+        source: the manifest, whose folder is searched where it has errors.
+        selection: which of its hosts are meant.
 
     Returns:
-        The hosts, in the order of their files.
+        The manifest's hosts; or, where it has errors, the simulated hosts beside it whose last run did not end, in the
+            order of their files.
+
+    Raises:
+        RequestError: a name is not in the manifest.
+        UseCaseError: the manifest has errors (negative), and nothing is unfinished; or a snapshot cannot be read
+            (failed).
     """
-    return unfinished_beside(folder_of(source.manifest))
+    try:
+        manifest = load_manifest(source)
+    except UseCaseError:
+        if unfinished := unfinished_beside(folder_of(source.manifest)):
+            return unfinished
+        raise
+    return select_hosts(manifest, selection)
 
 
 def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.experiment_run import run_experiment
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.measure import run_experiment
 from rarms_iac.app.resting import PartitionRest
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE

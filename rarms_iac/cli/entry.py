@@ -12,8 +12,8 @@ from rarms_iac.cli.codes import CODES, ExitCode
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.interrupts import Interrupted, Interrupts, confirm_signal
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.terminal import Terminal, this_terminal
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.views.terminal import Terminal, this_terminal
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

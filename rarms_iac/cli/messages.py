@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Self
 from rarms_iac.app.files import write_file
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
 from rarms_iac.views.finding_forms import OutputFormat, OutputTarget
 from rarms_iac.views.findings import findings_text
+from rarms_iac.views.terminal import Terminal
 
 if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
     from rich.console import RenderableType

@@ -11,7 +11,7 @@ from rarms_iac.app.errors import RequestError
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupts
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.cli.terminal import Terminal
+from rarms_iac.views.terminal import Terminal
 
 P = ParamSpec("P")
 

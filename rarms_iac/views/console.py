@@ -1,6 +1,6 @@
 """The pieces that every text for a person is made of, and `render`, which lets rich lay them out.
 
-A view's `..._text` function takes values and returns a renderable: pieces of this module, stacked. `cli.terminal` knows
+A view's `..._text` function takes values and returns a renderable: pieces of this module, stacked. `terminal` knows
 the width and the colours of the stream and renders it there; a test renders it with `render` at 80 columns. What a
 program reads (JSON, SARIF, JUnit, GitHub annotations, scripts) is plain `str` and does not come here: rich takes about
 70 ms to import, so it is imported inside these functions, and only there.

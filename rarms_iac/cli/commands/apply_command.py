@@ -7,16 +7,15 @@ from rarms_iac.app.applying import (
     abandon_runs,
     combine_reports,
     describe_changed_manifest,
-    hosts_left_unfinished,
+    hosts_to_apply,
     manifest_of,
 )
-from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
-from rarms_iac.applying.run_report import RunEnding
+from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.applying import finish_first, plan_ask_apply, report_end, run
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import change_options, host_options, json_option, manifest_options, run_options
@@ -66,14 +65,15 @@ def command(
         return _then_prove(session, manifest_source, planned, how, code, as_json=as_json)
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
-    hosts = _hosts(source, host_selection)
-    if isinstance(hosts, UseCaseError):
-        return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
-    if not abandoning:
-        code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how, as_json=as_json)
-        return _then_prove(session, source, host_selection, how, code, as_json=as_json) if proving else code
-    live = tuple(hosts.open(name) for name in hosts.chosen)
-    return _abandon(session, live, how, as_json=as_json)
+    hosts = hosts_to_apply(source, host_selection)
+    live = tuple(hosts.open(name) for name in hosts.chosen) if isinstance(hosts, Hosts) else hosts
+    if abandoning:
+        return _abandon(session, live, how, as_json=as_json)
+    if not isinstance(hosts, Hosts):
+        finished = finish_first(session, live, how) or RunReport(ending=RunEnding.NOTHING)
+        return report_end(session, finished, as_json=as_json)
+    code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how, as_json=as_json)
+    return _then_prove(session, source, host_selection, how, code, as_json=as_json) if proving else code
 
 
 def _then_prove(
@@ -103,40 +103,12 @@ def _refuse_beside_a_plan(option: object) -> None:
         )
 
 
-def _hosts(source: ManifestSource, host_selection: HostSelection) -> Hosts | UseCaseError:
-    """The hosts of the manifest, or why it does not tell them."""
-    try:
-        manifest = load_manifest(source)
-    except UseCaseError as halted:
-        return halted
-    return select_hosts(manifest, host_selection)
-
-
 def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
     reports = abandon_runs(live, waits=how.waits)
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
             session.terminal.talk(f"{name}: the unfinished run is closed, and the host stays as it is.")
     return report_end(session, combine_reports(list(reports.values())), as_json=as_json)
-
-
-def _finish_without_manifest(
-    session: Session, halted: UseCaseError, source: ManifestSource, how: RunOptions, *, abandoning: bool, as_json: bool
-) -> ExitCode:
-    """What was begun is finished from its journal, also when the manifest has errors by now.
-
-    Raises:
-        UseCaseError: nothing was begun; the manifest's errors are told.
-    """
-    live = hosts_left_unfinished(source)
-    if not live:
-        raise halted
-    if abandoning:
-        return _abandon(session, live, how, as_json=as_json)
-    report = finish_first(session, live, how)
-    if report is None:
-        raise halted
-    return report_end(session, report, as_json=as_json)
 
 
 def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions, *, as_json: bool) -> ExitCode:

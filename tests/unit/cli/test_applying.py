@@ -9,7 +9,7 @@ from rarms_iac.cli.applying import ask, code_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.terminal import Terminal
+from rarms_iac.views.terminal import Terminal
 
 
 def a_session() -> Session:

@@ -12,7 +12,7 @@ from rarms_iac.cli import entry
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted, Interrupts
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.terminal import Terminal
+from rarms_iac.views.terminal import Terminal
 
 
 def run_with(error: BaseException, *, debug: bool = False, command: str = "") -> tuple[ExitCode, str]:

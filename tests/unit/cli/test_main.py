@@ -46,7 +46,7 @@ sys.meta_path.insert(0, Finder())
 """
 INTERRUPTED_IN_THE_LAST_FLUSH = """
 import signal
-from rarms_iac.cli.terminal import Terminal
+from rarms_iac.views.terminal import Terminal
 Terminal.flush = lambda self: signal.raise_signal(signal.SIGINT)
 """
 

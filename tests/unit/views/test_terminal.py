@@ -1,7 +1,7 @@
 import io
 
-from rarms_iac.cli.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, width_of
 from rarms_iac.views.streams import make_safe
+from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, width_of
 
 
 class FakeTerminal(io.StringIO):
