@@ -18,6 +18,7 @@ from rarms_iac.model.operations import (
     SetCpu,
     SetMemory,
     SetProcessors,
+    SetSecureBoot,
     StartPartition,
     StopPartition,
     TaskOperation,
@@ -123,6 +124,7 @@ class PureHost:
             stop_action=StopAction.SAVE,
             checkpoints=Checkpoints.PRODUCTION,
             running=False,
+            secure_boot=operation.secure_boot or "MicrosoftWindows",
         )
         machine = Partition(settings=settings, id=f"{self.made:08x}-made", sharing=core_sharing(self.state.facts))
         self.state = replace(self.state, partitions=(*self.state.partitions, machine))
@@ -204,6 +206,9 @@ def _changed(old: Partition, operation: Operation) -> Partition:
                 checkpoints=checkpoints or settings.checkpoints,
             )
             return replace(old, settings=actions)
+        case SetSecureBoot(secure_boot=secure_boot):
+            assert not settings.running, "its secure boot changes only while it is off"
+            return replace(old, settings=replace(settings, secure_boot=secure_boot))
         case StartPartition():
             return replace(old, settings=replace(settings, running=True), state=RunState.RUNNING)
         case StopPartition():

@@ -43,7 +43,12 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
     if holder is not None:
         problem = f"Partition {quoted(name)} is machine {holder.id} already."
         return TAKEN.at(place, problem, f"Release that one first: `rarms release {name}`.", address=address)
-    mark = Mark(application=application, name=name, machine=before.id[:8], set=set_of_settings(before.settings))
+    mark = Mark(
+        application=application,
+        name=name,
+        machine=before.id[:8],
+        set=set_of_settings(replace(before.settings, secure_boot=None)),
+    )
     return Adopt(
         address=Address(partition=name, machine=before.id),
         before=before,

@@ -34,6 +34,7 @@ _FACET_WORDS = {
     Facet.MEMORY: "memory",
     Facet.ACTIONS: "start, stop or checkpoint action",
     Facet.GENERATION: "generation",
+    Facet.SECURE_BOOT: "secure boot",
 }
 
 

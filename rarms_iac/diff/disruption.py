@@ -64,12 +64,15 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> froze
             (after.start_action, after.stop_action, after.checkpoints),
         ),
         Facet.GENERATION: (before.generation, after.generation),
+        Facet.SECURE_BOOT: (before.secure_boot, after.secure_boot),
     }
     return frozenset(facet for facet, (old, new) in pairs.items() if old != new)
 
 
 def needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
-    """Tell whether a setting changes for which the machine must be off: processors, memory, the action at a stop.
+    """Tell whether a setting changes for which the machine must be off.
+
+    These are processors, memory, secure boot and the action at a stop.
 
     On Linux there is none: a control group takes every value while its processes run. A running machine's memory
     changes live where it is static and both Windows are new enough (windows.md 3).
@@ -87,7 +90,9 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
     if before.settings.stop_action is not after.stop_action:
         return True
     changed = changed_facets(before.settings, after)
-    return Facet.PROCESSORS in changed or bool(Facet.MEMORY in changed and why_memory_needs_off(before, after, context))
+    if {Facet.PROCESSORS, Facet.SECURE_BOOT} & changed:
+        return True
+    return bool(Facet.MEMORY in changed and why_memory_needs_off(before, after, context))
 
 
 def why_memory_needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> str:

@@ -143,7 +143,9 @@ def _is_changed(there: Partition, *, by_hand: bool) -> bool:
     """Whether a marked partition is not as rarms wrote it."""
     assert there.mark is not None
     is_started = there.mark.stopped_by is not StoppedBy.NOBODY and there.settings.running
-    return is_started or _digest_now(there, by_hand=by_hand) != there.mark.set
+    unfixed = replace(there, settings=replace(there.settings, secure_boot=None))
+    digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
+    return is_started or there.mark.set not in digests
 
 
 def _is_left_by_measurement(there: Partition) -> bool:

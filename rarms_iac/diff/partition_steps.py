@@ -84,7 +84,9 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         image=making.image,
         switch=making.switch,
         vm_path=making.vm_path,
+        secure_boot=making.secure_boot,
     )
+    boot = f"; secure boot {making.secure_boot}: {making.why_secure_boot}" if making.secure_boot else ""
     return Step(
         address=replace(address, machine=""),
         title=str(creation),
@@ -99,7 +101,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         disruption=Disruption.LIVE,
         claim_before=claim_of(None),
         claim_after=claim_of(None),
-        comment=f"{reason.message}; off and under a pending name until all is set",
+        comment=f"{reason.message}; off and under a pending name until all is set{boot}",
         place=reason.place,
     )
 
@@ -147,7 +149,7 @@ def update_partition(
         yield start_step(builder)
 
 
-_ORDER = (Facet.PROCESSORS, Facet.CPU, Facet.MEMORY, Facet.ACTIONS)
+_ORDER = (Facet.PROCESSORS, Facet.CPU, Facet.MEMORY, Facet.ACTIONS, Facet.SECURE_BOOT)
 _VALUES = frozenset(_ORDER)
 
 

@@ -5,11 +5,11 @@ step's guard compares like with like. For a partition: `exists`, `machine` (id),
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`
 (the digest, with the word of who stopped it),
-`snapshots` (how many checkpoints were taken), `disks` (how many it has). For a disk: `exists`, `parent`, `used` (a
-machine has it, or a disk that
-grows out of it). For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record`
-(`<application>` or empty), `set`. The names stand in lower case in `values`, as Windows does not tell their case apart.
-For SystemResponsiveness the same as for a task class with that one value.
+`secure_boot` (a template, or `off`), `snapshots` (how many checkpoints were taken), `disks` (how many it has). For a
+disk: `exists`, `parent`, `used` (a machine has it, or a disk that grows out of it). For a task class: `exists`,
+`values` (their names), `value:<name>` as `<kind>:<data>`, `record` (`<application>` or empty), `set`. The names stand
+in lower case in `values`, as Windows does not tell their case apart. For SystemResponsiveness the same as for a task
+class with that one value.
 """
 
 from collections.abc import Iterable, Mapping
@@ -153,6 +153,7 @@ def partition_readings(partition: Partition) -> Readings:
         "mark": f"{mark.application}/{mark.name}" if mark else "",
         "set": mark.written if mark else "",
         "snapshots": partition.checkpoints,
+        "secure_boot": settings.secure_boot or "",
     }
 
 

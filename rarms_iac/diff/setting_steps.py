@@ -16,13 +16,14 @@ from rarms_iac.model.operations import (
     SetCpu,
     SetMemory,
     SetProcessors,
+    SetSecureBoot,
     StartPartition,
     StopPartition,
     WriteMark,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import plain, show_bytes
-from rarms_iac.model.state import Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -34,6 +35,7 @@ _FIELDS = {
     Facet.CPU: ("reserve", "limit", "weight"),
     Facet.MEMORY: ("memory", "dynamic_memory"),
     Facet.ACTIONS: ("start_action", "stop_action", "checkpoints"),
+    Facet.SECURE_BOOT: ("secure_boot",),
 }
 """Of each facet that one call sets: the settings, which are also what its step reads."""
 
@@ -155,7 +157,9 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     if facet is Facet.ACTIONS and not builder.new:
         fields = tuple(name for name in fields if getattr(old, name) != getattr(new, name))
     settings: dict[str, Any] = {name: getattr(new, name) for name in fields}
-    needs_state = facet is Facet.PROCESSORS or (facet is Facet.MEMORY and builder.now.state is RunState.OFF)
+    needs_state = facet in {Facet.PROCESSORS, Facet.SECURE_BOOT} or (
+        facet is Facet.MEMORY and builder.now.state is RunState.OFF
+    )
     needs_state = needs_state or "stop_action" in fields
     operation = _operation(facet, builder.address, new, fields)
     return builder.step(
@@ -185,6 +189,8 @@ def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tu
                 checkpoints=to.checkpoints if "checkpoints" in fields else None,
                 machine=machine,
             )
+        case Facet.SECURE_BOOT:
+            return SetSecureBoot(partition=partition, secure_boot=to.secure_boot or SECURE_BOOT_OFF, machine=machine)
         case Facet.NAME | Facet.GENERATION:
             raise AssertionError("names and generations have steps of their own")
 
@@ -204,12 +210,14 @@ def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings) -> str:
         case Facet.MEMORY:
             static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
             return f"memory {show_bytes(old.memory)} -> {show_bytes(to.memory)}{static}"
+        case Facet.SECURE_BOOT:
+            return f"secure boot {old.secure_boot} -> {to.secure_boot}"
         case _:
             return ""
 
 
 def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
-    if facet is Facet.PROCESSORS:
+    if facet in {Facet.PROCESSORS, Facet.SECURE_BOOT}:
         return "only while it is off"
     if facet is Facet.ACTIONS:
         return "what its host does with it"

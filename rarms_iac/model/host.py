@@ -82,6 +82,7 @@ class HypervHost:
     image: str | None = None
     vm_path: str | None = None
     generation: int = 2
+    secure_boot: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,8 @@ class Making:
     image: str = ""  # parent disk of a differencing child
     switch: str = ""
     vm_path: str = ""
+    secure_boot: str | None = None  # a template, or `SECURE_BOOT_OFF`
+    why_secure_boot: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,7 @@ class PlacedPartition:
     why_limit: str = ""
     why_weight: str = ""
     sharing: CoreSharing = ANY_THREAD
+    secure_boot: str | None = None  # as the manifest fixes it; None: as its machine has it
 
     @property
     def claim(self) -> Claim:

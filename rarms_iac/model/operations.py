@@ -28,6 +28,7 @@ class CreatePartition:
     image: str = ""  # parent disk of a differencing child; empty: no disk
     switch: str = ""  # empty: not connected
     vm_path: str = ""  # empty: the host's default
+    secure_boot: str | None = None  # a template, or `SECURE_BOOT_OFF`; None: as the host makes it
     kind: Literal["create_partition"] = "create_partition"
 
     def __str__(self) -> str:
@@ -174,6 +175,19 @@ class SetActions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SetSecureBoot:
+    """Switch secure boot off, or on with this template; only generation 2 has it, and only while the machine is off."""
+
+    partition: str
+    secure_boot: str  # a template's name, or `SECURE_BOOT_OFF`
+    machine: str = ""
+    kind: Literal["set_secure_boot"] = "set_secure_boot"
+
+    def __str__(self) -> str:
+        return f"secure boot {self.secure_boot}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StartPartition:
     """Start the machine; refused where its reserve or memory does not fit."""
 
@@ -258,6 +272,7 @@ MachineOperation = (
     | SetCpu
     | SetMemory
     | SetActions
+    | SetSecureBoot
     | StartPartition
     | StopPartition
 )

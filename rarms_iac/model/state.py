@@ -29,6 +29,7 @@ class Facet(StrEnum):
     MEMORY = "memory"
     ACTIONS = "actions"
     GENERATION = "generation"
+    SECURE_BOOT = "secure_boot"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +102,10 @@ class PartitionSettings:
     stop_action: StopAction
     checkpoints: Checkpoints
     running: bool
+    secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or nobody could look
+
+
+SECURE_BOOT_OFF = "off"
 
 
 class StoppedBy(StrEnum):

@@ -147,6 +147,7 @@ class HypervPartition:
     switch: str | None = None
     image: str | None = None
     vm_path: str | None = None
+    secure_boot: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -130,6 +130,7 @@ def _wanted(partition: PlacedPartition, there: Partition | None, application: st
         stop_action=StopAction.SHUT_DOWN,
         checkpoints=Checkpoints.DISABLED,
         running=running,
+        secure_boot=partition.secure_boot if there is None or there.settings.secure_boot else None,
     )
     wanted = _marked(settings, application, partition.name, there, partition.sharing)
     stays_stopped = stopped_by is StoppedBy.USER and there is not None and not there.settings.running
@@ -151,7 +152,7 @@ def _stopped_unwanted(there: Partition) -> Partition:
     """A partition that the manifest no longer wants: as it is, but stopped, and not started with its host."""
     assert there.mark is not None
     name = there.mark.name
-    settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING)
+    settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING, secure_boot=None)
     return _marked(settings, there.mark.application, name, there, there.sharing)
 
 
@@ -159,8 +160,10 @@ def _marked(
     settings: PartitionSettings, application: str, name: str, there: Partition | None, sharing: CoreSharing
 ) -> Partition:
     machine = there.id if there else ""
+    live = there.settings.secure_boot if there else None
     return Partition(
-        settings=settings,
+        # Where nobody fixes it, it is left as it is, and no part of what the mark says.
+        settings=replace(settings, secure_boot=settings.secure_boot or live),
         id=machine,
         state=RunState.RUNNING if settings.running else RunState.OFF,
         mark=Mark(application=application, name=name, machine=machine[:8], set=set_of_settings(settings)),

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.model import operations
+from rarms_iac.model.changes import SLASH
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Reading, Readings, Step
 from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.state import RegistryValue, StartAction, StopAction, ValueKind
+from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.templates import VM
 from rarms_iac.storage.codec import encode
@@ -154,6 +155,8 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
             if checkpoints:
                 values["CheckpointType"] = literal("".join(word.title() for word in checkpoints.value.split("_")))
             change = call("Hyper-V\\Set-VM", **vm, **values)
+        case operations.SetSecureBoot(secure_boot=secure_boot):
+            change = call("Hyper-V\\Set-VMFirmware", **vm, **_secure_boot(secure_boot))
         case operations.StartPartition():
             change = call("Hyper-V\\Start-VM", **vm)
         case _:
@@ -232,7 +235,27 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
             _new_disk(f"{address}/disk", creation.image, disk),
             piece("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, attach),
         ]
+    if creation.generation == 2 and (creation.image or creation.secure_boot):
+        made.append(piece(*_firmware(creation)))
     return tuple(made)
+
+
+def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
+    """Boot from the disk: a machine that is made without one tries its network adapter first (FACTS 3)."""
+    values = _secure_boot(creation.secure_boot) if creation.secure_boot else {}
+    after: Readings = {"exists": True} | ({"secure_boot": creation.secure_boot} if creation.secure_boot else {})
+    actions = [f"secure boot {creation.secure_boot}"] if creation.secure_boot else []
+    if creation.image:
+        values["FirstBootDevice"] = f"({call('Hyper-V' + SLASH + 'Get-VMHardDiskDrive', VM=VM)})"
+        after = {**after, "boots_from": "drive"}
+        actions.insert(0, "boot from the disk")
+    return ", ".join(actions), {"exists": True}, after, call("Hyper-V\\Set-VMFirmware", VM=VM, **values)
+
+
+def _secure_boot(secure_boot: str) -> dict[str, Literal]:
+    if secure_boot == SECURE_BOOT_OFF:
+        return {"EnableSecureBoot": literal("Off")}
+    return {"EnableSecureBoot": literal("On"), "SecureBootTemplate": literal(secure_boot)}
 
 
 def _new_machine(creation: operations.CreatePartition) -> str:

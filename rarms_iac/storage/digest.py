@@ -120,16 +120,21 @@ def _refuse_constant(name: str) -> Json:
 def set_of_settings(settings: PartitionSettings) -> str:
     """12 hex digits of what a partition is to be.
 
-    Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest.
+    Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest; nor is
+    secure boot where nobody fixed it.
 
     Args:
-        settings: as rarms writes them to a host.
+        settings: as rarms writes them to a host; secure boot only where the manifest fixes it.
 
     Returns:
         The `set` of a mark: where the host's settings have another one, somebody changed them.
     """
     by_hand = settings.start_action is StartAction.NOTHING
-    return short(digest(replace(settings, running=False) if by_hand else settings))
+    values = encode(replace(settings, running=False) if by_hand else settings)
+    assert isinstance(values, dict), "settings are an object"
+    if settings.secure_boot is None:
+        del values["secure_boot"]
+    return short(digest(values))
 
 
 def set_of_values(values: Mapping[str, RegistryValue]) -> str:

@@ -144,6 +144,7 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
         "start action": (settings.start_action.value.replace("_", " "), ""),
         "stop action": (settings.stop_action.value.replace("_", " "), ""),
         "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
+        **({"secure boot": (settings.secure_boot, "")} if settings.secure_boot else {}),
         "running": (_yes_or_no(settings.running), ""),
     }
 

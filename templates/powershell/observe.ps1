@@ -192,6 +192,17 @@ $document = [ordered] @{
             [ordered] @{ instance = [string] $one.InstanceID; group = [string] $one.CpuGroupId; reservation = [long] $one.Reservation }
         }
     }
+    firmware = Read-Probe -Many -Read {
+        foreach ($vm in @(Hyper-V\Get-VM)) {
+            if ($vm.Generation -ne 2) { continue }
+            $found = Read-Probe -Read { Hyper-V\Get-VMFirmware -VM $vm }
+            if ($found['status'] -cne 'value') { continue }
+            [ordered] @{
+                machine = ([string] $vm.Id).ToLowerInvariant(); secure_boot = [string] $found['value'].SecureBoot
+                template = [string] $found['value'].SecureBootTemplate
+            }
+        }
+    }
     # What guests tell of their system, and whether they can be asked to shut down, by the ids of their machines.
     guests = Read-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_KvpExchangeComponent)) {

@@ -32,6 +32,7 @@ from rarms_iac.model.operations import (
     SetCpu,
     SetMemory,
     SetProcessors,
+    SetSecureBoot,
     StartPartition,
     StopPartition,
     WriteMark,
@@ -258,6 +259,7 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
             ),
             {"start_action": "start", "stop_action": "shut_down", "checkpoints": "disabled"},
         ),
+        (SetSecureBoot(partition="vision", secure_boot="off"), {"secure_boot": "off"}),
         (StartPartition(partition="vision"), {"running": True, "state": "running"}),
         (StopPartition(partition="vision", grace_ms=120_000), {"running": False, "state": "off"}),
         (RenamePartition(partition="vision", name="eyes"), {"name": "eyes", "mark": "robot/vision"}),
@@ -458,6 +460,7 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
         (SetProcessors(partition="vision", processors=1), "its processor count can only change while it is off"),
         (SetMemory(partition="vision", memory=512 * MIB, dynamic=True), "switching between static and dynamic memory"),
         (SetActions(partition="vision", stop=StopAction.SAVE), "what the host does with it when it stops can only"),
+        (SetSecureBoot(partition="vision", secure_boot="off"), "secure boot can only change while it is off"),
         (RemovePartition(partition="vision"), "only a machine that is off can be removed"),
     ],
 )

@@ -51,6 +51,9 @@ class Vm:
     obeys: bool = True  # its guest shuts down when asked
     stopping: int | None = None  # ms of the clock at which it will be off
     asked_at: int | None = None  # ms of the clock
+    secure_boot: str = "On"
+    template: str = "MicrosoftWindows"
+    boots_from: str = "Network"  # what its firmware tries first
     needs_ms: int = 2000  # that its guest takes to shut down
     was_cut: bool = False  # it was off before its guest was ready
     guest_build: int = 26100  # of the Windows in it

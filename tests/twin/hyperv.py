@@ -297,6 +297,34 @@ def remove_vm(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
+def get_firmware(scope: Scope, given: Given) -> Thing:
+    vm = _vm(scope, given)
+    if vm.generation == 1:
+        raise refuse(f"'{vm.name}' is of generation 1, which has no firmware.", "GetVMFirmware", "InvalidParameter")
+    order = [Record(BootType=Enumerated(vm.boots_from))]
+    return Record(SecureBoot=Enumerated(vm.secure_boot), SecureBootTemplate=vm.template, BootOrder=order)
+
+
+def set_firmware(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    get_firmware(scope, given)
+    _off(vm, "the firmware", "SetVMFirmware")
+    values: dict[str, Value] = {}
+    if "enablesecureboot" in given:
+        values["secure_boot"] = text(given["enablesecureboot"])
+    if "secureboottemplate" in given:
+        values["template"] = text(given["secureboottemplate"])
+        if values["template"] not in ("MicrosoftWindows", "MicrosoftUEFICertificateAuthority"):
+            raise refuse("Set-VMFirmware: there is no such template.", "SetVMFirmware", "InvalidParameter")
+    if "firstbootdevice" in given:
+        if not vm.disks:
+            raise refuse("Set-VMFirmware: the device is not the machine's.", "SetVMFirmware", "InvalidParameter")
+        values["boots_from"] = "Drive"
+    _set(scope, vm, "Set-VMFirmware", values)
+    return EMPTY
+
+
 def rename_vm(scope: Scope, given: Given) -> Value:
     _changing(scope)
     new = text(given["newname"])
@@ -377,6 +405,8 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
         Record(NodeId=one["node"], MemoryAvailable=one["memory_available"], MemoryTotal=one["memory"])
         for one in scope.session.host.numa
     ],
+    "get-vmfirmware": get_firmware,
+    "set-vmfirmware": set_firmware,
     "new-vm": new_vm,
     "set-vm": set_vm,
     "set-vmprocessor": set_processor,

@@ -114,6 +114,11 @@ def _virtual_disks(host: WindowsHost, value: list[Document]) -> None:
                 host.write_file(one["parent"], b"an image")
 
 
+def _firmware(host: WindowsHost, value: list[Document]) -> None:
+    for one in value:
+        host.vms[one["machine"]].secure_boot, host.vms[one["machine"]].template = one["secure_boot"], one["template"]
+
+
 def _guests(host: WindowsHost, value: list[Document]) -> None:
     for one in value:
         told = "".join(one["system"])
@@ -159,6 +164,7 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
     "hypervisor": _hypervisor,
     "machines": _machines,
     "virtual_disks": _virtual_disks,
+    "firmware": _firmware,
     "guests": _guests,
     "shutdown_services": _shutdown_services,
     "tasks": _tasks,

@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.model.system import HypervPartition
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.storage.append import records_in
-from tests.builders import a_component
+from tests.builders import a_component, a_partition
 from tests.effort import examples
 from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
@@ -439,6 +440,26 @@ def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> No
     del host.vms[greedy.id]
     finished = again(host, prepared)
     assert finished.code == 0, finished.says
+
+
+def test_a_machine_with_an_image_boots_from_its_disk_and_linux_with_its_own_template() -> None:
+    image = "D:\\images\\Debian-12.vhdx"
+    host = a_windows()
+    host.write_file(image, b"an image")
+    with_image = replace(a_partition("vision"), hyperv=HypervPartition(image=image))
+    bare = replace(a_partition("speech"), hyperv=HypervPartition(secure_boot="off"))
+    components = (a_component("vision", reserve="10 %"), a_component("speech", reserve="10 %"))
+
+    ran = apply(host, Cell(a_cell_system(*components, partitions=(with_image, bare)), host).plan())
+
+    assert ran.code == 0, ran.says
+    found = {vm.name: (vm.boots_from, vm.secure_boot, vm.template) for vm in host.vms.values()}
+    assert found["vision"] == ("Drive", "On", "MicrosoftUEFICertificateAuthority")
+    assert found["speech"][1] == "Off"
+    silent = replace(bare, hyperv=HypervPartition())
+    assert Cell(a_cell_system(*components, partitions=(with_image, bare)), host).plan().hosts[0].steps == ()
+    written = Cell(a_cell_system(*components, partitions=(with_image, silent)), host).plan().hosts[0].steps
+    assert [step.operation.kind for step in written] == ["write_mark"]
 
 
 def test_a_machine_without_smt_that_came_after_the_plan_takes_whole_cores_from_it() -> None:

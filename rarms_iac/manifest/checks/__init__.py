@@ -39,6 +39,7 @@ CHECKS: Mapping[Finding, Check] = {
     hosts.CONNECT_TO_SIMULATED: hosts.connect_to_simulated,
     hosts.PLATFORM_OF_DIFFERENT_HOSTS: hosts.platform_of_different_hosts,
     hosts.PATH_ON_WINDOWS: hosts.path_on_windows,
+    hosts.SECURE_BOOT_OF_GENERATION_1: hosts.secure_boot_of_generation_1,
     hosts.RESPONSIVENESS_NOT_AS_IS: hosts.responsiveness_not_as_is,
     processors.RESERVE_OVER_LIMIT: processors.reserve_over_limit,
     processors.RESERVE_OVER_HOST: processors.reserve_over_host,

@@ -19,6 +19,9 @@ CONNECT_TO_SIMULATED = Finding(
 )
 PLATFORM_OF_DIFFERENT_HOSTS = Finding(code="RARMS085", severity=Severity.ERROR, summary="Hosts of one platform differ")
 PATH_ON_WINDOWS = Finding(code="RARMS099", severity=Severity.ERROR, summary="A Windows host cannot use this path")
+SECURE_BOOT_OF_GENERATION_1 = Finding(
+    code="RARMS256", severity=Severity.ERROR, summary="Secure boot needs generation 2"
+)
 RESPONSIVENESS_NOT_AS_IS = Finding(
     code="RARMS227", severity=Severity.ERROR, summary="The host cannot have this system_responsiveness"
 )
@@ -94,6 +97,23 @@ def path_on_windows(system: System) -> Iterator[Violation]:
         for name, partition in system.partitions.items():
             paths = {"image": partition.hyperv.image, "vm_path": partition.hyperv.vm_path}
             yield from _path_violations("partitions", name, paths)
+
+
+def secure_boot_of_generation_1(system: System) -> Iterator[Violation]:
+    """Machines of generation 1 have a BIOS, and no secure boot."""
+    hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
+    found = [("hosts", name) for name, host in hosts.items() if host.secure_boot and host.generation == 1]
+    usual = {host.generation for host in hosts.values()}
+    for name, partition in system.partitions.items():
+        generations = usual if partition.hyperv.generation is None else {partition.hyperv.generation}
+        if partition.hyperv.secure_boot and generations == {1}:
+            found.append(("partitions", name))
+    for section, name in found:
+        yield Violation(
+            path=(section, name, "hyperv", "secure_boot"),
+            detail="A machine of generation 1 has no secure boot.",
+            advice="Remove `secure_boot`, or use `generation: 2`.",
+        )
 
 
 def _path_violations(section: str, name: str, paths: dict[str, str | None]) -> Iterator[Violation]:

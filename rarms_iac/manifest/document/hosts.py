@@ -76,6 +76,9 @@ class SimulatedBlock(Block):
     faults: Maybe[Annotated[dict[Name, FaultBlock], by_name]] = optional("Faults that happen there, by name.")
 
 
+SecureBoot = Literal["off", "MicrosoftWindows", "MicrosoftUEFICertificateAuthority"]
+
+
 class HypervHostBlock(Block):
     """What the partitions of a Hyper-V host use unless they say otherwise."""
 
@@ -83,6 +86,11 @@ class HypervHostBlock(Block):
     image: Maybe[Filled] = optional("The disk image that partitions' disks are children of; absent: no disk.")
     vm_path: Maybe[Filled] = optional("The folder on the host for virtual machines; absent: the default of the host.")
     generation: int = optional("The generation of new machines, 1 or 2; it never changes afterwards.", 2, ge=1, le=2)
+    secure_boot: Maybe[SecureBoot] = optional(
+        "Secure boot of generation 2: `off`, or the template that the guest boots with, `MicrosoftWindows` or, for "
+        "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets what the file name of its image "
+        "suggests, and one that exists keeps what it has."
+    )
 
 
 class LinuxBlock(Block):

@@ -20,7 +20,7 @@ from rarms_iac.manifest.document.fields import (
     needed,
     optional,
 )
-from rarms_iac.manifest.document.hosts import ConnectBlock, HostBlock
+from rarms_iac.manifest.document.hosts import ConnectBlock, HostBlock, SecureBoot
 from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
 from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST, broken_rules, with_rules
 from rarms_iac.model.names import TASK_PATTERN
@@ -104,6 +104,7 @@ class HypervPartitionBlock(Block):
     switch: Maybe[Filled] = optional("The virtual switch it is connected to.")
     image: Maybe[Filled] = optional("The disk image its disk is a child of.")
     vm_path: Maybe[Filled] = optional("The folder on the host for its virtual machine.")
+    secure_boot: Maybe[SecureBoot] = optional("Secure boot of generation 2: `off`, or the template of its guest.")
 
 
 class GuestBlock(Block):

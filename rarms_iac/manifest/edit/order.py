@@ -49,7 +49,7 @@ _HOST = _map(
         "windows_build guest_windows_build client scheduler smt administrator faults",
         faults=_named(_map("operation at effect delay times", delay=QUANTITY)),
     ),
-    hyperv=_map("generation switch image vm_path"),
+    hyperv=_map("generation switch image vm_path secure_boot"),
     linux=_map("slice control_groups"),
 )
 
@@ -89,7 +89,7 @@ _PARTITION = _map(
     memory=QUANTITY,
     cpu=_CPU,
     stop=_quantities("grace"),
-    hyperv=_map("generation switch image vm_path"),
+    hyperv=_map("generation switch image vm_path secure_boot"),
     guest=_map("connect credential windows_build", connect=_CONNECT),
 )
 

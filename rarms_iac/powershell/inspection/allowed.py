@@ -68,11 +68,11 @@ _CHANGING = _READING | words(
 
 _READING_HYPERV = words(
     "Get-VM Get-VMHost Get-VMHostNumaNode Get-VMProcessor Get-VMMemory Get-VMHardDiskDrive Get-VMNetworkAdapter "
-    "Get-VHD Get-VMIntegrationService Get-VMSnapshot Get-VMSwitch"
+    "Get-VHD Get-VMFirmware Get-VMIntegrationService Get-VMSnapshot Get-VMSwitch"
 )
 _CHANGING_HYPERV = _READING_HYPERV | words(
-    "New-VM Set-VM Rename-VM Remove-VM Start-VM Stop-VM Set-VMProcessor Set-VMMemory New-VHD Add-VMHardDiskDrive "
-    "Remove-VMNetworkAdapter"
+    "New-VM Set-VM Set-VMFirmware Rename-VM Remove-VM Start-VM Stop-VM Set-VMProcessor Set-VMMemory New-VHD "
+    "Add-VMHardDiskDrive Remove-VMNetworkAdapter"
 )
 _READING_PLAIN = words(
     "ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-Content Get-ExecutionPolicy Get-Item Get-Module "
@@ -109,9 +109,9 @@ _CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
 
 _HYPERV_MEMBERS = words(
     """
-    AutomaticStartAction AutomaticStopAction CheckpointType Count DynamicMemoryEnabled Generation Id
-    LogicalProcessorCount Maximum Name Notes ParentPath Path RelativeWeight Reserve Startup State VhdType
-    VirtualHardDiskPath
+    AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled Generation
+    Id LogicalProcessorCount Maximum Name Notes ParentPath Path RelativeWeight Reserve SecureBoot SecureBootTemplate
+    Startup State VhdType VirtualHardDiskPath
     """
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(

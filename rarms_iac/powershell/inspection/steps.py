@@ -45,7 +45,7 @@ _WRITERS = words("""
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass
     Clear-DiskFile
     """)
-_VALUES = words("Get-PendingName Get-DiskPath")
+_VALUES = words("Get-PendingName Get-DiskPath Hyper-V\\Get-VMHardDiskDrive")
 _HARMLESS = "'x'"
 
 

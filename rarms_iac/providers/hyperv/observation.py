@@ -153,6 +153,15 @@ class ProcessorSetting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Firmware:
+    """The firmware of a machine of generation 2."""
+
+    machine: str  # id
+    secure_boot: str  # On, Off
+    template: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ToldByGuest:
     """What a guest claims of its system: items of the key-value exchange as XML, none where its service is off."""
 
@@ -231,6 +240,7 @@ class HostObservation:
     unread_machines: Probe[tuple[UnreadMachine, ...]]
     virtual_disks: Probe[tuple[VirtualDisk, ...]]
     cpu_groups: Probe[tuple[ProcessorSetting, ...]]
+    firmware: Probe[tuple[Firmware, ...]]
     guests: Probe[tuple[ToldByGuest, ...]]
     shutdown_services: Probe[tuple[ShutdownService, ...]]
     profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile

@@ -11,6 +11,7 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.names import TASK_VALUES
 from rarms_iac.model.state import (
+    SECURE_BOOT_OFF,
     Checkpoints,
     Disk,
     DiskKind,
@@ -148,9 +149,13 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
     machines = sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id))
     readings = read_marks({machine.id: machine.notes for machine in machines})
     builds, mute = _guest_builds(observation), _mute_guests(observation)
+    secure_boot = {
+        firmware.machine: SECURE_BOOT_OFF if firmware.secure_boot == "Off" else firmware.template
+        for firmware in or_else(observation.firmware, ())
+    }
     return tuple(
         replace(
-            _partition(machine, readings[machine.id], facts),
+            _partition(machine, readings[machine.id], facts, secure_boot.get(machine.id)),
             guest_build=builds.get(machine.id, 0),
             can_be_asked=machine.id not in mute,
         )
@@ -249,7 +254,7 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(machine: ObservedMachine, readings: MarkReading, facts: HostFacts) -> Partition:
+def _partition(machine: ObservedMachine, readings: MarkReading, facts: HostFacts, secure_boot: str | None) -> Partition:
     state = run_state(machine.state)
     settings = PartitionSettings(
         name=machine.name,
@@ -264,6 +269,7 @@ def _partition(machine: ObservedMachine, readings: MarkReading, facts: HostFacts
         stop_action=_named(_STOP, machine.stop_action, machine, "stop_action"),
         checkpoints=_named(_CHECKPOINTS, machine.checkpoints, machine, "checkpoints"),
         running=state is RunState.RUNNING,
+        secure_boot=secure_boot,
     )
     return Partition(
         settings=settings,

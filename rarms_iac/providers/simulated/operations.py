@@ -62,6 +62,7 @@ def new_settings(operation: operations.CreatePartition, scope: Scope) -> Partiti
         stop_action=StopAction.SAVE,
         checkpoints=Checkpoints.PRODUCTION,
         running=False,
+        secure_boot=(operation.secure_boot or "MicrosoftWindows") if operation.generation == 2 else None,
     )
 
 
@@ -117,6 +118,8 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: opera
                 checkpoints=checkpoints or settings.checkpoints,
             )
             changed = replace(machine, settings=actions)
+        case operations.SetSecureBoot(secure_boot=secure_boot):
+            changed = replace(machine, settings=replace(settings, secure_boot=secure_boot))
         case operations.StartPartition():
             changed = machine.now(RunState.RUNNING)
         case operations.StopPartition():

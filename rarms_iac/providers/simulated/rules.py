@@ -14,6 +14,7 @@ from rarms_iac.model.operations import (
     SetCpu,
     SetMemory,
     SetProcessors,
+    SetSecureBoot,
     StartPartition,
     StopPartition,
 )
@@ -151,6 +152,11 @@ def refuse_change(
             return _refuse_memory(operation, machine, content, facts, guest_build)
         case SetActions(stop=stop) if stop:
             return _refuse_running(machine, "what the host does with it when it stops")
+        case SetSecureBoot() if machine.settings.generation == 1:
+            name = machine.settings.name
+            return Refusal(message=f"{name} is of generation 1, which has no secure boot", advice="make it again")
+        case SetSecureBoot():
+            return _refuse_running(machine, "secure boot")
         case RenamePartition(name=name):
             return _refuse_settings(replace(machine.settings, name=name))
         case StartPartition():

@@ -27,6 +27,14 @@ function Read-Partition {
         $live['memory'] = [long] $memory.Startup
         $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
     }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $live['secure_boot'] = if ([string] $firmware.SecureBoot -ceq 'Off') { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
+    }
     if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'snapshots') { $live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }

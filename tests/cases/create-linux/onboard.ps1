@@ -1,0 +1,933 @@
+<#
+.SYNOPSIS
+    rarms apply script: plan bc98a8c19ff1 of application robot, for the host itself.
+.DESCRIPTION
+    Host onboard of rarms.yaml, computer ONBOARD.
+    vision: added, started
+    Not undone: what was written on the disk made from D:\images\ubuntu-24.04.vhdx goes with it
+.PARAMETER AsJson
+    One JSON object a line on standard output, for a program to read.
+.PARAMETER LockTimeout
+    Seconds to wait for another run on this computer to end, 0 to 86400.
+.PARAMETER Abandon
+    Close this plan's unfinished run and change nothing else.
+.EXAMPLE
+    .\onboard.ps1 -WhatIf
+    Show what it would do; nothing is changed. With -Confirm it asks before each step.
+.EXAMPLE
+    .\onboard.ps1
+    Do it. Take it back with .\onboard.undo.ps1, which must lie beside it.
+.NOTES
+    Exit code 0: done, or all is as wanted already.
+    Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
+    Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
+    Manifest 165bddc1d588, rarms 0.1.0.
+#>
+
+#Requires -Version 5.1
+#Requires -Modules Hyper-V
+#Requires -RunAsAdministrator
+[CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)
+
+# A profile's would reach into every call.
+$PSDefaultParameterValues = @{}
+Set-StrictMode -Version 3.0
+$ErrorActionPreference = 'Stop'
+
+function Add-Plan {
+    $script:Plan = @{
+        Run = 'apply'; Plan = 'bc98a8c19ff1'; Application = 'robot'; Serial = 0
+        Undo = 'onboard.undo.ps1'; Guest = ''
+        UndoDigest = '00eb05d5972aacf9b3e4c299a611935bdba227637861f5e6b8352e355aaab94f'
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Computer = 'ONBOARD'; LogicalProcessors = 4
+        Cores = 4; ThreadsPerCore = 1
+        Percent = 360; Memory = 7516192768; AcceptScheduler = $false
+        Guard = { Assert-VmHost }
+    }
+
+    # === vision =======================================================================================================
+    # rarms.yaml:15:3: it is not there
+    Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
+    Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
+        exists = $true; generation = 2; memory = 1073741824
+    } -Set {
+        Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+    }
+    Add-Step -Action 'memory static, 1 GiB' -Before @{ exists = $true } -After @{
+        dynamic_memory = $false; memory = 1073741824
+    } -Set {
+        Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+    }
+    Use-Target -Address 'partition/vision/disk' -Read { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') -Parent 'D:\images\ubuntu-24.04.vhdx' }
+    Add-Step -Action 'make a disk that grows out of D:\images\ubuntu-24.04.vhdx' -Before @{ exists = $false } -After @{
+        child = $true; exists = $true
+    } -Set {
+        Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx') -ParentPath 'D:\images\ubuntu-24.04.vhdx' -Differencing
+    }
+    Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
+    Add-Step -Action 'attach the disk' -Before @{ disks = 0 } -After @{ disks = 1 } -Set {
+        Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx')
+    }
+    Add-Step -Action 'boot from the disk, secure boot MicrosoftUEFICertificateAuthority' -Before @{
+        exists = $true
+    } -After @{
+        boots_from = 'drive'; secure_boot = 'MicrosoftUEFICertificateAuthority'
+    } -Set {
+        Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftUEFICertificateAuthority' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)
+    }
+    Add-Step -Action 'mark it as robot/vision, set 361ebcdb6468' -Before @{ exists = $true } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
+    Add-Step -Action 'processors 2' -Before @{ exists = $true } -After @{ processors = 2; state = 'off' } -Set {
+        Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2
+    }
+    Add-Step -Action 'reserve 80 %, limit 100 %, weight 100' -Before @{ exists = $true } -After @{
+        limit = 100; reserve = 80; weight = 100
+    } -Set {
+        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100
+    }
+    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{
+        exists = $true
+    } -After @{
+        checkpoints = 'disabled'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'
+    } -Set {
+        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
+    }
+    Add-Step -Action 'give it its name vision' -Before @{ taken = $false } -After @{ name = 'vision' } -Set {
+        Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision'
+    }
+    Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
+        running = $false; state = 'off'
+    } -After @{
+        running = $true; state = 'running'
+    } -Set {
+        Hyper-V\Start-VM -VM $script:Vm
+    }
+}
+
+# What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
+
+# --- runtime: the same bytes in every script --------------------------------------------------
+# Read from the top: what a run does, what a step does, how readings are compared, how it is told.
+$script:Cmdlet = $PSCmdlet
+$script:Plan = @{ Plan = '' }   # the run's facts, which Add-Plan gives
+$script:Steps = @()             # those of the plan
+$script:Target = $null          # address and reader of the steps that are added
+$script:Vm = $null              # the virtual machine that was read last
+$script:Known = @{}             # by address: what was read of it, until a step changes something
+$script:Wanted = @()            # the names that are read for
+$script:Looking = $false        # whether everything is looked at, and no step done
+$script:Moved = @()             # what such a look found otherwise than planned
+$script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
+$script:Started = $null         # the journal's first record: which run was the last one here
+$script:Closing = ''            # how it was closed: done or abandoned
+$script:Recorded = @{}          # by number of a step, what the journal says of it: begun, changed or unchanged
+$script:Serials = @{}           # by application: how many runs there were
+$script:Touched = @{}           # of an undo: numbers of the apply's steps that may have changed something
+$script:Skipped = @{}           # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Current = $script:Whole # the step that is read or done: what fails, fails there
+$script:Refusal = $null         # kind and step of what ends the run with 3
+
+# A run ------------------------------------------------------------------------------------------
+
+function Invoke-Run {
+    # Everything that a script does. Its exit code is 0, 1 or 3, and the host is given back however it ends.
+    param([scriptblock] $Steps)
+    try {
+        & $Steps
+        Open-Run
+        Complete-Run
+    } catch {
+        Exit-Failed -Failure $_
+    } finally {
+        Exit-Host
+    }
+    exit 0
+}
+
+function Open-Run {
+    # Lock, guard, journal. A run of this plan that was killed goes on; one that ended is only looked at.
+    $plan = $script:Plan
+    $guard = $plan.Guard
+    if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
+    Enter-Host
+    if (-not $Abandon) { & $guard }
+    Read-Journal
+    $last = $script:Started
+    $open = $null -ne $last -and -not $script:Closing
+    $same = $null -ne $last -and $last.plan -ceq $plan.Plan
+    if ($Abandon) {
+        if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
+        $status = 'unchanged'
+        if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) { $status = 'skipped' }
+        elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
+            $status = 'abandoned'
+        }
+        Write-RunEvent -Kind 'run' -Status $status
+        exit 0
+    }
+    if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
+    $script:Touched = @{}
+    if ($plan.Run -ceq 'undo') {
+        if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
+        foreach ($number in $script:Recorded.Keys) {
+            if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
+        }
+    } elseif ($open) {
+        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+    } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
+        Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
+    }
+    $script:Started = $null
+    $script:Closing = ''
+    $script:Recorded = @{}
+}
+
+function Use-Target {
+    # What the steps that follow are about, and how it is read.
+    param([string] $Address, [scriptblock] $Read)
+    $script:Target = @{ Address = $Address; Read = $Read }
+}
+
+function Add-Step {
+    # A step of the plan: what is to be read before it and after it, and what makes it so.
+    param(
+        [string] $Action, [System.Collections.IDictionary] $Before, [System.Collections.IDictionary] $After,
+        [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
+    )
+    $address = $script:Target.Address
+    $script:Steps += @{
+        Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
+        # It builds on the steps of its own address, and on those of the machine that it lies in.
+        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
+        Action = $Action; Before = $Before; After = $After; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
+    }
+}
+
+function Complete-Run {
+    # Look at everything, do the steps, look once more at everything together, and only then close the journal.
+    Find-Moved
+    foreach ($one in $script:Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
+    if ($null -eq $script:Started) { Write-FirstRecord }
+    foreach ($step in $script:Steps) { Invoke-Step -Step $step }
+    if ($script:Skipped.Count) {
+        if ($WhatIfPreference) { return }
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
+        exit 1
+    }
+    if ($script:Closing -cne 'done') {
+        Find-Moved
+        foreach ($one in $script:Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
+        Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
+    }
+    Write-RunEvent -Kind 'run' -Status 'done'
+}
+
+function Find-Moved {
+    # Reads everything once. What was done is still so; what is to be done finds what was planned before it, unless a
+    # step ahead of it is to make that so. Keeps what is otherwise.
+    $made = @{}     # by address: the last step that was done, and what all of them made of it
+    $ahead = @{}    # addresses with names that a step is to change yet
+    $script:Known = @{}
+    $script:Looking = $true
+    $script:Moved = @()
+    $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
+    foreach ($step in $script:Steps) {
+        $at = $step.Address
+        $script:Current = $step
+        if ([DateTime]::UtcNow -gt $alive) {
+            # A host of many machines is read for minutes; whoever waits for a word shall have one.
+            Write-RunEvent -Kind 'step' -Step $step -Status 'reading' -Detail 'the host is still being read'
+            $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
+        }
+        $leave = Get-Leave -Step $step
+        if ($leave -ceq 'done before') {
+            if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) { $made[$at] = @{ After = @{} } }
+            $made[$at]['Step'] = $step
+            foreach ($name in $step.After.Keys) { $made[$at]['After'][$name] = $step.After[$name] }
+        }
+        if ($leave) { continue }
+        if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
+            foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
+                if ($ahead.Contains($at + ' ' + $name)) { continue }
+                $script:Moved += @{ Step = $step; Detail = 'changed since the plan: ' + $name }
+            }
+        }
+        foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
+            $ahead[$at + ' ' + $name] = $true
+        }
+    }
+    foreach ($at in @($made.Keys | Sort-Object)) {
+        if ($ahead.Contains($at + ' exists')) { continue }
+        $script:Current = $made[$at]['Step']
+        $wanted = $made[$at]['After']
+        foreach ($name in @(Compare-Reading -Live (Get-Reading -Name $wanted.Keys) -Expected $wanted)) {
+            # The keys above several records are cleared with the last of them.
+            if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
+            $script:Moved += @{ Step = $script:Current; Detail = 'is not as wanted: ' + $name }
+        }
+    }
+    $script:Current = $script:Whole
+    $script:Known = @{}
+    $script:Looking = $false
+}
+
+# A step -----------------------------------------------------------------------------------------
+
+function Invoke-Step {
+    # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
+    param([System.Collections.IDictionary] $Step)
+    $set = $Step.Set
+    $fits = $Step.Fits
+    if ($script:Current.Address -cne $Step.Address) { $script:Known = @{} }
+    $script:Current = $Step
+    $leave = Get-Leave -Step $Step
+    if ($leave) {
+        Write-RunEvent -Kind 'step' -Step $Step -Status 'unchanged' -Detail $leave
+        return
+    }
+    if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
+        # Whoever made that file beside the script wants it to end before the next step.
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
+        exit 1
+    }
+    $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
+    $live = Get-Reading -Step $Step
+    # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
+    if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
+        # One that was begun and killed has changed something.
+        $status = if ($script:Recorded.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
+        Add-StepRecord -Step $Step -Status $status
+        return
+    }
+    $moved = @(Compare-Step -Step $Step -Live $live)
+    if ($moved.Count -and -not $lacks.Count) {
+        Exit-Refused -Step $Step -Detail ('changed since the plan: ' + ($moved -join ', '))
+    }
+    $skip = ''
+    # A preview shows every step that could be done; nothing is called anyway.
+    if ($lacks.Count -and ($moved.Count -or -not $WhatIfPreference)) {
+        $skip = 'needs ' + ($lacks -join ', ')
+    } elseif ($null -ne $fits -and -not (& $fits)) {
+        if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
+        $skip = 'needs room that skipped steps would have made'
+    } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
+        $skip = 'left out'
+    }
+    if ($skip) {
+        $script:Skipped[$Step.Address] = $true
+        Write-RunEvent -Kind 'step' -Step $Step -Status 'skipped' -Detail $skip
+        return
+    }
+    $ConfirmPreference = 'None'
+    Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
+    [void] (& $set)
+    $script:Known = @{}
+    $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
+    if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
+    Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
+}
+
+function Test-Wanted {
+    # What -WhatIf or whoever sits at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    param([string] $Address, [string] $Action)
+    if ($AsJson -and $WhatIfPreference) { return $false }
+    try {
+        $script:Cmdlet.ShouldProcess($Address, $Action)
+    } catch {
+        throw '-Confirm asks, and nobody can answer here: run the script in a console, or without -Confirm'
+    }
+}
+
+function Get-Leave {
+    # Why there is nothing to do in a step; nothing where there is. The first two are for undo scripts.
+    param([System.Collections.IDictionary] $Step)
+    if ($Step.Undoes -cne '' -and -not $script:Touched.Contains($Step.Undoes)) { return 'was not done' }
+    $lost = $script:Touched.Contains($Step.Lost)
+    if ($lost -and -not (Get-Reading -Name 'exists')['exists']) { return 'went with its machine' }
+    $recorded = $script:Recorded[[string] $Step.Number]
+    if ($script:Closing -ceq 'done' -or @('changed', 'unchanged') -ccontains $recorded) { 'done before' }
+}
+
+function Add-StepRecord {
+    param([System.Collections.IDictionary] $Step, [string] $Status, [string] $Detail = '')
+    Add-Record -Record ([ordered] @{ number = $Step.Number; status = $Status; kind = 'step_recorded' })
+    $script:Recorded[[string] $Step.Number] = $Status
+    Write-RunEvent -Kind 'step' -Step $Step -Status $Status -Detail $Detail
+}
+
+# Readings: tables of names and values -------------------------------------------------------------
+
+function Get-Reading {
+    # What the host shows of a step's names, or of others, at the address of the current step.
+    param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
+    $read = $script:Current.Read
+    $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
+    & $read
+}
+
+function Get-Known {
+    # What was read already at the address of the current step: nothing is read twice until a step changes something.
+    $at = $script:Current.Address
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = @{} }
+    $script:Known[$at]
+}
+
+function Test-Unread {
+    # Whether one of these names is wanted and was not read yet.
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
+}
+
+function Compare-Step {
+    # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
+    param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
+    if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
+    # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
+    if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Undoes -cne '') {
+        $names = @($Step.Before.Keys) + @($Step.After.Keys)
+        if ($names -ccontains 'values') { $names += @(@($Live.Keys) -clike 'value:*') }
+        $odd = @($names | Where-Object -FilterScript {
+            # Names of values come and go one by one; a machine may be on its way to be off.
+            $busy = @('values', 'empty') -ccontains $_ -or ($_ -ceq 'state' -and $Live[$_] -ceq 'busy')
+            $old = Test-Agreed -Left $Live -Right $Step.Before -Name $_
+            -not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $_))
+        })
+        if (-not $odd.Count) { return }
+    }
+    Compare-Reading -Live $Live -Expected $Step.Before
+}
+
+function Compare-Reading {
+    # The names whose live value is not the expected one.
+    param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
+    @($Expected.Keys) | Where-Object -FilterScript { -not (Test-Agreed -Left $Live -Right $Expected -Name $_) }
+}
+
+function Test-Agreed {
+    # Whether two tables have the same value of a name, or both none. -ceq takes no notice of characters without width.
+    param([System.Collections.IDictionary] $Left, [System.Collections.IDictionary] $Right, [string] $Name)
+    if ($Left.Contains($Name) -ne $Right.Contains($Name)) { return $false }
+    [string]::Equals([string] $Left[$Name], [string] $Right[$Name], [System.StringComparison]::Ordinal)
+}
+
+# Telling ----------------------------------------------------------------------------------------
+
+function Write-RunEvent {
+    param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
+    if ($AsJson) {
+        $line = [ordered] @{
+            format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
+            total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
+        }
+        ConvertTo-AsciiJson -Value $line
+    } else {
+        $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
+        Write-Information -MessageData $text -InformationAction Continue
+    }
+}
+
+function Exit-Refused {
+    # The host is not as planned, busy, or the plan was used: exit code 3. The end tells it, because what an event gives
+    # to the pipeline here could end up in the caller's variable.
+    param([string] $Kind = 'refused', [System.Collections.IDictionary] $Step = $script:Whole, [string] $Detail)
+    $script:Refusal = @{ Kind = $Kind; Step = $Step }
+    throw $Detail
+}
+
+function Exit-Failed {
+    # The end of a run that did not come to its own: refused (3), or what failed, in which call and on which line (1).
+    param($Failure)
+    $detail = [string] $Failure.Exception.Message
+    if ($null -ne $script:Refusal) {
+        Write-RunEvent -Kind $script:Refusal.Kind -Step $script:Refusal.Step -Status 'refused' -Detail $detail
+        exit 3
+    }
+    $id = [string] $Failure.FullyQualifiedErrorId
+    $at = $Failure.InvocationInfo
+    if ($id -cne $detail) { $detail = '{0} ({1} {2}, line {3})' -f $detail, $at.MyCommand, $id, $at.ScriptLineNumber }
+    Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
+    exit 1
+}
+
+function ConvertTo-AsciiJson {
+    # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
+    param($Value)
+    $text = ConvertTo-Json -InputObject $Value -Depth 20 -Compress
+    [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
+}
+# --- end of the runtime ---------------------------------------------------------------------
+# --- part lock: the same bytes in every script that carries it ---------------------------------
+# One run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
+
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
+$script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+$script:OwnerFile = ''       # it says who holds the mutex, once that is us
+$script:Mutex = $null
+
+function Enter-Host {
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    if ($WhatIfPreference) { return }
+    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $held = $false
+    try {
+        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
+        $held = $mutex.WaitOne(1000 * $LockTimeout)
+    } catch [System.Threading.AbandonedMutexException] {
+        $held = $true
+        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
+    } catch [System.UnauthorizedAccessException] {
+        # Made by an account that lets nobody else open it, so it is alive.
+        Write-Verbose -Message $_.Exception.Message
+    }
+    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    $script:Mutex = $mutex
+    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
+    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
+    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
+    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
+    [System.IO.File]::WriteAllText($path, $script:Operator)
+    $script:OwnerFile = $path
+}
+
+function Exit-Host {
+    if ($script:OwnerFile) {
+        try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
+    }
+    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
+}
+
+function Protect-Path {
+    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    param([string] $Path, [string] $Descriptor)
+    if ($env:OS -cne 'Windows_NT') { return }
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
+    $acl = Get-Acl -LiteralPath $Path
+    $acl.SetSecurityDescriptorSddlForm($Descriptor)
+    Set-Acl -LiteralPath $Path -AclObject $acl
+}
+
+function Assert-Owner {
+    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
+    param([string] $Path)
+    if ($env:OS -cne 'Windows_NT') { return }
+    if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
+        throw ('{0} is a link: look where it leads, then remove it' -f $Path)
+    }
+    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
+    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
+}
+# --- end of the part lock ----------------------------------------------------------------------
+# --- part journal: the same bytes in every script that carries it ------------------------------
+# What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
+
+$script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Sound = [long] 0        # bytes of the journal that are whole records
+
+function Read-Journal {
+    # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
+    $fresh = $script:Journal + '.new'
+    # Left by a run that was killed before it began.
+    if (-not $WhatIfPreference -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
+    if (-not (Test-Path -LiteralPath $script:Journal)) { return }
+    Assert-Owner -Path $script:Folder
+    Assert-Owner -Path $script:Journal
+    $torn = $false
+    foreach ($line in @([System.IO.File]::ReadAllText($script:Journal) -split '(?<=\n)')) {
+        if ($torn -and $line) { throw ($script:Journal + ' is damaged: see what the last run did, then remove it') }
+        $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
+        $torn = (Get-Sealed -Text $text) -cne $line
+        if ($torn) { continue }
+        $script:Sound += $line.Length
+        $record = ConvertFrom-Json -InputObject $text
+        if ($record.kind -ceq 'run_closed') { $script:Closing = $record.closing }
+        elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
+        else {
+            $script:Started = $record
+            foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
+            foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
+        }
+    }
+}
+
+function Get-Sealed {
+    param([string] $Text)
+    $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($Text))
+    '{0},"length":{1},"checksum":"{2}"}}{3}' -f ($Text -creplace '\}$', ''), $Text.Length, $digest, [char] 10
+}
+
+function Get-Sha256 {
+    param([byte[]] $Data)
+    $hash = [System.Security.Cryptography.SHA256]::Create()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+}
+
+function Add-Record {
+    # It is on the disk when this returns. A torn end is cut off first.
+    param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
+    if ($WhatIfPreference) { return }
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes((Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)))
+    $mode = [System.IO.FileMode]::OpenOrCreate
+    $stream = [System.IO.FileStream]::new($Path, $mode, [System.IO.FileAccess]::Write)
+    try {
+        $stream.SetLength($script:Sound)
+        $stream.Position = $script:Sound
+        $stream.Write($data, 0, $data.Length)
+        $stream.Flush($true)
+    } finally {
+        $stream.Dispose()
+    }
+    $script:Sound += $data.Length
+}
+
+function Write-FirstRecord {
+    # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
+    if ($WhatIfPreference) { return }
+    $plan = $script:Plan
+    $undo = ''
+    if ($plan.Undo) {
+        # It must lie beside this one, as it was made.
+        $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
+        if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
+        $data = [System.IO.File]::ReadAllBytes($path)
+        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
+        $undo = [System.Text.Encoding]::ASCII.GetString($data)
+    }
+    $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
+    $fresh = $script:Journal + '.new'
+    $script:Sound = [long] 0
+    Add-Record -Path $fresh -Record ([ordered] @{
+        run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
+        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
+    })
+    Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
+    $old = $script:Journal + '.old'
+    if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $old) }
+    else { [System.IO.File]::Move($fresh, $script:Journal) }
+}
+# --- end of the part journal -------------------------------------------------------------------
+# --- part host: the same bytes in every script that carries it ---------------------------------
+# Whether a script runs where it was made for, and whether a reserve has any effect there.
+
+function Assert-VmHost {
+    # Is it this host, may we, and does a reserve have any effect here?
+    $plan = $script:Plan
+    $vmHost = Hyper-V\Get-VMHost
+    if ($vmHost.Name -ne $plan.Computer) {
+        Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+    }
+    if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
+        Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+    }
+    if ($plan.AcceptScheduler) { return }
+    if (Test-RootScheduler) {
+        throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
+    }
+}
+
+function Test-RootScheduler {
+    # Event 2 of the hypervisor says 4 for root. Where it has left the log: a client Windows has root, of a server it is
+    # not known, which the plan told.
+    try {
+        $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
+        $found = @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)
+        return [int] $found[0].Properties[0].Value -eq 4
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+    }
+    $windows = Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
+    [string] $windows.GetValue('InstallationType') -ceq 'Client'
+}
+# --- end of the part host ----------------------------------------------------------------------
+# --- part machines: the same bytes in every script that carries it -----------------------------
+# How virtual machines are found, read and marked: never by their names alone.
+
+$name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$script:MarkForm = $form.Replace('NAME', $name)
+$script:Machines = @{}          # by partition: the id of the machine that answered to it
+
+function Read-Partition {
+    # What the host shows of the wanted names: one call for the machine, and one for each kind of its settings.
+    param([string] $Name, [string] $Machine = '')
+    $live = Get-Known
+    if (-not $live.Contains('exists')) { Read-Machine -Live $live -Name $Name -Machine $Machine }
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    $vm = $live['vm']
+    $script:Vm = $vm
+    if (-not $live['exists']) { return $live }
+    if (Test-Unread -Live $live -Name 'processors', 'reserve', 'limit', 'weight') {
+        $cpu = Hyper-V\Get-VMProcessor -VM $vm
+        $live['processors'] = [long] $cpu.Count
+        $live['reserve'] = [long] $cpu.Reserve
+        $live['limit'] = [long] $cpu.Maximum
+        $live['weight'] = [long] $cpu.RelativeWeight
+    }
+    if (Test-Unread -Live $live -Name 'memory', 'dynamic_memory') {
+        $memory = Hyper-V\Get-VMMemory -VM $vm
+        $live['memory'] = [long] $memory.Startup
+        $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $live['secure_boot'] = if ([string] $firmware.SecureBoot -ceq 'Off') { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
+    }
+    if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
+    if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
+    if (Test-Unread -Live $live -Name 'snapshots') { $live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    $live
+}
+
+function Read-Machine {
+    # Into the reading: whether there is the machine, and what it says of itself.
+    param([System.Collections.IDictionary] $Live, [string] $Name, [string] $Machine)
+    $found = @(Find-Machine -Name $Name -Machine $Machine)
+    if ($found.Count -gt 1) { Exit-Refused -Step $script:Current -Detail ('{0} machines answer to it' -f $found.Count) }
+    $Live['exists'] = $found.Count -eq 1
+    $Live['vm'] = $null
+    if (-not $found.Count) { return }
+    $vm = $found[0]
+    $mark = Get-Mark -Vm $vm
+    $state = ConvertTo-RunState -State $vm.State
+    $script:Machines[$Name] = ([string] $vm.Id).ToLowerInvariant()
+    $Live['vm'] = $vm
+    $Live['machine'] = $script:Machines[$Name]
+    $Live['name'] = [string] $vm.Name
+    $Live['generation'] = [long] $vm.Generation
+    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
+    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
+    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
+    $Live['state'] = $state
+    $Live['running'] = $state -ceq 'running'
+    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
+    $Live['set'] = $mark.Set
+}
+
+function Find-Machine {
+    # By id where it is known; otherwise what carries our mark, or the pending name of this plan. Never by name.
+    param([string] $Name, [string] $Machine)
+    if (-not $Machine) { $Machine = [string] $script:Machines[$Name] }
+    if ($Machine -and -not $script:Looking) {
+        try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
+    }
+    $pending = Get-PendingName -Name $Name
+    foreach ($vm in @(Get-MachineList)) {
+        if ($Machine) {
+            if (([string] $vm.Id).ToLowerInvariant() -ceq $Machine) { $vm }
+            continue
+        }
+        $mark = Get-Mark -Vm $vm
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
+        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+    }
+}
+
+function Get-MachineList {
+    # All machines of the host, listed once for all that is read until something changes.
+    if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
+    $script:Known['machines']
+}
+
+function Get-PendingName {
+    # What a partition is called while this plan makes it; a dot cannot occur in a manifest's name.
+    param([string] $Name)
+    '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
+}
+
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Get-MachineList)) {
+        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
+    }
+    $false
+}
+
+function Test-SameName {
+    # -ceq takes no notice of characters without width, such as a soft hyphen.
+    param([string] $Left, [string] $Right)
+    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
+}
+
+function Get-Mark {
+    # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
+    param($Vm)
+    $found = @()
+    foreach ($line in @([string] $Vm.Notes -split '\n')) {
+        if (-not ($line -cmatch $script:MarkForm)) { continue }
+        $found += @{
+            Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set']; Machine = $Matches['vm']
+        }
+    }
+    $id = ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)
+    if ($found.Count -eq 1 -and $id -ceq $found[0]['Machine']) { return $found[0] }
+    @{ Application = ''; Name = ''; Set = '' }
+}
+
+function Write-Mark {
+    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    $wanted = $script:Current.After
+    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+    $other = Get-OtherNote
+    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $line
+}
+
+function Clear-Mark {
+    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
+}
+
+function Get-OtherNote {
+    # The user's lines of the notes.
+    $lines = @([string] $script:Vm.Notes -split '\n')
+    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+}
+
+function ConvertTo-RunState {
+    param($State)
+    $name = [string] $State
+    if ($name -clike '*Critical') { return 'critical' }
+    if (@('Off', 'Running', 'Paused', 'Saved') -ccontains $name) { return $name.ToLowerInvariant() }
+    'busy'
+}
+
+function ConvertTo-Word {
+    # An enumeration's name as plans write it: TurnOff becomes turn_off.
+    param($Value)
+    ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
+}
+# --- end of the part machines ------------------------------------------------------------------
+# --- part capacity: the same bytes in every script that carries it -----------------------------
+# Whether the host can keep what it promises, its unmanaged machines included.
+
+function Test-Capacity {
+    # Whether all promises fit with this machine's new one: in sum, in memory, and each processor onto a logical one.
+    param([long] $Processors, [long] $Reserve, [long] $Memory)
+    $others = @(foreach ($vm in @(Get-MachineList)) {
+        if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
+        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
+        $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
+        if ($active -or (-not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing')) { $vm }
+    })
+    $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
+    $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
+    $bytes = $Memory
+    if ($others.Count) {
+        foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
+            $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
+        }
+        foreach ($memory in @(Hyper-V\Get-VMMemory -VM $others)) { $bytes += [long] $memory.Startup }
+    }
+    $percent = [long] 0
+    $free = @(100) * $script:Plan.Cores
+    foreach ($one in $claims) {
+        $percent += $one.Cores * $script:Plan.ThreadsPerCore * $one.Reserve
+        if ($one.Reserve -gt 0 -and $one.Cores -gt $free.Count) { return $false }
+    }
+    if ($percent -gt $script:Plan.Percent -or $bytes -gt $script:Plan.Memory) { return $false }
+    # Machines as wide as the host lie on every core; of the others the largest go first, each to the first place.
+    $wide = 0
+    $sizes = @()
+    foreach ($one in $claims) {
+        if ($one.Cores -eq $free.Count) { $wide += $one.Reserve }
+        else { $sizes += @($one.Reserve) * $one.Cores }
+    }
+    for ($at = 0; $at -lt $free.Count; $at++) { $free[$at] -= $wide }
+    foreach ($size in @($sizes | Sort-Object -Descending)) {
+        $at = 0
+        while ($at -lt $free.Count -and $free[$at] -lt $size) { $at++ }
+        if ($at -eq $free.Count) { return $false }
+        $free[$at] -= $size
+    }
+    $wide -le 100
+}
+
+function Get-CoreCount {
+    # The cores that a machine takes where none runs two machines at once; elsewhere each processor counts as a core.
+    param($Cpu, [long] $Processors)
+    if ($script:Plan.ThreadsPerCore -eq 1) { return $Processors }
+    $own = $Cpu.PSObject.Properties['HwThreadCountPerCore']
+    # Without SMT of its own, it leaves the other thread of each core idle.
+    if ($null -eq $own -or $own.Value -eq 1) { return $Processors }
+    ($Processors + ($Processors -band 1)) / 2
+}
+# --- end of the part capacity ------------------------------------------------------------------
+# --- part disks: the same bytes in every script that carries it --------------------------------
+# How virtual disks are read and removed.
+
+function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Read-MadePartition {
+    # As Read-Partition, and what somebody gave the machine since: an undo must not take it away with that.
+    param([string] $Name, [string] $Disk = '')
+    $live = Read-Partition -Name $Name
+    if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
+    $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
+        if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
+    })
+    if (@($Name, (Get-PendingName -Name $Name)) -cnotcontains $live['name']) { $added += 'name ' + $live['name'] }
+    if (@(Hyper-V\Get-VMSnapshot -VM $script:Vm).Count) { $added += 'a checkpoint' }
+    $live['added'] = $added -join ', '
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
+    param([string] $Path)
+    $all = @(Get-MachineList)
+    if (-not $all.Count) { return $false }
+    $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $all)
+    foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $all)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+    foreach ($drive in $drives) {
+        $at = [string] $drive.Path
+        while ($at) {
+            if (Test-SamePath -Left $at -Right $Path) { return $true }
+            $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Get-DiskPath {
+    # Where this plan puts a new disk of a partition: in its folder, or in the host's own.
+    param([string] $Folder, [string] $Name, [string] $Type)
+    if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
+    # Not Join-Path, which wants the drive to be there while the steps are still compared.
+    '{0}\{1}-{2}.{3}' -f ($Folder -creplace '\\$', ''), $Name, $script:Plan.Plan, $Type
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
+}
+# --- end of the part disks ---------------------------------------------------------------------
+Invoke-Run -Steps { Add-Plan }
