@@ -145,6 +145,9 @@ def suggested_secure_boot(image: str) -> tuple[str, str]:
     Hyper-V's own default lets Windows boot, and no Linux: that is signed by another authority (FACTS 3). The name is
     all that is known of an image before it is started.
 
+    Args:
+        image: its path on the host.
+
     Returns:
         The name of the template, and why.
     """

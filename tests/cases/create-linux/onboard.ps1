@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bc98a8c19ff1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '00eb05d5972aacf9b3e4c299a611935bdba227637861f5e6b8352e355aaab94f'
+        UndoDigest = '13dc264cc309076ac9efea4583d6b0ffdb740d5ca9e686a7f1fd9a196f3eaa42'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -529,6 +529,7 @@ function Assert-Owner {
 # What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
 
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
@@ -564,9 +565,9 @@ function Get-Sealed {
 }
 
 function Get-Sha256 {
-    param([byte[]] $Data)
+    param([byte[]] $Data, [int] $Count = $Data.Length)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
 }
 
 function Add-Record {
@@ -597,8 +598,10 @@ function Write-FirstRecord {
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
-        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
+        # Who signs it adds remarks at its end; all before them is the plan's.
+        $size = ($undo -creplace $script:Signature, '').Length
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'

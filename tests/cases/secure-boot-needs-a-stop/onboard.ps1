@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '9602f91f341d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a83a24491aed54bc485bd39efa5533478ebc1bdf6a4848636289427e8355121f'
+        UndoDigest = '5ce68e315e8e937d01919fd9518baa50911392f8569d6264476ad41d44e17a3b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -497,6 +497,7 @@ function Assert-Owner {
 # What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
 
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
@@ -532,9 +533,9 @@ function Get-Sealed {
 }
 
 function Get-Sha256 {
-    param([byte[]] $Data)
+    param([byte[]] $Data, [int] $Count = $Data.Length)
     $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data, 0, $Count)) -replace '-', '').ToLowerInvariant()
 }
 
 function Add-Record {
@@ -565,8 +566,10 @@ function Write-FirstRecord {
         $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
         if (-not (Test-Path -LiteralPath $path)) { throw ('{0} must lie beside this script: put it there' -f $path) }
         $data = [System.IO.File]::ReadAllBytes($path)
-        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
+        # Who signs it adds remarks at its end; all before them is the plan's.
+        $size = ($undo -creplace $script:Signature, '').Length
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'
