@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bc98a8c19ff1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '13dc264cc309076ac9efea4583d6b0ffdb740d5ca9e686a7f1fd9a196f3eaa42'
+        UndoDigest = '7ec013a7c667009ae7be0b6cc31402074a1e5f436b748aa2b6310bd100bbdfc5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -681,7 +681,8 @@ function Read-Partition {
     }
     if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
         $firmware = Hyper-V\Get-VMFirmware -VM $vm
-        $live['secure_boot'] = if ([string] $firmware.SecureBoot -ceq 'Off') { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
         $live['boots_from'] = ''
         foreach ($one in @($firmware.BootOrder)) {
             if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }

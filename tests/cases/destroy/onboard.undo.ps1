@@ -681,7 +681,8 @@ function Read-Partition {
     }
     if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
         $firmware = Hyper-V\Get-VMFirmware -VM $vm
-        $live['secure_boot'] = if ([string] $firmware.SecureBoot -ceq 'Off') { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
         $live['boots_from'] = ''
         foreach ($one in @($firmware.BootOrder)) {
             if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '9602f91f341d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5ce68e315e8e937d01919fd9518baa50911392f8569d6264476ad41d44e17a3b'
+        UndoDigest = '5d65eb3f5c5d3192a3516bca92aaf2fdfa6ed60555db6d730ad680da48104fd8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -649,7 +649,8 @@ function Read-Partition {
     }
     if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
         $firmware = Hyper-V\Get-VMFirmware -VM $vm
-        $live['secure_boot'] = if ([string] $firmware.SecureBoot -ceq 'Off') { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
         $live['boots_from'] = ''
         foreach ($one in @($firmware.BootOrder)) {
             if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
