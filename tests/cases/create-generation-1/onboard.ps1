@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3f3e976342ba of application robot, for the host itself.
+    rarms apply script: plan f6f72f157729 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3f3e976342ba'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f6f72f157729'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '29046d12b036b20337bf204da94c1b2a3841b22c5414194ab2cb5ebb65356ef4'
+        UndoDigest = 'ed7c041ede5511c759ca5ae53943daf158243ef5c0cd8d6c624e801f21844f98'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -666,6 +666,15 @@ function Read-Partition {
         $memory = Hyper-V\Get-VMMemory -VM $vm
         $live['memory'] = [long] $memory.Startup
         $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
     }
     if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }

@@ -76,22 +76,23 @@ function Add-Plan {
 
 # --- runtime: the same bytes in every script --------------------------------------------------
 # Read from the top: what a run does, what a step does, how readings are compared, how it is told.
+$script:Ordinal = [System.StringComparer]::Ordinal      # of tables: 5.1 compares the keys of others by culture
 $script:Cmdlet = $PSCmdlet
 $script:Plan = @{ Plan = '' }   # the run's facts, which Add-Plan gives
 $script:Steps = @()             # those of the plan
 $script:Target = $null          # address and reader of the steps that are added
 $script:Vm = $null              # the virtual machine that was read last
-$script:Known = @{}             # by address: what was read of it, until a step changes something
+$script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Wanted = @()            # the names that are read for
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Moved = @()             # what such a look found otherwise than planned
 $script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
 $script:Started = $null         # the journal's first record: which run was the last one here
 $script:Closing = ''            # how it was closed: done or abandoned
-$script:Recorded = @{}          # by number of a step, what the journal says of it: begun, changed or unchanged
-$script:Serials = @{}           # by application: how many runs there were
-$script:Touched = @{}           # of an undo: numbers of the apply's steps that may have changed something
-$script:Skipped = @{}           # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what the journal says of it
+$script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
+$script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
+$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that -WhatIf or a declined -Confirm left out
 $script:Current = $script:Whole # the step that is read or done: what fails, fails there
 $script:Refusal = $null         # kind and step of what ends the run with 3
 
@@ -135,7 +136,7 @@ function Open-Run {
         exit 0
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
-    $script:Touched = @{}
+    $script:Touched = [hashtable]::new($script:Ordinal)
     if ($plan.Run -ceq 'undo') {
         if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
         foreach ($number in $script:Recorded.Keys) {
@@ -148,7 +149,7 @@ function Open-Run {
     }
     $script:Started = $null
     $script:Closing = ''
-    $script:Recorded = @{}
+    $script:Recorded = [hashtable]::new($script:Ordinal)
 }
 
 function Use-Target {
@@ -168,7 +169,8 @@ function Add-Step {
         Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
         # It builds on the steps of its own address, and on those of the machine that it lies in.
         Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
-        Action = $Action; Before = $Before; After = $After; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
+        Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
+        Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
     }
 }
 
@@ -194,9 +196,9 @@ function Complete-Run {
 function Find-Moved {
     # Reads everything once. What was done is still so; what is to be done finds what was planned before it, unless a
     # step ahead of it is to make that so. Keeps what is otherwise.
-    $made = @{}     # by address: the last step that was done, and what all of them made of it
-    $ahead = @{}    # addresses with names that a step is to change yet
-    $script:Known = @{}
+    $made = [hashtable]::new($script:Ordinal)  # by address: the last step done, and what all made of it
+    $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
+    $script:Known = [hashtable]::new($script:Ordinal)
     $script:Looking = $true
     $script:Moved = @()
     $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
@@ -210,7 +212,9 @@ function Find-Moved {
         }
         $leave = Get-Leave -Step $step
         if ($leave -ceq 'done before') {
-            if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) { $made[$at] = @{ After = @{} } }
+            if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) {
+                $made[$at] = @{ After = [hashtable]::new($script:Ordinal) }
+            }
             $made[$at]['Step'] = $step
             foreach ($name in $step.After.Keys) { $made[$at]['After'][$name] = $step.After[$name] }
         }
@@ -236,7 +240,7 @@ function Find-Moved {
         }
     }
     $script:Current = $script:Whole
-    $script:Known = @{}
+    $script:Known = [hashtable]::new($script:Ordinal)
     $script:Looking = $false
 }
 
@@ -247,7 +251,7 @@ function Invoke-Step {
     param([System.Collections.IDictionary] $Step)
     $set = $Step.Set
     $fits = $Step.Fits
-    if ($script:Current.Address -cne $Step.Address) { $script:Known = @{} }
+    if ($script:Current.Address -cne $Step.Address) { $script:Known = [hashtable]::new($script:Ordinal) }
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) {
@@ -290,7 +294,7 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
-    $script:Known = @{}
+    $script:Known = [hashtable]::new($script:Ordinal)
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
@@ -337,7 +341,7 @@ function Get-Reading {
 function Get-Known {
     # What was read already at the address of the current step: nothing is read twice until a step changes something.
     $at = $script:Current.Address
-    if (-not $script:Known.Contains($at)) { $script:Known[$at] = @{} }
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
     $script:Known[$at]
 }
 
@@ -623,7 +627,7 @@ function Test-RootScheduler {
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
-$script:Machines = @{}          # by partition: the id of the machine that answered to it
+$script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of the machine that answered to it
 
 function Read-Partition {
     # What the host shows of the wanted names: one call for the machine, and one for each kind of its settings.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 78f711f35fb5 of application robot, for the host itself.
+    rarms apply script: plan 5655ba379c51 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '78f711f35fb5'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5655ba379c51'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '20c5f22cc9c80a2d315341f82635792b1ab27d72dbcdf2a5ddb7cc446d86c311'
+        UndoDigest = 'd4434dfe5762e1622c46021634021f127f7d5367495a471434bc5fd24d9d6498'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -69,6 +69,11 @@ function Add-Plan {
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
     Add-Step -Action 'attach the disk' -Before @{ disks = 0 } -After @{ disks = 1 } -Set {
         Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx')
+    }
+    Add-Step -Action 'boot from the disk, secure boot MicrosoftWindows' -Before @{ exists = $true } -After @{
+        boots_from = 'drive'; secure_boot = 'MicrosoftWindows'
+    } -Set {
+        Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftWindows' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)
     }
     Add-Step -Action 'mark it as robot/vision, set 361ebcdb6468' -Before @{ exists = $true } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
     Add-Step -Action 'processors 2' -Before @{ exists = $true } -After @{ processors = 2; state = 'off' } -Set {
@@ -675,6 +680,15 @@ function Read-Partition {
         $memory = Hyper-V\Get-VMMemory -VM $vm
         $live['memory'] = [long] $memory.Startup
         $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
     }
     if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 51ea7f7b4246 of application robot, for the host itself.
+    rarms apply script: plan fcec76012294 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '51ea7f7b4246'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fcec76012294'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1c08e63fab913cee9ab2d7e4783fddae154fcd9a7637b22a158ec5f907adb68c'
+        UndoDigest = '4ad66653d34d44a8388312efb49752191c930b8aa13ca6ddbaf11498b8006cd6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -671,6 +671,15 @@ function Read-Partition {
         $memory = Hyper-V\Get-VMMemory -VM $vm
         $live['memory'] = [long] $memory.Startup
         $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
     }
     if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d11c3047ebbf of application robot, for the host itself.
+    rarms apply script: plan 70281f557d6f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB -> 1 GiB)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd11c3047ebbf'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '70281f557d6f'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c8cdc8b23bfecbde8515d02e00be8b47596db9a409587543ea919e52af86ebbe'
+        UndoDigest = '3b146ad90ca7e299bc14b3daeaaf5311f7c15d9b46dcbb2b89f6575cb84ac1c6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -636,6 +636,15 @@ function Read-Partition {
         $memory = Hyper-V\Get-VMMemory -VM $vm
         $live['memory'] = [long] $memory.Startup
         $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
     }
     if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 97c7c0c4e102 of application robot, for the host itself.
+    rarms apply script: plan 70a5fd2d1417 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '97c7c0c4e102'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '70a5fd2d1417'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f99962316e2b3701a0cee46f2cb794dffd5231a0c50aa7f1dd1e6c6989c96c34'
+        UndoDigest = '97036f054778cd682a4fbb95fc814018acb0808b4d1cc0f8066ddbdda2d52f0e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -644,6 +644,15 @@ function Read-Partition {
         $memory = Hyper-V\Get-VMMemory -VM $vm
         $live['memory'] = [long] $memory.Startup
         $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
+    }
+    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $live['boots_from'] = ''
+        foreach ($one in @($firmware.BootOrder)) {
+            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
+        }
     }
     if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
     if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 12b68ff97f59 of application robot, for the guest of partition vision.
+    rarms apply script: plan 5da07e7a84be of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '12b68ff97f59'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'b53079746c3051f4c9da1ad1014601d039873e14f5eaca4a94ea5fa08aa6a2f6'
+        UndoDigest = '38a0d194294250fd3b7d3a517b9aa4be76b3a213fde76aefde2c795c98bdcbbc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1490fa912015 of application robot, for the host itself.
+    rarms apply script: plan ad6299659361 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1490fa912015'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'ad6299659361'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7bd46b3fb8169100d60f2176ecda9ef2475ab730ebdd179ff5d453b75b13260b'
+        UndoDigest = 'ae2350e17d43f4c121d2281ab875dd4e66b6748ce060041d0e8b8b0f98fed4e0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7bebae403f02 of application robot, for the host itself.
+    rarms apply script: plan f8a4a02cb19a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7bebae403f02'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f8a4a02cb19a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '322f7feed29cca9c44c0ec0e03ed19f318bf2195da10365efb218caa84d06538'
+        UndoDigest = '7106e239e1dfa609a3ca34883f0476ccaf985da60ba06618fc0648ac55d72965'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

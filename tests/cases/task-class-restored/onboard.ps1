@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 776cebcd7ea2 of application robot, for the host itself.
+    rarms apply script: plan c71ba46f584c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '776cebcd7ea2'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c71ba46f584c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e02f4cffeee94759aae16c433a928456c856f0c9f04dded8af36287f37657971'
+        UndoDigest = 'bb0b82002e6cdbdb456278c8efc8ca1183aea4db5c498063e124a2da883b5daf'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ba3bfc82a68e of application robot, for the host itself.
+    rarms apply script: plan e527d23cb9e6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (record that it is ours, and what was there; set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ba3bfc82a68e'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e527d23cb9e6'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4da2c9a0169167eabadca99a9e7375dd89aa8e39fabc8ca32877ed36761378c2'
+        UndoDigest = '04464d45b5550d535eb2a8533a0198892f578ab2a973dbf9d0ea7f8d504aef76'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
