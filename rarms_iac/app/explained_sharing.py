@@ -17,7 +17,6 @@ from rarms_iac.model.quantities import show_lp_percent, show_processors
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.packing.values import cost
 from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
 from rarms_iac.planner.reservations import MeasuredReservations, Names, names_of
 from rarms_iac.planner.sizes import size
@@ -231,7 +230,7 @@ def _saving(
     claims = [answer.claim for answer in sizes if isinstance(answer, PlacedPartition)]
     if len(claims) < len(sizes):
         return None
-    costs, processors = [cost(claim) for claim in claims], max(claim.processors for claim in claims)
+    costs, processors = [claim.percent for claim in claims], max(claim.processors for claim in claims)
     together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
     if together is None or together * processors >= sum(costs):
         return None

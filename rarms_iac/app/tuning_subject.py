@@ -27,7 +27,7 @@ from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
-from rarms_iac.planner.packing.values import Item, NoPacking, Packing, cost, free_in
+from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_in, least_cost
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
@@ -206,7 +206,7 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
         state=states[bench.name],
         cois=cois,
         capacity=sum(free_in(host_bin).percent for host_bin in chosen),
-        fixed=sum(min(map(cost, item.claims.values())) for item in problem.items if item.name not in tuned),
+        fixed=sum(least_cost(item) for item in problem.items if item.name not in tuned),
         predictor=predictor_of(alone_in(groups, reservations, bench)),
     )
 

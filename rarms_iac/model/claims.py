@@ -19,6 +19,11 @@ class Claim:
     memory: int = 0  # bytes
     idle: int = 0  # of the logical processors, that stand idle beside a virtual processor of the partition
 
+    @property
+    def percent(self) -> int:
+        """The processor time of it, in per cent of one logical processor."""
+        return self.processors * self.reserve
+
     def is_less_than(self, after: "Claim") -> bool:
         """Whether `after` promises more processor time or memory than this.
 
@@ -29,7 +34,7 @@ class Claim:
             False: going from this to `after` needs nothing more of the host.
         """
         return (
-            after.processors * after.reserve > self.processors * self.reserve
+            after.percent > self.percent
             or after.memory > self.memory
             or (after.reserve > self.reserve and after.processors > 0)
         )
@@ -88,6 +93,6 @@ def load_of(claims: Iterable[Claim]) -> Load:
     """
     percent = memory = 0
     for claim in claims:
-        percent += claim.processors * claim.reserve
+        percent += claim.percent
         memory += claim.memory
     return Load(percent=percent, memory=memory)

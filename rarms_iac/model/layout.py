@@ -1,11 +1,10 @@
 """What the planner answers: a Layout, or why there is none."""
 
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
-from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.model.quantities import Bytes, LogicalProcessors, guaranteed
 from rarms_iac.model.system import StartMode
 
 
@@ -50,7 +49,7 @@ class PlacedPartition:
     @property
     def reserved(self) -> LogicalProcessors:
         """The LPs that it is guaranteed, after rounding to the provider's grain."""
-        return LogicalProcessors(Fraction(self.reserve * self.processors, 100))
+        return guaranteed(self.reserve, self.processors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,6 @@ from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_process
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
-from rarms_iac.planner.packing.values import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
@@ -189,7 +188,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
     for partition in answer.partitions:
         if problem.current_hosts.get(partition.name) != partition.host:
             continue
-        best, host = min((cost(claim), host) for host, claim in problem.claims[partition.name].items())
+        best, host = min((claim.percent, host) for host, claim in problem.claims[partition.name].items())
         if best < partition.processors * partition.reserve:
             yield findings.BETTER_ELSEWHERE.at(
                 places.key("partitions", partition.name),

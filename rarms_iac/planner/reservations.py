@@ -7,7 +7,7 @@ from typing import Protocol
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, in_processors
+from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, Threshold
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
@@ -192,7 +192,7 @@ class MeasuredReservations:
         least = self.least(members, host)
         if least is None:
             return not_met(members, log)
-        looked_up = LogicalProcessors(Fraction(least.reserve * log.processors, 100))
+        looked_up = guaranteed(least.reserve, log.processors)
         return ProcessorTime(max(looked_up, fixed(members, host)))
 
     def depends_on(self, host: Host) -> Hashable:

@@ -15,7 +15,7 @@ from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import TaskCategory, TaskRequest
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
-from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, cost
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.planner.task_classes import classes_of
@@ -61,7 +61,7 @@ def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, 
         for item, host in zip(items, way, strict=True):
             there[host].append(item.claims[host])
         if all(fits(host_bin.capacity, there[host_bin.name]) for host_bin in bins):
-            total = sum(cost(item.claims[host]) for item, host in zip(items, way, strict=True))
+            total = sum(item.claims[host].percent for item, host in zip(items, way, strict=True))
             moves = sum(
                 bool(item.current_host) and item.current_host != host for item, host in zip(items, way, strict=True)
             )

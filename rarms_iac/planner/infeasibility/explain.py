@@ -18,7 +18,7 @@ from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Variant
 from rarms_iac.planner.infeasibility.ways_out import ways_out
-from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost, least_memory
+from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
 
 LISTED_UP_TO = 12
@@ -114,7 +114,7 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
 
     promised = (
         (100 * (whole - host.capacity.processors), "kept for the host"),
-        (sum(map(cost, host.foreign_claims)), "taken by unmanaged machines"),
+        (sum(claim.percent for claim in host.foreign_claims), "taken by unmanaged machines"),
     )
     parts = [f"{share(amount)} {purpose}" for amount, purpose in promised if amount]
     note = f"; {share(max(0, free_in(host).percent))} is free beside {in_a_row(parts)}" if parts else ""

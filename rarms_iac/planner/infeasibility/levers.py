@@ -16,6 +16,7 @@ from rarms_iac.model.quantities import (
     Percent,
     ProcessorTime,
     ShareOfHost,
+    guaranteed,
     show_amount,
     show_bytes,
     show_percent,
@@ -142,12 +143,12 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
     usable = log.usable(member.name) if isinstance(log, MeasuredTogether) else None
     if not isinstance(log, MeasuredTogether) or least is None or usable is None or group.request.processors is not None:
         return
-    time = Fraction(least.reserve * usable, 100)
+    time = guaranteed(least.reserve, usable)
 
     def edits_at(_amount: int) -> Edits:
-        amount = ProcessorTime(LogicalProcessors(time))
+        amount = ProcessorTime(time)
         after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
-        before = show_processors(Fraction(least.reserve * log.processors, 100))
+        before = show_processors(guaranteed(least.reserve, log.processors))
         message = (
             f"`processors: {usable}` for {member.name}, which uses no more of its {log.processors}: about "
             f"{show_processors(time)} instead of {before}"
@@ -279,7 +280,7 @@ def _pair_lever(minor: Group, leader: Group, hosts: Sequence[str], problem: Prob
         return show_percent(Fraction(reserve * compound.processors, host.logical_processors))
 
     def edits_at(reserve: int) -> Edits:
-        amount = ProcessorTime(LogicalProcessors(Fraction(reserve * compound.processors, 100)))
+        amount = ProcessorTime(guaranteed(reserve, compound.processors))
         names = tuple(member.name for member in members)
         shared = replace(leader.request, components=names, cpu=CpuRequest(reserve=amount))
 

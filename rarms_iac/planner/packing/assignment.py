@@ -10,7 +10,7 @@ from math import gcd, inf
 from rarms_iac.model.capacity import holds
 from rarms_iac.model.claims import Claim
 from rarms_iac.planner.packing.highs import Row
-from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, is_move, least_cost
+from rarms_iac.planner.packing.values import Bin, Item, free_in, is_move, least_cost
 
 LARGEST_COEFFICIENT = 1_000_000
 """Above this they are rounded, so that they mean something in floating point; a host then seems larger."""
@@ -42,7 +42,7 @@ class Assignment:
 
     def excesses(self) -> tuple[list[int], int]:
         """Return by variable what its partition reserves there beyond its least, in units; and the unit in per cent."""
-        excesses = [cost(self._claim(pair)) - least_cost(self.items[pair[0]]) for pair in self.pairs]
+        excesses = [self._claim(pair).percent - least_cost(self.items[pair[0]]) for pair in self.pairs]
         unit = gcd(*excesses) or 1
         return [excess // unit for excess in excesses], unit
 
@@ -106,7 +106,7 @@ class Assignment:
     def _forbid_smallest_part(self, numbers: Sequence[int], at: int) -> None:
         """Forbid the part of these that already does not fit, and whatever is larger, on every host alike."""
         host = self.bins[at]
-        part = sorted(numbers, key=lambda number: cost(self._claim((number, at))))
+        part = sorted(numbers, key=lambda number: self._claim((number, at)).percent)
         for number in tuple(part):
             without = [other for other in part if other != number]
             if self._can_hold(host, without) is False:
@@ -142,7 +142,7 @@ class Assignment:
             free = free_in(host)
             there = [number for number, item in enumerate(self.items) if host.name in item.claims]
             claims = {self.variables[number, at]: self._claim((number, at)) for number in there}
-            yield from _at_most_in_sum({variable: cost(claim) for variable, claim in claims.items()}, free.percent)
+            yield from _at_most_in_sum({variable: claim.percent for variable, claim in claims.items()}, free.percent)
             yield from _at_most_in_sum({variable: claim.memory for variable, claim in claims.items()}, free.memory)
 
 

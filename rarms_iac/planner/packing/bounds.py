@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
-from rarms_iac.planner.packing.values import Bin, Item, Objective, cost, free_in, least_cost, least_memory
+from rarms_iac.planner.packing.values import Bin, Item, Objective, free_in, least_cost, least_memory
 
 
 def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
@@ -41,7 +41,7 @@ def lower_bound(items: Sequence[Item], bins: Sequence[Bin]) -> Objective:
         claims = [item.claims[host.name] for item in staying]
         free = free_in(host)
         moves -= min(
-            _number_that_fits(map(cost, claims), free.percent),
+            _number_that_fits((claim.percent for claim in claims), free.percent),
             _number_that_fits((claim.memory for claim in claims), free.memory),
         )
     return sum(map(least_cost, items)), moves

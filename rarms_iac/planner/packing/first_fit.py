@@ -14,7 +14,6 @@ from rarms_iac.planner.packing.values import (
     Bin,
     Item,
     Objective,
-    cost,
     free_in,
     is_move,
     least_cost,
@@ -84,7 +83,7 @@ class _RemainingCapacity:
 
     def take(self, claim: Claim) -> bool:
         """Take the claim, where the host has room for it and virtual processors find their places quickly."""
-        free = Load(percent=self.free.percent - cost(claim), memory=self.free.memory - claim.memory)
+        free = Load(percent=self.free.percent - claim.percent, memory=self.free.memory - claim.memory)
         if free.percent < 0 or free.memory < 0:
             return False
         claims = [*self._claims, claim]
@@ -99,15 +98,15 @@ _Preference = Callable[[Item, str, Mapping[str, _RemainingCapacity]], tuple[int,
 
 
 def _cheapest(item: Item, host: str, remaining: Mapping[str, _RemainingCapacity]) -> tuple[int, ...]:  # noqa: ARG001  # a preference
-    return cost(item.claims[host]), is_move(item, host)
+    return item.claims[host].percent, is_move(item, host)
 
 
 def _current(item: Item, host: str, remaining: Mapping[str, _RemainingCapacity]) -> tuple[int, ...]:  # noqa: ARG001  # a preference
-    return is_move(item, host), cost(item.claims[host])
+    return is_move(item, host), item.claims[host].percent
 
 
 def _fullest(item: Item, host: str, remaining: Mapping[str, _RemainingCapacity]) -> tuple[int, ...]:
-    return cost(item.claims[host]), is_move(item, host), remaining[host].free.percent
+    return item.claims[host].percent, is_move(item, host), remaining[host].free.percent
 
 
 _PREFERENCES: tuple[_Preference, ...] = (_cheapest, _fullest, _current)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rarms_iac.model.capacity import Effort, holds
 from rarms_iac.model.claims import Claim
-from rarms_iac.planner.packing.values import Bin, Item, Objective, cost, is_move, least_cost
+from rarms_iac.planner.packing.values import Bin, Item, Objective, is_move, least_cost
 
 TRIED = 4_000
 """Hosts that are tried for a partition, in all: a count, never a time."""
@@ -47,7 +47,7 @@ def first_by_name(items: Sequence[Item], bins: Sequence[Bin], best: Objective) -
             claims[name].append(claim)
             if holds(capacities[name], claims[name], effort):
                 host_of[item.name] = name
-                if place_from(number + 1, reserved + cost(claim), moves + is_move(item, name)):
+                if place_from(number + 1, reserved + claim.percent, moves + is_move(item, name)):
                     return True
                 del host_of[item.name]
             claims[name].pop()

@@ -16,7 +16,6 @@ from rarms_iac.planner.packing.values import (
     NoPacking,
     Objective,
     Packing,
-    cost,
     hosts_can_hold,
     least_cost,
     objective_of,
@@ -211,7 +210,7 @@ def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageRe
 
 
 def _with_cheapest_claims(item: Item) -> Item:
-    claims = {host: claim for host, claim in item.claims.items() if cost(claim) == least_cost(item)}
+    claims = {host: claim for host, claim in item.claims.items() if claim.percent == least_cost(item)}
     return replace(item, claims=claims)
 
 

@@ -11,7 +11,7 @@ from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing.assignment import Assignment
 from rarms_iac.planner.packing.first_fit import partial_first_fit
 from rarms_iac.planner.packing.highs import minimise
-from rarms_iac.planner.packing.values import Bin, Item, cost
+from rarms_iac.planner.packing.values import Bin, Item
 
 HOSTS = (2, 3, 4, 5)
 """Hosts that are packed anew together."""
@@ -68,7 +68,9 @@ def _pack_as_much_as_possible(items: Sequence[Item], bins: Sequence[Bin], before
         if at == 0:
             claims = [claim for name, claim in items[number].claims.items() if name != NOWHERE]
             costs[variable] = (
-                1 + 1000 * max(map(cost, claims)) // percent + 1000 * max(claim.memory for claim in claims) // memory
+                1
+                + 1000 * max(claim.percent for claim in claims) // percent
+                + 1000 * max(claim.memory for claim in claims) // memory
             )
     start = {item.name: before.get(item.name, NOWHERE) for item in items}
     answer = minimise(costs, program.rows, nodes=NODES, start=program.variables_of(start))

@@ -48,18 +48,6 @@ class NoPacking:
     proven: bool  # there is none
 
 
-def cost(claim: Claim) -> int:
-    """Return the reservation in per cent of one logical processor.
-
-    Args:
-        claim: of one partition on one host.
-
-    Returns:
-        140 is 1.4 logical processors.
-    """
-    return claim.processors * claim.reserve
-
-
 def least_cost(item: Item) -> int:
     """Return what the partition reserves where it reserves least, in per cent of one logical processor.
 
@@ -69,7 +57,7 @@ def least_cost(item: Item) -> int:
     Returns:
         The least over the hosts that it may run on.
     """
-    return min(cost(claim) for claim in item.claims.values())
+    return min(claim.percent for claim in item.claims.values())
 
 
 def least_memory(item: Item) -> int:
@@ -150,7 +138,7 @@ def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective
     reserved = moves = 0
     for item in items:
         host = host_of[item.name]
-        reserved += cost(item.claims[host])
+        reserved += item.claims[host].percent
         moves += is_move(item, host)
     return reserved, moves
 
