@@ -195,17 +195,7 @@ def applied_layouts(
         if partition.mark and partition.settings.running
     }
     groups = groups_of(system)
-    stopped = sorted(
-        partition.mark.name
-        for state in everywhere.values()
-        for partition in state.of(application).partitions
-        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and not partition.settings.running
-    )
-    if stopped:
-        message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
-        advice = f"Start them, and prove again: `rarms start {' '.join(stopped)}`."
-        finding = findings.NOT_APPLIED.at(None, message, advice, address=f"partition/{stopped[0]}")
-        raise UseCaseError(Outcome.REFUSED, [finding])
+    _refuse_stopped(everywhere, application)
     if absent := [group.name for group in groups if group.name not in running]:
         message = f"These partitions are on no host, or do not run: {', '.join(absent)}."
         raise UseCaseError(Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}")])
@@ -228,6 +218,25 @@ def applied_layouts(
                 on_host=on_host,
             )
     return layouts
+
+
+def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
+    """Refuse partitions that rarms stopped: who starts them can prove them.
+
+    Raises:
+        UseCaseError: There are some (refused).
+    """
+    stopped = sorted(
+        partition.mark.name
+        for state in states.values()
+        for partition in state.of(application).partitions
+        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and not partition.settings.running
+    )
+    if stopped:
+        message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
+        advice = f"Start them, and prove again: `rarms start {' '.join(stopped)}`."
+        finding = findings.NOT_APPLIED.at(None, message, advice, address=f"partition/{stopped[0]}")
+        raise UseCaseError(Outcome.REFUSED, [finding])
 
 
 def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]) -> None:

@@ -176,17 +176,7 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
         },
         stopped=_staying_stopped(request, goal),
     )
-    locate = goal.rules.locate
-    machines = {vm.mark.name: vm.id for vm in goal.observed.of(application).partitions if vm.mark}
-    tasks = (
-        guest_task(task, application, goal.rules.replaceable, locate, machines.get(task.inside, ""))
-        for task in goal.by_hand
-    )
-    guests = tuple(
-        task
-        for task in sorted(tasks, key=lambda task: (task.partition, task.name))
-        if is_below(str(task.step.address), request.targets)
-    )
+    guests = _guest_tasks(request, goal)
     reviewed = ReviewedPlan(
         system=request.system,
         places=request.places,
@@ -204,9 +194,24 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
             *difference.findings,
             *stuck,
             *review_plan(reviewed),
-            *guest_scripts_by_hand(plan, guests, locate),
+            *guest_scripts_by_hand(plan, guests, goal.rules.locate),
         ),
         guests=guests,
+    )
+
+
+def _guest_tasks(request: PlanningRequest, goal: HostGoal) -> tuple[GuestTask, ...]:
+    """The classes that the guests' scripts write, as far as they are targets, by partition and name."""
+    application, rules = request.system.application.name, goal.rules
+    machines = {vm.mark.name: vm.id for vm in goal.observed.of(application).partitions if vm.mark}
+    tasks = (
+        guest_task(task, application, rules.replaceable, rules.locate, machines.get(task.inside, ""))
+        for task in goal.by_hand
+    )
+    return tuple(
+        task
+        for task in sorted(tasks, key=lambda task: (task.partition, task.name))
+        if is_below(str(task.step.address), request.targets)
     )
 
 
