@@ -1,0 +1,67 @@
+"""Values of variables that a manifest only refers to are nowhere but in the environment of the component itself."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.measured_cell import MANIFEST
+from tests.unit.cli.running import rarms
+
+SECRET = "pl4nted-5ecret"
+PROGRAM = f"""\
+import json, os, sys
+from pathlib import Path
+assert os.environ["TOKEN"] == os.environ["VISION_TOKEN"] == {SECRET!r}
+lines = [file.read_bytes() for file in Path("/proc").glob("[0-9]*/cmdline") if os.access(file, os.R_OK)]
+Path("seen").write_text(str(sum({SECRET!r}.encode() in line for line in lines)))
+print(json.dumps({{"ms": 10}}), flush=True)
+"""
+RUN = """\
+    run:
+      command: [python3, -c, "exec(open('seen.py').read())"]
+      environment: { TOKEN: { from_env: VISION_TOKEN } }
+      until: { samples: 60 }
+      samples: { from: json_lines, response_time: { field: ms, unit: ms } }
+"""
+ROUTE = (
+    ("validate",),
+    ("measure", "--samples", "60"),
+    ("tune", "--samples", "60"),
+    ("plan", "--json", "--out", "plan.json"),
+    ("show", "plan.json", "--json"),
+    ("show", "plan.json"),
+    ("apply", "plan.json", "--json"),
+    ("prove", "--json"),
+    ("status", "--json"),
+    ("history", "--json"),
+    ("snapshot", "--out", "snapshot.json"),
+    ("report", "--out", "report.html"),
+    ("export", "samples.csv", "--samples"),
+    ("explain", "vision", "--json"),
+    ("doctor", "--json"),
+    ("run", "vision", "--samples", "1", "--json"),
+)
+
+
+@pytest.mark.needs("linux")
+def test_a_variable_that_is_referred_to_reaches_its_component_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("VISION_TOKEN", SECRET)
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    before, after = MANIFEST.split("    simulation:", 1)
+    Path("rarms.yaml").write_text(f"{before}{RUN}    simulation:{after}", encoding="utf-8", newline="\n")
+    Path("seen.py").write_text(PROGRAM, encoding="utf-8")
+
+    answers = [rarms(*words) for words in ROUTE]
+    Path("seen.py").unlink()
+
+    assert {words[0]: answer.code for words, answer in zip(ROUTE, answers, strict=True) if answer.code} == {"plan": 2}
+    assert not [answer for answer in answers if SECRET in answer.out + answer.err]
+    files = [file for file in tmp_path.rglob("*") if file.is_file()]
+    assert len(files) > 10
+    assert not [file for file in files if SECRET.encode() in file.read_bytes()]
+    assert Path("seen").read_text(encoding="utf-8") == "0", "no process has it among its words"
