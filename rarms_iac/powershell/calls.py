@@ -131,10 +131,8 @@ def _machine(machine: str) -> dict[str, Literal]:
 def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
     vm = {"VM": VM}
     match operation:
-        case operations.WriteMark():
-            return (call("Write-Mark"),)  # what the step's `After` says of it
-        case operations.EraseMark():
-            return (call("Clear-Mark"),)
+        case operations.WriteMark() | operations.EraseMark():
+            return (call("Write-Mark"),)  # what the step's `After` says of it, which may be nothing
         case operations.StopPartition(grace_ms=grace):
             return (call("Invoke-PartitionStop", GraceMs=literal(grace)),)
         case operations.RemovePartition():

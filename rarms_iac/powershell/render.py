@@ -18,7 +18,6 @@ from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.summary import describe_stop, owner_of, partition_summaries
 from rarms_iac.powershell.templates import (
-    WIDTH,
     StepText,
     as_script,
     fill,
@@ -247,15 +246,16 @@ def _help(text: str) -> str:
 def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_NumberedPiece]) -> Iterable[str]:
     """The steps under a banner for each partition or task class, and what each few of them are about."""
     reasons = {str(change.address): change.reason.message for change in host_plan.changes}
-    owner = target = ""
+    owners: set[str] = set()
+    target = ""
     for numbered in steps:
         step, piece = numbered.step, numbered.piece
-        if owner != owner_of(step):
-            owner = owner_of(step)
+        if owner_of(step) not in owners:
             reason = reasons.get(str(step.address)) or step.comment
             if kind is RunKind.UNDO:
                 reason = "takes back what the apply script did to it, the last step first"
-            yield from ("", *_banner(owner, f"{step.place}: {reason}" if step.place else reason))
+            yield from ("", *_banner(owner_of(step), f"{step.place}: {reason}" if step.place else reason))
+            owners.add(owner_of(step))
         if target != target_line(literal(piece.address), piece.read):
             target = target_line(literal(piece.address), piece.read)
             yield target
@@ -263,7 +263,7 @@ def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_NumberedPie
 
 
 def _banner(owner: str, reason: str) -> Iterable[str]:
-    yield "    " + f"# === {remark(owner)} ".ljust(WIDTH - 4, "=")
+    yield "    " + f"# === {remark(owner)} ".ljust(96, "=")
     yield f"    # {remark(reason)}"
 
 

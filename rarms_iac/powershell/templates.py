@@ -56,7 +56,7 @@ PLAN, FACTS, TARGET, STEP_CALL = "Add-Plan", "$script:Plan", "Use-Target", "Add-
 VM = "$script:Vm"
 """In a call: the machine that the step has read."""
 
-WIDTH = 120
+WIDTH = 140
 """Characters of a line, where a call can be broken at all."""
 
 
@@ -72,19 +72,24 @@ class StepText:
 
 
 def step_lines(step: StepText) -> list[str]:
-    """The call that adds a step: on one line where it is short, or only says that a mark is written."""
+    """The call that adds a step, on as few lines as are wide enough; one that writes a mark is always one line."""
     start = " ".join([f"    {STEP_CALL} -Action", step.action, *(f"-{name} {text}" for name, text in step.options)])
-    opening = f"{start} -Before {_table(step.before)} -After {_table(step.after)} -Set {{"
-    short = f"{opening} {step.calls[0]} }}"
-    if len(step.calls) == 1 and (len(short) <= WIDTH or " -" not in step.calls[0]):
+    before, after = _table(step.before), _table(step.after)
+    if step.calls == ("Write-Mark",):
+        return [f"{start} -Before {before} -After {after} -Set {{ Write-Mark }}"]
+    if len(opening := f"{start} -Before {before} -After {after}") + len(" -Set {") <= WIDTH:
+        return _with_set(opening, step.calls)
+    if len(opening := f"{start} -Before {before} -After @{{") <= WIDTH:
+        return [opening, *_wrapped(step.after), *_with_set("    }", step.calls)]
+    wrapped = [*_wrapped(step.before), "    } -After @{", *_wrapped(step.after)]
+    return [f"{start} -Before @{{", *wrapped, *_with_set("    }", step.calls)]
+
+
+def _with_set(opening: str, calls: Sequence[str]) -> list[str]:
+    """The end of a step: one call stands on the line that opens its block, where there is room."""
+    if len(calls) == 1 and len(short := f"{opening} -Set {{ {calls[0]} }}") <= WIDTH:
         return [short]
-    block = [*(f"        {call}" for call in step.calls), "    }"]
-    if len(opening) <= WIDTH:
-        return [opening, *block]
-    broken = ["    } -After @{", *_wrapped(step.after), "    } -Set {", *block]
-    if len(first := f"{start} -Before {_table(step.before)} -After @{{") <= WIDTH:
-        return [first, *broken[1:]]
-    return [f"{start} -Before @{{", *_wrapped(step.before), *broken]
+    return [f"{opening} -Set {{", *(f"        {call}" for call in calls), "    }"]
 
 
 def target_line(address: str, reading: str) -> str:

@@ -17,6 +17,11 @@ $WhatIfPreference = $false
 $PSModuleAutoLoadingPreference = 'All'
 Set-StrictMode -Version 3.0
 
+$mode = [string] $ExecutionContext.SessionState.LanguageMode
+if ($mode -cne 'FullLanguage') {
+    throw ('PowerShell runs in {0} here, by AppLocker or App Control: scripts of rarms need FullLanguage' -f $mode)
+}
+
 function ConvertTo-AsciiJson {
     # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
     param($Value)

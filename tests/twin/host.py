@@ -113,6 +113,7 @@ class WindowsHost:
     module: list[str] = field(default_factory=lambda: ["2.0.0.0"])
     powershell: dict[str, str] = field(default_factory=lambda: {"version": "5.1.26100.1", "edition": "Desktop"})
     bits: int = 64
+    language: str = "FullLanguage"  # what PowerShell lets a script say; AppLocker and App Control take most of it away
     processors: list[dict[str, object]] = field(default_factory=list)
     numa: list[dict[str, int]] = field(default_factory=list)
     switches: list[str] = field(default_factory=list)

@@ -15,7 +15,7 @@ from tests.twin.expressions import parameters_of
 from tests.twin.host import Interrupted, Killed, WindowsHost
 from tests.twin.scopes import Body, Cmdlet, Exit, Parameter, Scope, Session
 from tests.twin.statements import block_of
-from tests.twin.values import ScriptError, Table, Value, text
+from tests.twin.values import Enumerated, Record, ScriptError, Table, Value, text
 
 FOLDER = "C:\\run"
 """Where scripts lie on the twin."""
@@ -149,6 +149,7 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> 
         "pscmdlet": Cmdlet(session),
         "pid": session.process,
         "psversiontable": _versions(session),
+        "executioncontext": Record(SessionState=Record(LanguageMode=Enumerated(session.host.language))),
         "psdefaultparametervalues": Table(list(session.host.defaults.items())),
     }
     for parameter in script.parameters:

@@ -60,6 +60,13 @@ def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:
     assert seen.unfinished == there.unfinished() is not None
 
 
+def test_a_host_that_constrains_the_language_of_scripts_says_so() -> None:
+    host = fresh().copy(language="ConstrainedLanguage")
+
+    with pytest.raises(HostFailed, match="runs in ConstrainedLanguage here, by AppLocker or App Control"):
+        live(host).examined()
+
+
 def test_examining_sees_what_a_state_does_not_hold() -> None:
     host = fresh().copy()
     calm = live(host).examined()

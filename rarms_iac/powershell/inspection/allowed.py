@@ -118,9 +118,9 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy FullName
     FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
-    GuestIntrinsicExchangeItems InstanceID IsActive IsInRole MachineName MemoryAvailable MemoryCapacity MemoryTotal
+    GuestIntrinsicExchangeItems InstanceID IsActive IsInRole LanguageMode MachineName MemoryAvailable MemoryCapacity MemoryTotal
     Message Minimum NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors OperationalStatus PSChildName
-    PSEdition PSObject PSVersion Properties Replace Reservation Scope Size SwitchName SystemName ToLowerInvariant
+    PSEdition PSObject PSVersion Properties Replace Reservation Scope SessionState Size SwitchName SystemName ToLowerInvariant
     Value Version VirtualMachinePath new
     """
 )
@@ -156,7 +156,7 @@ READING = Lists(
     types=_READING_TYPES,
     members=_READING_MEMBERS,
     operators=_READING_OPERATORS,
-    given_variables=_GIVEN | {"$PSVersionTable"},
+    given_variables=_GIVEN | {"$ExecutionContext", "$PSVersionTable"},
     pins=_PINS
     | {f"${stream}Preference = 'SilentlyContinue'" for stream in ("Debug", "Information", "Verbose", "Warning")}
     | {_SILENT_PROGRESS, _NO_PROMPT, "$WhatIfPreference = $false", "$PSModuleAutoLoadingPreference = 'All'"},

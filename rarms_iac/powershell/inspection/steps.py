@@ -41,7 +41,7 @@ _STEP_PARAMETERS = words("Action Before After Set")
 _EXTRA_PARAMETERS = ("Undoes", "Lost", "Fits")
 _READERS = words("Read-Partition Read-MadePartition Read-TaskClass Read-GuestTaskClass Read-Disk")
 _WRITERS = words("""
-    Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
+    Write-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass
     Clear-DiskFile
     """)
@@ -188,7 +188,7 @@ def _template_call(node: "Node", allowed: frozenset[str]) -> str:
     return _call_text(call, allowed)
 
 
-def _template_set(node: "Node") -> list[str]:
+def _template_set(node: "Node") -> tuple[str, ...]:
     """The calls of a `Set` block: cmdlets of Hyper-V, and writers of the runtime."""
     calls = []
     for statement in statements_of(inner(node)):
@@ -198,7 +198,7 @@ def _template_set(node: "Node") -> list[str]:
         calls.append(_call_text(call, _WRITERS | ({call.name} if call.name.startswith("Hyper-V\\") else set())))
     if not calls:
         raise _OtherForm(node, "Set does nothing, or is no block")
-    return calls
+    return tuple(calls)
 
 
 def _call_text(call: CommandCall, allowed: frozenset[str]) -> str:

@@ -13,6 +13,9 @@ from rarms_iac.storage.codec import Json, NotDecodable, decode_union
 from rarms_iac.storage.digest import parse_json
 
 FORMAT = "rarms-observation/1"
+
+_BEGINNING = '{"format":"rarms-observation/'
+"""How the one line of the document begins; lines around it are a profile's or a host's noise."""
 MAX_BYTES = 64 * 2**20
 
 T = TypeVar("T")
@@ -268,7 +271,7 @@ def is_denied(probe: Probe[Any]) -> bool:
 
 
 def document_of(data: bytes) -> Json:
-    """The JSON of a file, whichever PowerShell wrote it.
+    """The JSON of a file, whichever PowerShell wrote it, and whatever else that said: the document is one line.
 
     Raises:
         NotDecodable: it is no JSON, or too large.
@@ -276,7 +279,9 @@ def document_of(data: bytes) -> Json:
     if len(data) > MAX_BYTES:
         raise NotDecodable("", f"it has more than {MAX_BYTES // 2**20} MiB")
     try:
-        return parse_json(data.decode(_encoding(data)))
+        text = data.decode(_encoding(data))
+        lines = [line for line in text.splitlines() if line.startswith(_BEGINNING)]
+        return parse_json(lines[-1] if lines else text)
     except UnicodeDecodeError as error:
         raise NotDecodable("", f"it is no text in {error.encoding}") from None
 

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f6f72f157729'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ed7c041ede5511c759ca5ae53943daf158243ef5c0cd8d6c624e801f21844f98'
+        UndoDigest = 'e4b0231fe596b66559b090283b828091ce7192bb1ee2058a21ba8f2a7a35c796'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,19 +46,13 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:15:3: it is not there
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' }
-    Add-Step -Action 'make a machine of generation 1 with 512 MiB' -Before @{
-        exists = $false; taken = $false
-    } -After @{
+    Add-Step -Action 'make a machine of generation 1 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 1; memory = 536870912
-    } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
-    }
-    Add-Step -Action 'memory static, 512 MiB' -Before @{ exists = $true } -After @{
-        dynamic_memory = $false; memory = 536870912
-    } -Set {
+    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab' }
+    Add-Step -Action 'memory static, 512 MiB' -Before @{ exists = $true } -After @{ dynamic_memory = $false; memory = 536870912 } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
     }
     Add-Step -Action 'mark it as robot/speech, set 9af0a32a08de' -Before @{ exists = $true } -After @{ mark = 'robot/speech'; set = '9af0a32a08de' } -Set { Write-Mark }
@@ -67,16 +61,10 @@ function Add-Plan {
     }
     Add-Step -Action 'reserve 40 %, limit 100 %, weight 100' -Before @{ exists = $true } -After @{
         limit = 100; reserve = 40; weight = 100
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 100
-    }
-    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{
-        exists = $true
-    } -After @{
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 100 }
+    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{ exists = $true } -After @{
         checkpoints = 'disabled'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'
-    } -Set {
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-    }
+    } -Set { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
     Add-Step -Action 'give it its name speech' -Before @{ taken = $false } -After @{ name = 'speech' } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech'
     }
@@ -84,9 +72,7 @@ function Add-Plan {
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -722,7 +708,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -742,16 +729,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -770,23 +751,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

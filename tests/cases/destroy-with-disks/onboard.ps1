@@ -43,7 +43,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '175325e8317b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd6b8e6e7f14a15bd48aeb5e71790ae1502dc177c95978adedaca38c6c5a6c93e'
+        UndoDigest = 'ef3188e473baadb0f5498447f14b63fe877d4948e9902fdbce702508c067524b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -51,51 +51,37 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:14:3: it is not wanted on this host
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ running = $true; state = 'running' } -After @{
         running = $false; state = 'off'
-    } -Set {
-        Invoke-PartitionStop -GraceMs 120000
-    }
+    } -Set { Invoke-PartitionStop -GraceMs 120000 }
     Add-Step -Action 'remove the machine' -Before @{
-        disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0
-        state = 'off'
+        disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0; state = 'off'
     } -After @{
         exists = $false
-    } -Set {
-        Hyper-V\Remove-VM -VM $script:Vm -Force
-    }
+    } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:13:3: it is not wanted on this host
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ running = $true; state = 'running' } -After @{
         running = $false; state = 'off'
-    } -Set {
-        Invoke-PartitionStop -GraceMs 120000
-    }
+    } -Set { Invoke-PartitionStop -GraceMs 120000 }
     Add-Step -Action 'remove the machine, keep its other disks' -Before @{
-        disks = 2; exists = $true; machine = '00000002-5ade-4000-8000-000000000002'; name = 'vision'; snapshots = 0
-        state = 'off'
+        disks = 2; exists = $true; machine = '00000002-5ade-4000-8000-000000000002'; name = 'vision'; snapshots = 0; state = 'off'
     } -After @{
         exists = $false
-    } -Set {
-        Hyper-V\Remove-VM -VM $script:Vm -Force
-    }
+    } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
     Use-Target -Address 'partition/vision/disk/vision-0123456789ab.vhdx' -Read { Read-Disk -Path 'D:\vms\vision-0123456789ab.vhdx' -Parent 'D:\images\robot.vhdx' -Everywhere }
-    Add-Step -Action 'delete its disk D:\vms\vision-0123456789ab.vhdx' -Before @{
-        child = $true; exists = $true; used = $false
-    } -After @{
+    Add-Step -Action 'delete its disk D:\vms\vision-0123456789ab.vhdx' -Before @{ child = $true; exists = $true; used = $false } -After @{
         exists = $false
-    } -Set {
-        Clear-DiskFile -Path 'D:\vms\vision-0123456789ab.vhdx'
-    }
+    } -Set { Clear-DiskFile -Path 'D:\vms\vision-0123456789ab.vhdx' }
 
-    # === task/Games ===================================================================================================
+    # === task/Games ===============================================================================
     # no component here names it any more
     Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
     Add-Step -Action 'set Priority 4 -> 2' -Before @{
@@ -120,9 +106,7 @@ function Add-Plan {
     }
     Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
         empty = $false; record = ''; set = ''
-    } -Set {
-        Clear-TaskRecord -Task 'Games' -Application 'robot'
-    }
+    } -Set { Clear-TaskRecord -Task 'Games' -Application 'robot' }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -758,7 +742,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -778,16 +763,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -806,23 +785,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

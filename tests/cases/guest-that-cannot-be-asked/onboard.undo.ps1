@@ -47,13 +47,11 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:12:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
     # Turned off at once.
-    Add-Step -Action 'stop it' -Undoes 4 -Before @{ running = $true; state = 'running' } -After @{
-        running = $false; state = 'off'
-    } -Set {
+    Add-Step -Action 'stop it' -Undoes 4 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 0
     }
     Add-Step -Action 'mark it as robot/vision' -Undoes 3 -Before @{ mark = 'robot/vision'; set = '9f897c50146c' } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
@@ -61,23 +59,15 @@ function Add-Plan {
         start_action = 'start'; state = 'off'; stop_action = 'shut_down'
     } -After @{
         start_action = 'start_if_running'; state = 'off'; stop_action = 'save'
-    } -Set {
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'StartIfRunning' -AutomaticStopAction 'Save'
-    }
-    Add-Step -Action 'reserve 80 %, limit 100 %, weight 100' -Undoes 1 -Before @{
-        limit = 100; reserve = 40; weight = 200
-    } -After @{
+    } -Set { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'StartIfRunning' -AutomaticStopAction 'Save' }
+    Add-Step -Action 'reserve 80 %, limit 100 %, weight 100' -Undoes 1 -Before @{ limit = 100; reserve = 40; weight = 200 } -After @{
         limit = 100; reserve = 80; weight = 100
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100
-    }
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100 }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -713,7 +703,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -733,16 +724,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -761,23 +746,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '26010fd23ebe'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7f00496a618aa8fb1f525deea00ae4d7ce98137e6bc68646aee1789061c92cc1'
+        UndoDigest = 'a69022ed0e8163444d39d12b19cf5980423ec64e5899e2dcaf3956ed2f4bab99'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,30 +47,22 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:13:3: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ running = $true; state = 'running' } -After @{
         running = $false; state = 'off'
-    } -Set {
-        Invoke-PartitionStop -GraceMs 120000
-    }
-    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Before @{
-        dynamic_memory = $false; memory = 536870912; state = 'off'
-    } -After @{
+    } -Set { Invoke-PartitionStop -GraceMs 120000 }
+    Add-Step -Action 'memory 512 MiB -> 1 GiB' -Before @{ dynamic_memory = $false; memory = 536870912; state = 'off' } -After @{
         dynamic_memory = $false; memory = 1073741824; state = 'off'
-    } -Set {
-        Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
-    }
+    } -Set { Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824 }
     Add-Step -Action 'mark it as robot/speech, set cf356994122a' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = 'robot/speech'; set = 'cf356994122a' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -706,7 +698,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -726,16 +719,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -754,23 +741,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c40b5e3be529'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c1b331e12b5fc217f9964a69d13bd691dc8a1db2aff5e34a97f873811cdcdd77'
+        UndoDigest = '6325cf6481046031448c42c85fa997166e3863fdbb9c7ce90ee1b949c8584b40'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,10 +46,10 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:13:3: rarms release
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'erase the mark' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = ''; set = '' } -Set { Clear-Mark }
+    Add-Step -Action 'erase the mark' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -685,7 +685,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -705,16 +706,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -733,23 +728,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

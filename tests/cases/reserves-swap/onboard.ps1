@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e527af8f46d0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3906036eb936fb6f1f8b38e0192213f949dccac21349088845003195d9364864'
+        UndoDigest = '4cd94d263d5cd7a969f388426048e8a9c97ab0301bde874c767ae196854ba101'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,26 +47,22 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:12:3: not as wanted: reserve, limit or weight
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 60 -> 20 %' -Before @{ limit = 100; reserve = 60; weight = 100 } -After @{
         limit = 100; reserve = 20; weight = 100
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100
-    }
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
     Add-Step -Action 'mark it as robot/vision, set 846e6d0b17bd' -Before @{ mark = 'robot/vision'; set = '46c38a6e16e6' } -After @{ mark = 'robot/vision'; set = '846e6d0b17bd' } -Set { Write-Mark }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:13:3: not as wanted: reserve, limit or weight
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'reserve 20 -> 60 %' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
         limit = 100; reserve = 20; weight = 100
     } -After @{
         limit = 100; reserve = 60; weight = 100
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100
-    }
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100 }
     Add-Step -Action 'mark it as robot/speech, set 74f4c70798be' -Before @{ mark = 'robot/speech'; set = 'ebd07b94427f' } -After @{ mark = 'robot/speech'; set = '74f4c70798be' } -Set { Write-Mark }
 }
 
@@ -703,7 +699,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -723,16 +720,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -751,23 +742,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

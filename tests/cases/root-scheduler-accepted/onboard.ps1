@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5fbd00ad7b79'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8185c92253582ff4eba0d05b3974024a8be156a5bcc58babc64e25465062dad7'
+        UndoDigest = 'd2b71d93caa4a228d2e51fe35940bcc9e8c0c93f9b70d142a5ec8b8f05a65752'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,22 +47,16 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:12:3: it is not there
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
-    }
-    Add-Step -Action 'memory static, 1 GiB' -Before @{ exists = $true } -After @{
-        dynamic_memory = $false; memory = 1073741824
-    } -Set {
+    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    Add-Step -Action 'memory static, 1 GiB' -Before @{ exists = $true } -After @{ dynamic_memory = $false; memory = 1073741824 } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
     }
-    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{
-        adapters = 0
-    } -Set {
+    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{ adapters = 0 } -Set {
         Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm
     }
     Add-Step -Action 'mark it as robot/vision, set 361ebcdb6468' -Before @{ exists = $true } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
@@ -71,16 +65,10 @@ function Add-Plan {
     }
     Add-Step -Action 'reserve 80 %, limit 100 %, weight 100' -Before @{ exists = $true } -After @{
         limit = 100; reserve = 80; weight = 100
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100
-    }
-    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{
-        exists = $true
-    } -After @{
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100 }
+    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{ exists = $true } -After @{
         checkpoints = 'disabled'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'
-    } -Set {
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-    }
+    } -Set { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
     Add-Step -Action 'give it its name vision' -Before @{ taken = $false } -After @{ name = 'vision' } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision'
     }
@@ -88,9 +76,7 @@ function Add-Plan {
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -726,7 +712,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -746,16 +733,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -774,23 +755,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

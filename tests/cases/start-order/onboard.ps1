@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9a21f2c472a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '252025eedc42d8662015a13c1210b9c1fe1d026e542ac18cec52ccbc46f727e6'
+        UndoDigest = '9cd98201ea50dfc3f211e18c4de1d2fee3babadc36f3d7276827904858af3a8c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,24 +48,16 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === door =========================================================================================================
+    # === door =====================================================================================
     # rarms.yaml:14:3: it is not there
     Use-Target -Address 'partition/door' -Read { Read-Partition -Name 'door' }
-    Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{
-        exists = $false; taken = $false
-    } -After @{
+    Add-Step -Action 'make a machine of generation 2 with 256 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 268435456
-    } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'door') -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
-    }
-    Add-Step -Action 'memory static, 256 MiB' -Before @{ exists = $true } -After @{
-        dynamic_memory = $false; memory = 268435456
-    } -Set {
+    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'door') -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
+    Add-Step -Action 'memory static, 256 MiB' -Before @{ exists = $true } -After @{ dynamic_memory = $false; memory = 268435456 } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 268435456
     }
-    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{
-        adapters = 0
-    } -Set {
+    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{ adapters = 0 } -Set {
         Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm
     }
     Add-Step -Action 'mark it as robot/door, set 5fd49537c9bf' -Before @{ exists = $true } -After @{ mark = 'robot/door'; set = '5fd49537c9bf' } -Set { Write-Mark }
@@ -74,38 +66,24 @@ function Add-Plan {
     }
     Add-Step -Action 'reserve 20 %, limit 100 %, weight 100' -Before @{ exists = $true } -After @{
         limit = 100; reserve = 20; weight = 100
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100
-    }
-    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{
-        exists = $true
-    } -After @{
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 }
+    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{ exists = $true } -After @{
         checkpoints = 'disabled'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'
-    } -Set {
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-    }
+    } -Set { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
     Add-Step -Action 'give it its name door' -Before @{ taken = $false } -After @{ name = 'door' } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'door'
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:13:3: it is not there
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' }
-    Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{
-        exists = $false; taken = $false
-    } -After @{
+    Add-Step -Action 'make a machine of generation 2 with 512 MiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 536870912
-    } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
-    }
-    Add-Step -Action 'memory static, 512 MiB' -Before @{ exists = $true } -After @{
-        dynamic_memory = $false; memory = 536870912
-    } -Set {
+    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
+    Add-Step -Action 'memory static, 512 MiB' -Before @{ exists = $true } -After @{ dynamic_memory = $false; memory = 536870912 } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
     }
-    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{
-        adapters = 0
-    } -Set {
+    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{ adapters = 0 } -Set {
         Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm
     }
     Add-Step -Action 'mark it as robot/speech, set 90826a6a7c44' -Before @{ exists = $true } -After @{ mark = 'robot/speech'; set = '90826a6a7c44' } -Set { Write-Mark }
@@ -114,36 +92,24 @@ function Add-Plan {
     }
     Add-Step -Action 'reserve 40 %, limit 100 %, weight 200' -Before @{ exists = $true } -After @{
         limit = 100; reserve = 40; weight = 200
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200
-    }
-    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{
-        exists = $true
-    } -After @{
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200 }
+    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{ exists = $true } -After @{
         checkpoints = 'disabled'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'
-    } -Set {
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-    }
+    } -Set { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
     Add-Step -Action 'give it its name speech' -Before @{ taken = $false } -After @{ name = 'speech' } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech'
     }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:12:3: it is not there
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
     Add-Step -Action 'make a machine of generation 2 with 1 GiB' -Before @{ exists = $false; taken = $false } -After @{
         exists = $true; generation = 2; memory = 1073741824
-    } -Set {
-        Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
-    }
-    Add-Step -Action 'memory static, 1 GiB' -Before @{ exists = $true } -After @{
-        dynamic_memory = $false; memory = 1073741824
-    } -Set {
+    } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
+    Add-Step -Action 'memory static, 1 GiB' -Before @{ exists = $true } -After @{ dynamic_memory = $false; memory = 1073741824 } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
     }
-    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{
-        adapters = 0
-    } -Set {
+    Add-Step -Action 'take away the network adapter that every new machine gets' -Before @{ adapters = 1 } -After @{ adapters = 0 } -Set {
         Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm
     }
     Add-Step -Action 'mark it as robot/vision, set 092c674cd6c2' -Before @{ exists = $true } -After @{ mark = 'robot/vision'; set = '092c674cd6c2' } -Set { Write-Mark }
@@ -152,16 +118,10 @@ function Add-Plan {
     }
     Add-Step -Action 'reserve 80 %, limit 100 %, weight 300' -Before @{ exists = $true } -After @{
         limit = 100; reserve = 80; weight = 300
-    } -Set {
-        Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 300
-    }
-    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{
-        exists = $true
-    } -After @{
+    } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 300 }
+    Add-Step -Action 'when the host starts: start; when the host stops: shut down; no checkpoints' -Before @{ exists = $true } -After @{
         checkpoints = 'disabled'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'
-    } -Set {
-        Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
-    }
+    } -Set { Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled' }
     Add-Step -Action 'give it its name vision' -Before @{ taken = $false } -After @{ name = 'vision' } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'vision'
     }
@@ -169,31 +129,19 @@ function Add-Plan {
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
-
-    # === speech =======================================================================================================
-    # rarms.yaml:13:3: it is not there
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
-
-    # === door =========================================================================================================
-    # rarms.yaml:14:3: it is not there
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
     Use-Target -Address 'partition/door' -Read { Read-Partition -Name 'door' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 20 -Memory 268435456 } -Before @{
         running = $false; state = 'off'
     } -After @{
         running = $true; state = 'running'
-    } -Set {
-        Hyper-V\Start-VM -VM $script:Vm
-    }
+    } -Set { Hyper-V\Start-VM -VM $script:Vm }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -829,7 +777,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -849,16 +798,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -877,23 +820,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

@@ -48,57 +48,39 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === door =========================================================================================================
+    # === door =====================================================================================
     # rarms.yaml:14:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/door' -Read { Read-Partition -Name 'door' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 26 -Before @{ running = $true; state = 'running' } -After @{
-        running = $false; state = 'off'
-    } -Set {
+    Add-Step -Action 'stop it' -Undoes 26 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:13:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 25 -Before @{ running = $true; state = 'running' } -After @{
-        running = $false; state = 'off'
-    } -Set {
+    Add-Step -Action 'stop it' -Undoes 25 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:12:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 24 -Before @{ running = $true; state = 'running' } -After @{
-        running = $false; state = 'off'
-    } -Set {
+    Add-Step -Action 'stop it' -Undoes 24 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
     Use-Target -Address 'partition/vision' -Read { Read-MadePartition -Name 'vision' }
-    Add-Step -Action 'remove the machine' -Undoes 16 -Before @{ added = ''; exists = $true } -After @{
-        exists = $false
-    } -Set {
+    Add-Step -Action 'remove the machine' -Undoes 16 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-
-    # === speech =======================================================================================================
-    # rarms.yaml:13:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/speech' -Read { Read-MadePartition -Name 'speech' }
-    Add-Step -Action 'remove the machine' -Undoes 8 -Before @{ added = ''; exists = $true } -After @{
-        exists = $false
-    } -Set {
+    Add-Step -Action 'remove the machine' -Undoes 8 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
-
-    # === door =========================================================================================================
-    # rarms.yaml:14:3: takes back what the apply script did to it, the last step first
     Use-Target -Address 'partition/door' -Read { Read-MadePartition -Name 'door' }
-    Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{
-        exists = $false
-    } -Set {
+    Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
 }
@@ -736,7 +718,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -756,16 +739,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -784,23 +761,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

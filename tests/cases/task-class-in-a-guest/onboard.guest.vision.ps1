@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '38a0d194294250fd3b7d3a517b9aa4be76b3a213fde76aefde2c795c98bdcbbc'
+        UndoDigest = '93c2c2bf39559b7cc351469cb00af5df96f3dc7739a5effeb6cc916f8991d530'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,16 +46,13 @@ function Add-Plan {
         Guard = { Assert-Guest }
     }
 
-    # === vision =======================================================================================================
+    # === vision ===================================================================================
     # rarms.yaml:12:65: what the guest holds is not known here: its own record decides; threads see it when it restarts
     Use-Target -Address 'partition/vision/task/MotionControl' -Read { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
-    Add-Step -Action 'write the class MotionControl, and keep what was there before' -Before @{
-        taken = $false
-    } -After @{
-        exists = $true; record = 'robot'; set = '59f2d42fe4cf'; 'value:affinity' = 'dword:0'
-        'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'; 'value:clock rate' = 'dword:10000'
-        'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'; 'value:sfio priority' = 'sz:Normal'
-        'value:scheduling category' = 'sz:Medium'
+    Add-Step -Action 'write the class MotionControl, and keep what was there before' -Before @{ taken = $false } -After @{
+        exists = $true; record = 'robot'; set = '59f2d42fe4cf'; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
+        'value:backgroundpriority' = 'dword:7'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
+        'value:priority' = 'dword:7'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Save-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf'

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ad6299659361'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ae2350e17d43f4c121d2281ab875dd4e66b6748ce060041d0e8b8b0f98fed4e0'
+        UndoDigest = 'a49aea3b90002243e27390bf0b0dd9f29783bfa4909b864960e499ee879930be'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,16 +47,12 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Localization ============================================================================================
+    # === task/Localization ========================================================================
     # rarms.yaml:13:51: its values differ
     Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{
-        record = 'robot'; set = '83ae0cee1cdc'
-    } -After @{
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; set = '83ae0cee1cdc' } -After @{
         record = 'robot'; set = 'ed6954abc738'
-    } -Set {
-        Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null'
-    }
+    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null' }
     Add-Step -Action 'set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5' -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:7'
         'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
@@ -78,20 +74,16 @@ function Add-Plan {
         Write-TaskValue -Task 'Localization' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
 
-    # === task/MotionControl ===========================================================================================
+    # === task/MotionControl =======================================================================
     # rarms.yaml:12:51: its values differ
     Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
-    Add-Step -Action 'record that it is ours, and what was there' -Before @{
-        record = 'robot'; set = '432731d71cf4'
-    } -After @{
+    Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = 'robot'; set = '432731d71cf4' } -After @{
         record = 'robot'; set = '59f2d42fe4cf'
-    } -Set {
-        Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null'
-    }
+    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null' }
     Add-Step -Action 'set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7' -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:8'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'; 'value:sfio priority' = 'sz:Normal'
+        'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'

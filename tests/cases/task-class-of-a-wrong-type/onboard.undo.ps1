@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/MotionControl ===========================================================================================
+    # === task/MotionControl =======================================================================
     # rarms.yaml:12:51: takes back what the apply script did to it, the last step first
     Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
     Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Undoes 3 -Before @{
@@ -57,8 +57,8 @@ function Add-Plan {
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:8'
-        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'
-        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'sz:7'; 'value:sfio priority' = 'sz:Normal'
+        'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -70,15 +70,11 @@ function Add-Plan {
         Write-TaskValue -Task 'MotionControl' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
         Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 2 -Before @{
-        record = 'robot'; set = '59f2d42fe4cf'
-    } -After @{
+    Add-Step -Action 'record that it is ours, and what was there' -Undoes 2 -Before @{ record = 'robot'; set = '59f2d42fe4cf' } -After @{
         record = 'robot'; set = '432731d71cf4'
-    } -Set {
-        Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '432731d71cf4' -Before 'null'
-    }
+    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '432731d71cf4' -Before 'null' }
 
-    # === task/Localization ============================================================================================
+    # === task/Localization ========================================================================
     # rarms.yaml:13:51: takes back what the apply script did to it, the last step first
     Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
     Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Before @{
@@ -101,13 +97,9 @@ function Add-Plan {
         Write-TaskValue -Task 'Localization' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
         Write-TaskValue -Task 'Localization' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
-    Add-Step -Action 'record that it is ours, and what was there' -Undoes 0 -Before @{
-        record = 'robot'; set = 'ed6954abc738'
-    } -After @{
+    Add-Step -Action 'record that it is ours, and what was there' -Undoes 0 -Before @{ record = 'robot'; set = 'ed6954abc738' } -After @{
         record = 'robot'; set = '83ae0cee1cdc'
-    } -Set {
-        Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest '83ae0cee1cdc' -Before 'null'
-    }
+    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest '83ae0cee1cdc' -Before 'null' }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f8a4a02cb19a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7106e239e1dfa609a3ca34883f0476ccaf985da60ba06618fc0648ac55d72965'
+        UndoDigest = 'e5a0bbb9bf5aaa729c8cfa63091a386ca33e18e9593f90f9dbab1f1541cddb74'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Games ===================================================================================================
+    # === task/Games ===============================================================================
     # rarms.yaml:12:50: the manifest replaces it
     Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
     Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{

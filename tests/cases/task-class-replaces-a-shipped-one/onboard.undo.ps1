@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Games ===================================================================================================
+    # === task/Games ===============================================================================
     # rarms.yaml:12:50: takes back what the apply script did to it, the last step first
     Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
     Add-Step -Action 'set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Before @{
@@ -69,13 +69,9 @@ function Add-Plan {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
         Clear-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
-    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Before @{
-        record = 'robot'; set = '55e1eaac32c9'
-    } -After @{
+    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Before @{ record = 'robot'; set = '55e1eaac32c9' } -After @{
         empty = $false; record = ''; set = ''
-    } -Set {
-        Clear-TaskRecord -Task 'Games' -Application 'robot'
-    }
+    } -Set { Clear-TaskRecord -Task 'Games' -Application 'robot' }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c71ba46f584c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bb0b82002e6cdbdb456278c8efc8ca1183aea4db5c498063e124a2da883b5daf'
+        UndoDigest = '41a662c1ee7484e54586b1b9722a24ef2a10ba0799a3589cb7e9e63e65315cc3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Games ===================================================================================================
+    # === task/Games ===============================================================================
     # no component here names it any more
     Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
     Add-Step -Action 'set Priority 4 -> 2' -Before @{
@@ -71,9 +71,7 @@ function Add-Plan {
     }
     Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
         empty = $false; record = ''; set = ''
-    } -Set {
-        Clear-TaskRecord -Task 'Games' -Application 'robot'
-    }
+    } -Set { Clear-TaskRecord -Task 'Games' -Application 'robot' }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.

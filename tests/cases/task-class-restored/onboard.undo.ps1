@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Games ===================================================================================================
+    # === task/Games ===============================================================================
     # takes back what the apply script did to it, the last step first
     Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
     Add-Step -Action 'record that it is ours, and what was there' -Undoes 1 -Before @{ record = ''; set = '' } -After @{

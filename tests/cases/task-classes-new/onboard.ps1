@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e527d23cb9e6'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '04464d45b5550d535eb2a8533a0198892f578ab2a973dbf9d0ea7f8d504aef76'
+        UndoDigest = 'ab9dd509c7870c6522d9710be3a08f34a5a056cd051b6b7165549dfafdee2e8b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,20 +47,18 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Localization ============================================================================================
+    # === task/Localization ========================================================================
     # rarms.yaml:13:51: a component names it
     Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
     Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
         record = 'robot'; set = 'ed6954abc738'
-    } -Set {
-        Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null'
-    }
+    } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null' }
     Add-Step -Action 'set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium' -Before @{
         exists = $false; values = ''
     } -After @{
-        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
-        'value:backgroundpriority' = 'dword:5'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
-        'value:priority' = 'dword:5'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'
+        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:5'
+        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'Localization' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -73,20 +71,18 @@ function Add-Plan {
         Write-TaskValue -Task 'Localization' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
 
-    # === task/MotionControl ===========================================================================================
+    # === task/MotionControl =======================================================================
     # rarms.yaml:12:51: a component names it
     Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
     Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
         record = 'robot'; set = '59f2d42fe4cf'
-    } -Set {
-        Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null'
-    }
+    } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null' }
     Add-Step -Action 'set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Before @{
         exists = $false; values = ''
     } -After @{
-        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
-        'value:backgroundpriority' = 'dword:7'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
-        'value:priority' = 'dword:7'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
+        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
+        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -Set {
         Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0

@@ -47,47 +47,35 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/MotionControl ===========================================================================================
+    # === task/MotionControl =======================================================================
     # rarms.yaml:12:51: takes back what the apply script did to it, the last step first
     Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
     Add-Step -Action 'remove the class' -Undoes 3 -Before @{
-        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
-        'value:backgroundpriority' = 'dword:7'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
-        'value:priority' = 'dword:7'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
+        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:7'
+        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
         empty = $false; exists = $false; values = ''
-    } -Set {
-        Clear-TaskClass -Task 'MotionControl'
-    }
-    Add-Step -Action 'forget it: it is no longer ours' -Undoes 2 -Before @{
-        record = 'robot'; set = '59f2d42fe4cf'
-    } -After @{
+    } -Set { Clear-TaskClass -Task 'MotionControl' }
+    Add-Step -Action 'forget it: it is no longer ours' -Undoes 2 -Before @{ record = 'robot'; set = '59f2d42fe4cf' } -After @{
         empty = $false; record = ''; set = ''
-    } -Set {
-        Clear-TaskRecord -Task 'MotionControl' -Application 'robot'
-    }
+    } -Set { Clear-TaskRecord -Task 'MotionControl' -Application 'robot' }
 
-    # === task/Localization ============================================================================================
+    # === task/Localization ========================================================================
     # rarms.yaml:13:51: takes back what the apply script did to it, the last step first
     Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
     Add-Step -Action 'remove the class' -Undoes 1 -Before @{
-        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
-        'value:backgroundpriority' = 'dword:5'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
-        'value:priority' = 'dword:5'; 'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
+        exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'
+        'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:5'
+        'value:sfio priority' = 'sz:Normal'; 'value:scheduling category' = 'sz:Medium'
         values = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority'
     } -After @{
         empty = $false; exists = $false; values = ''
-    } -Set {
-        Clear-TaskClass -Task 'Localization'
-    }
-    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Before @{
-        record = 'robot'; set = 'ed6954abc738'
-    } -After @{
+    } -Set { Clear-TaskClass -Task 'Localization' }
+    Add-Step -Action 'forget it: it is no longer ours' -Undoes 0 -Before @{ record = 'robot'; set = 'ed6954abc738' } -After @{
         empty = $false; record = ''; set = ''
-    } -Set {
-        Clear-TaskRecord -Task 'Localization' -Application 'robot'
-    }
+    } -Set { Clear-TaskRecord -Task 'Localization' -Application 'robot' }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.

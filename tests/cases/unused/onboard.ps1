@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '2df9ea559d9a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '341b9e47a248a5c439be7b8cec6706ee47943e60a6a06b8cc2d9ac5adaf50530'
+        UndoDigest = '708134ca0cae51e3928701c06607d04732d9cb386e072142ae869ad3dcbaea0d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,18 +47,14 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech =======================================================================================================
+    # === speech ===================================================================================
     # rarms.yaml:11:1: the manifest no longer wants it
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ running = $true; state = 'running' } -After @{
         running = $false; state = 'off'
-    } -Set {
-        Invoke-PartitionStop -GraceMs 120000
-    }
-    Add-Step -Action 'when the host starts: nothing' -Before @{ start_action = 'start' } -After @{
-        start_action = 'nothing'
-    } -Set {
+    } -Set { Invoke-PartitionStop -GraceMs 120000 }
+    Add-Step -Action 'when the host starts: nothing' -Before @{ start_action = 'start' } -After @{ start_action = 'nothing' } -Set {
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Nothing'
     }
     Add-Step -Action 'mark it as robot/speech, set e9f28d224f00' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = 'robot/speech'; set = 'e9f28d224f00' } -Set { Write-Mark }
@@ -697,7 +693,8 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        if ($ours -or (Test-SameName -Left $vm.Name -Right $pending)) { $vm }
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
     }
 }
 
@@ -717,16 +714,10 @@ function Test-Stranger {
     # Whether a machine of this name is somebody else's: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
-        if (-not (Test-SameName -Left $vm.Name -Right $Name)) { continue }
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
         if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
     }
     $false
-}
-
-function Test-SameName {
-    # -ceq takes no notice of characters without width, such as a soft hyphen.
-    param([string] $Left, [string] $Right)
-    [string]::Equals($Left, $Right, [System.StringComparison]::Ordinal)
 }
 
 function Get-Mark {
@@ -745,23 +736,17 @@ function Get-Mark {
 }
 
 function Write-Mark {
-    # The mark that the step wants, above the user's lines of the notes: the only text built around what a host says.
+    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
+    # says.
     $wanted = $script:Current.After
-    $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-    $other = Get-OtherNote
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $line
-}
-
-function Clear-Mark {
-    Hyper-V\Set-VM -VM $script:Vm -Notes (Get-OtherNote)
-}
-
-function Get-OtherNote {
-    # The user's lines of the notes.
     $lines = @([string] $script:Vm.Notes -split '\n')
-    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+    if ($wanted['mark']) {
+        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
+        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
+        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
+    }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
 }
 
 function ConvertTo-RunState {

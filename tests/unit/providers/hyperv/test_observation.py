@@ -38,6 +38,14 @@ def test_no_encoding_that_a_powershell_writes_is_lost(encoding: str) -> None:
     assert read_observation(text.encode(encoding)) == recorded("client-with-root-scheduler")
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_what_a_profile_says_around_the_document_is_skipped(encoding: str) -> None:
+    line = json.dumps(document("client-with-root-scheduler"), separators=(",", ":"))
+    noisy = f"Welcome, administrator\r\n{line}\r\nWARNING: {{ goodbye\r\n"
+
+    assert read_observation(noisy.encode(encoding)) == recorded("client-with-root-scheduler")
+
+
 def test_a_probe_is_a_value_absent_or_denied() -> None:
     seen = recorded("unprivileged-caller")
 
