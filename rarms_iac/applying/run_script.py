@@ -141,6 +141,8 @@ class RunListener:
         """Tell a step; keep what ends the run."""
         self._total = max(self._total, event.total)
         match event.kind:
+            case EventKind.STEP if event.status is EventStatus.READING:
+                self._reporter.host_output(self._host, f"{event.address}: {event.detail}")
             case EventKind.STEP:
                 self._step(event)
             case EventKind.LOCK if event.status is EventStatus.TAKEN_OVER:

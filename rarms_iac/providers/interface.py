@@ -166,6 +166,7 @@ class EventKind(StrEnum):
 class EventStatus(StrEnum):
     """The outcome of the event's subject."""
 
+    READING = "reading"
     BEGUN = "begun"
     CHANGED = "changed"
     UNCHANGED = "unchanged"

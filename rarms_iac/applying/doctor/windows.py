@@ -174,7 +174,10 @@ def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -
         advice = "Have the group policy allow RemoteSigned on this host, or put signed scripts into .rarms/signed."
     else:
         effect = "`rarms apply` starts scripts with a policy of their own and is not concerned; a person is."
-        advice = "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`."
+        advice = (
+            "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`; "
+            "`Unblock-File SCRIPT` first where it came by mail or a browser, which mark it."
+        )
     return host.host_finding(EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice)
 
 

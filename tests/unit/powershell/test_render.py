@@ -68,7 +68,7 @@ def test_a_reserve_is_one_readable_call_under_the_banner_of_its_partition() -> N
     assert re.search(r"\n    # === vision =+\n    # rarms\.yaml:31:5: the manifest wants it\n", text)
     assert "-Action 'reserve 70 -> 40 %, weight 100 -> 200' -Before @{" in text
     assert "-Before @{ limit = 100; reserve = 70; weight = 100 } -After @{\n" in text
-    assert "    } -Set { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200 }\n" in text
+    assert "} -Set { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200 }\n" in text
 
 
 def test_a_mark_is_one_line() -> None:

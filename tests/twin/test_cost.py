@@ -1,0 +1,118 @@
+"""What a script costs its reader and its host: lines, and calls of Hyper-V's cmdlets (figures in docs/scripts.md)."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+import pytest
+
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.system import System
+from tests.builders import a_component
+from tests.twin import cmdlets, hyperv
+from tests.twin.cell import Cell, apply, apply_script, scripts_of
+from tests.twin.cells import a_cell_system, a_windows
+from tests.twin.host import WindowsHost
+from tests.twin.scopes import Scope
+from tests.twin.values import Value
+
+PARTITIONS = 3
+Calls = Counter[str]
+
+
+def a_system(count: int, reserve: int = 5) -> System:
+    """So many partitions, the first with this reserve in per cent."""
+    reserves = [reserve, *([5] * (count - 1))]
+    return a_cell_system(
+        *(
+            a_component(f"part-{number:02}", reserve=f"{share} %", processors=1, memory="256 MiB")
+            for number, share in enumerate(reserves)
+        )
+    )
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
+    """How often each of Hyper-V's cmdlets was called; `get-vm` without an id lists all machines."""
+    counted: Calls = Counter()
+
+    def counting(name: str, cmdlet: Callable[[Scope, Mapping[str, Value]], Value]) -> object:
+        def call(scope: Scope, given: Mapping[str, Value]) -> Value:
+            counted[f"{name} -id" if name == "get-vm" and "id" in given else name] += 1
+            return cmdlet(scope, given)
+
+        return call
+
+    for name, cmdlet in hyperv.CMDLETS.items():
+        monkeypatch.setitem(cmdlets.CMDLETS, name, counting(name, cmdlet))
+    return counted
+
+
+def counted_run(calls: Calls, host: WindowsHost, plan: Plan) -> tuple[int, int]:
+    """The steps of a run, and the calls that it made."""
+    calls.clear()
+    ran = apply(host, plan)
+    assert ran.code == 0, ran.says
+    steps = len({event["number"] for event in ran.events if event["kind"] == "step"})
+    return steps, calls.total()
+
+
+@pytest.mark.parametrize("count", [1, PARTITIONS])
+def test_a_creation_takes_four_calls_a_step_and_another_run_lists_the_machines_twice_at_most(
+    count: int, calls: Calls
+) -> None:
+    host = a_windows()
+    plan = Cell(a_system(count), host.copy()).plan()
+
+    steps, made = counted_run(calls, host, plan)
+    assert made <= 4 * steps
+    _, looked = counted_run(calls, host, plan)
+
+    assert calls["get-vm"] <= 2
+    assert looked <= 2 + 4 * count
+
+
+def test_a_changed_reserve_takes_four_calls_a_step_beside_its_two_looks(calls: Calls) -> None:
+    host = a_windows()
+    apply(host, Cell(a_system(PARTITIONS), host.copy()).plan())
+    plan = Cell(a_system(PARTITIONS, reserve=8), host.copy()).plan()
+
+    steps, made = counted_run(calls, host, plan)
+
+    assert made <= 4 * steps + 8  # the host itself, twice all machines, and twice what the steps are about
+
+
+def test_a_host_that_is_read_for_long_says_every_ten_seconds_that_it_still_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = a_windows()
+    plan = Cell(a_system(PARTITIONS), host.copy()).plan()
+    apply(host, plan)
+
+    def slow(scope: Scope, given: Mapping[str, Value]) -> Value:
+        scope.session.host.clock += 20_000
+        return hyperv.CMDLETS["get-vmprocessor"](scope, given)
+
+    monkeypatch.setitem(cmdlets.CMDLETS, "get-vmprocessor", slow)
+    changed = Cell(a_system(PARTITIONS, reserve=8), host.copy()).plan()
+
+    ran = apply(host, changed)
+
+    assert ran.code == 0, ran.says
+    assert ran.status_of("partition/part-00")[:2] == ["reading", "begun"]
+
+
+def lines_of(system: System) -> list[str]:
+    """The script that makes this on a host without machines."""
+    plan = Cell(system, a_windows()).plan()
+    return scripts_of(plan)[apply_script(plan)].decode("ascii").split("\r\n")
+
+
+def test_a_partition_more_is_34_lines_of_a_script() -> None:
+    one, more = lines_of(a_system(1)), lines_of(a_system(PARTITIONS))
+
+    assert len(more) - len(one) <= 34 * (PARTITIONS - 1)
+
+
+def test_a_number_more_in_the_manifest_changes_ten_lines_of_a_script_at_most() -> None:
+    before, after = lines_of(a_system(PARTITIONS)), lines_of(a_system(PARTITIONS, reserve=6))
+
+    assert len(after) == len(before)
+    assert 3 < sum(old != new for old, new in zip(before, after, strict=True)) <= 10
