@@ -91,6 +91,7 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
         "Hyper-V\\Remove-VMNetworkAdapter",
         "Hyper-V\\New-VHD",
         "Hyper-V\\Add-VMHardDiskDrive",
+        "Hyper-V\\Set-VMFirmware",
         "Write-Mark",
         "Hyper-V\\Set-VMProcessor",
         "Hyper-V\\Set-VMProcessor",
@@ -124,7 +125,7 @@ def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
     text = steps_of(render_undo(*rendered_plan([new])))
 
     assert calls_in(text) == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM", "Clear-DiskFile"]
-    assert re.findall(r"-Undoes (\d+)", text) == ["10", "0", "0"]
+    assert re.findall(r"-Undoes (\d+)", text) == ["11", "0", "0"]
     actions = [action.split(" that")[0] for action in re.findall(r"-Action '([^']+)'", text)]
     assert actions == ["stop it", "remove the machine", "delete the disk"]
 
