@@ -145,7 +145,7 @@ def run_options(function: F) -> F:
     return _with_options(
         function,
         collect,
-        click.option("--auto-approve", is_flag=True, help="Do not ask."),
+        auto_approve_option,
         lock_timeout_option,
         time_option(
             "--event-timeout",
@@ -181,12 +181,29 @@ def lock_timeout_option(function: F) -> F:
 
 
 def stop_option(function: F) -> F:
-    """`--stop-partitions` as `stop_partitions: bool`."""
-    return click.option(
-        "--stop-partitions",
-        is_flag=True,
-        help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
-    )(function)
+    """`--stop-partitions` as `stop_partitions: bool`; `--auto-approve` says yes to that and to whatever else is asked."""
+
+    def collect(*args: object, stop_partitions: bool, auto_approve: bool, **rest: object) -> object:
+        if auto_approve and rest.get("write_processors") is False:
+            rest["write_processors"] = True
+        stops = stop_partitions or (auto_approve and not rest.get("on_busy_host"))
+        return function(*args, stop_partitions=stops, **rest)
+
+    return _with_options(
+        function,
+        collect,
+        click.option(
+            "--stop-partitions",
+            is_flag=True,
+            help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
+        ),
+        auto_approve_option,
+    )
+
+
+def auto_approve_option(function: F) -> F:
+    """`--auto-approve`, the one flag for a yes to whatever a command asks, as `auto_approve: bool`."""
+    return click.option("--auto-approve", is_flag=True, help="Do not ask.")(function)
 
 
 def output_option(function: F) -> F:

@@ -6,7 +6,9 @@ from click.testing import CliRunner
 
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions, SnapshotFile
 from rarms_iac.cli import options
+from rarms_iac.cli.shape import command_shapes
 from rarms_iac.model.system import Disruption
+from rarms_iac.views.completion import flags_of
 
 
 def read_by(
@@ -76,3 +78,22 @@ def test_what_cannot_be_read_says_what_can(decorate: object, words: list[str], m
 
     assert (code, called) == (2, {})
     assert message in " ".join(output.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "stops"),
+    [([], False), (["--stop-partitions"], True), (["--auto-approve"], True)],
+)
+def test_one_flag_approves_whatever_is_asked(words: list[str], *, stops: bool) -> None:
+    _, options_read, _ = read_by(options.stop_option, words)
+
+    assert options_read["stop_partitions"] is stops
+
+
+@pytest.mark.parametrize(
+    "command", ["apply", "undo", "destroy", "import", "release", "stop", "start", "measure", "tune"]
+)
+def test_the_flag_is_the_same_everywhere(command: str) -> None:
+    shape = next(shape for shape in command_shapes() if shape.name == command)
+
+    assert "--auto-approve" in flags_of(shape.options)
