@@ -181,7 +181,7 @@ def lock_timeout_option(function: F) -> F:
 
 
 def stop_option(function: F) -> F:
-    """`--stop-partitions` as `stop_partitions: bool`; `--auto-approve` says yes to that and to whatever else is asked."""
+    """`--stop-partitions` as `stop_partitions: bool`; `--auto-approve` says yes to whatever is asked."""
 
     def collect(*args: object, stop_partitions: bool, auto_approve: bool, **rest: object) -> object:
         if auto_approve and rest.get("write_processors") is False:
