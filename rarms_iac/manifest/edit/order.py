@@ -95,7 +95,7 @@ _PARTITION = _map(
 
 MANIFEST = _map(
     "schema application hosts components partitions interference tasks policy moved",
-    application=_map("name description"),
+    application=_map("name description requires_rarms"),
     hosts=_named(_HOST),
     components=_named(_COMPONENT),
     partitions=_named(_PARTITION),
