@@ -96,7 +96,7 @@ def needs_off(before: Partition, after: PartitionSettings, context: HostContext)
 
 
 def why_memory_needs_off(before: Partition, after: PartitionSettings, context: HostContext) -> str:
-    """Tell why memory cannot change while the machine runs (FACTS 3).
+    """Tell why memory cannot change while the machine runs (windows.md 3).
 
     Args:
         before: the partition as observed.

@@ -142,8 +142,8 @@ LINUX_NAMES = ("linux", "ubuntu", "debian", "redhat", "rhel", "centos", "rocky",
 def suggested_secure_boot(image: str) -> tuple[str, str]:
     """Choose the secure boot of a new machine by the file name of its image.
 
-    Hyper-V's own default lets Windows boot, and no Linux: that is signed by another authority (FACTS 3). The name is
-    all that is known of an image before it is started.
+    Hyper-V's own default lets Windows boot, and no Linux: that is signed by another authority (windows.md 3). The name
+    is all that is known of an image before it is started.
 
     Args:
         image: its path on the host.

@@ -239,7 +239,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
 
 
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
-    """Boot from the disk: a machine that is made without one tries its network adapter first (FACTS 3)."""
+    """Boot from the disk: a machine that is made without one tries its network adapter first (windows.md 3)."""
     values = _secure_boot(creation.secure_boot) if creation.secure_boot else {}
     after: Readings = {"exists": True} | ({"secure_boot": creation.secure_boot} if creation.secure_boot else {})
     actions = [f"secure boot {creation.secure_boot}"] if creation.secure_boot else []

@@ -168,7 +168,7 @@ _ENABLED, _ANSWERS = 2, (2, 3)  # degraded: the guest's version of the service i
 
 
 def _guest_builds(observation: HostObservation) -> Mapping[str, int]:
-    """The builds of the Windows that guests say they run, by the ids of their machines (FACTS 3)."""
+    """The builds of the Windows that guests say they run, by the ids of their machines (windows.md 3)."""
     builds: dict[str, int] = {}
     for guest in or_else(observation.guests, ()):
         pairs = [{match["property"]: match["value"] for match in _ITEM.finditer(item)} for item in guest.system]
