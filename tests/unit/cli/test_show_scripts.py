@@ -14,6 +14,7 @@ from rarms_iac.powershell.inspection import inspect as inspection
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.scripts import script_text
+from tests.twin.run import signed
 from tests.unit.cli.running import rarms
 
 CELL = shipped("manifests/hyperv-cell")
@@ -115,6 +116,19 @@ def test_a_script_that_was_edited_is_checked(folder: Path, tmp_path: Path) -> No
     observe = str(tmp_path / "observe.ps1")
     assert rarms("snapshot", "--script", "--out", observe).code == 0
     assert rarms("show", "--check", observe).code == 0
+
+
+def test_a_signed_script_is_checked_and_compared_as_what_was_signed(plan: str, folder: Path, tmp_path: Path) -> None:
+    good = (folder / "cell.ps1").read_bytes()
+    (tmp_path / "signed.ps1").write_bytes(signed(good))
+    (tmp_path / "more.ps1").write_bytes(signed(good) + b"Remove-Item C:\\\r\n")
+
+    checked, more = (rarms("show", "--check", str(tmp_path / name)) for name in ("signed.ps1", "more.ps1"))
+    compared = rarms("show", "--script", plan, "--against", str(tmp_path / "signed.ps1"))
+
+    assert (checked.code, "may run" in checked.out) == (0, True)
+    assert more.code == 2
+    assert (compared.code, "do the same" in compared.out) == (0, True)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from tests.builders import (
     codes,
     the_delivery_robot,
 )
+from tests.twin.text import RESERVED
 from tests.unit.manifest.checks.violations import details, found
 
 VISION = a_component("vision", criticality=30)
@@ -111,3 +112,14 @@ def test_a_manifest_may_require_a_version(required: str | None, codes_found: lis
 
 def test_a_manifest_without_components() -> None:
     assert found(a_system(components=[])) == [("RARMS089", "components")]
+
+
+@pytest.mark.parametrize("name", sorted(RESERVED))
+def test_a_name_that_a_journal_could_not_count_by_is_refused(name: str) -> None:
+    """As the stand-in for PowerShell has them: it makes no object with a property of such a name."""
+    system = the_delivery_robot()
+
+    named = replace(system, application=replace(system.application, name=name))
+
+    assert "RARMS167" in [code for code, _ in found(named)]
+    assert "RARMS167" not in [code for code, _ in found(system)]
