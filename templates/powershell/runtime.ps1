@@ -71,6 +71,7 @@ function Open-Run {
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
         Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
     }
+    Add-Past
     $script:Started = $null
     $script:Closing = ''
     $script:Recorded = [hashtable]::new($script:Ordinal)

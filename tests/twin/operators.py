@@ -122,12 +122,18 @@ def _match(left: Value, pattern: str, case: bool, scope: Scope) -> bool:
     return True
 
 
+_GROUP = re.compile(r"\$([0-9])")
+
+
 def _replace(left: Value, right: Value, case: bool) -> str:
     pattern, new = [*elements(right), ""][:2]
-    if isinstance(left, list) or ("$" in text(new) and text(new) != "$1"):
-        raise Unsupported("-replace of an array, or with more than a group")
-    by_group = text(new) == "$1"
-    return regex(text(pattern), case=case).sub(lambda found: found[1] if by_group else text(new), text(left))
+    if isinstance(left, list) or "$" in _GROUP.sub("", text(new)):
+        raise Unsupported("-replace of an array, or with more than groups by number")
+
+    def filled(found: re.Match[str]) -> str:
+        return _GROUP.sub(lambda group: found[int(group[1])], text(new))
+
+    return regex(text(pattern), case=case).sub(filled, text(left))
 
 
 def band(left: Value, right: Value) -> Value:

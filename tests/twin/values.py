@@ -6,6 +6,7 @@ an array, `bytes` a `byte[]`. Whole numbers keep their width, because a hashtabl
 
 import re
 from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 Value = Any
@@ -111,6 +112,10 @@ class Match(Thing):
     type_name = "System.Text.RegularExpressions.Match"
 
 
+BEGINNING = datetime(2026, 1, 31, 12, tzinfo=UTC)
+"""The time at which a host's clock begins."""
+
+
 class Moment(Thing):
     """A time by the host's clock."""
 
@@ -119,6 +124,10 @@ class Moment(Thing):
     def __init__(self, clock: int) -> None:
         super().__init__()
         self.clock = clock
+
+    def __str__(self) -> str:
+        """As a cast to text writes it, whatever the culture."""
+        return (BEGINNING + timedelta(milliseconds=self.clock)).strftime("%m/%d/%Y %H:%M:%S")
 
     def do_addmilliseconds(self, span: Value) -> Value:
         return Moment(self.clock + number(span))

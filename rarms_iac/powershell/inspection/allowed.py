@@ -134,7 +134,7 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     Read ReadAllBytes ReadAllText ReleaseMutex ReparsePoint Replace Run ScriptLineNumber Serial Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ThreadsPerCore ToLowerInvariant ToString Undo
     UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText closing data kind new number plan record run
-    serials set status touched
+    application history serials set started_at started_by status touched
     """
 )
 

@@ -132,6 +132,7 @@ function Open-Run {
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
         Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
     }
+    Add-Past
     $script:Started = $null
     $script:Closing = ''
     $script:Recorded = [hashtable]::new($script:Ordinal)
@@ -487,6 +488,8 @@ function Assert-Owner {
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
+$script:Past = @()              # the runs before the one that the journal holds
+$script:StartedAt = ''          # when that one began
 
 function Read-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
@@ -508,6 +511,9 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
+            # An older rarms wrote neither.
+            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
+            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -544,6 +550,17 @@ function Add-Record {
     $script:Sound += $data.Length
 }
 
+function Add-Past {
+    # The run that the journal holds becomes history, of which the last hundred runs are remembered.
+    $last = $script:Started
+    if ($null -eq $last) { return }
+    $extra = $script:Past.Count - 99
+    $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
+        run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+    }
+}
+
 function Write-FirstRecord {
     # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
     if ($WhatIfPreference) { return }
@@ -565,6 +582,9 @@ function Write-FirstRecord {
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
         script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
+        started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
+        history = @($script:Past)
         serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
     })
     Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
