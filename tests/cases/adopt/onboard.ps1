@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '109cdb246ee8'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3562f7696d33bdf0ce7e58bfdd1c9478da12ebc835c43b260f8ad498f44db97c'
+        UndoDigest = 'a36762d784b71c11b21fb64492b3719a848a9f81afb3342d9d2cafa24fbfba46'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -552,7 +552,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

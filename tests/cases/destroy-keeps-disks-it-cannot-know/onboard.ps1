@@ -42,7 +42,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7a83d15676ef'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '65eaf6799e7bc330f2c47dcbccb90237f5407af437a2690ae668423b0ba2a964'
+        UndoDigest = '92fa3196cfc472a1f144002d4d6f53c192129db7db6f59cd00379fd3da4d9185'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -604,7 +604,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

@@ -43,7 +43,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '175325e8317b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '17a876bcf55d913e9340ecb4247744c37db1a61562da5a8a99cb4b05c4fa3051'
+        UndoDigest = 'b4c44d11fd21022323b046b2e621b26a3b2fad143cc88a340dfb12ed694af2ce'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -609,7 +609,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

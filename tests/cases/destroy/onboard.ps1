@@ -42,7 +42,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'd95c8af75531'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '61b09d7c84ae24f3380c29e1758f01405e870fb146ac21bb7ae901efd0475459'
+        UndoDigest = '91644138d2d7232fbae7202e2e91bfe0670ee17acd2a80dc581d93df0144736b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -604,7 +604,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

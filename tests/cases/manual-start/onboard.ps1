@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '063596acb186'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '815d275b3b27ff868a5ca8940f25f1dc62a9cae799f48385a5efce92934f310f'
+        UndoDigest = '1f21c6c2c5e8bd805014a33047a4081828e3e844c498c46961b38cb678a4b804'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -605,7 +605,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '70a5fd2d1417'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'eeff105a57baf740cb91ff0940ed2192beb97498aaa9e93f48aa227269b7cde8'
+        UndoDigest = 'cb90ed37fa46677cee03bcabbeb215619d709d6e4b4c6e99c355f64d5b16a712'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -562,7 +562,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

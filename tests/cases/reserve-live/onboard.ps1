@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e4b3450efcd0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5a395d3ea01842ae27f09389ca91e1824d4127cfdf8e03be1098c7257b07e987'
+        UndoDigest = 'a365a6bc36ddea1f6de92d32f182268ef661ce5e45759ae939c03d47ddd4918a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -555,7 +555,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9a21f2c472a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '37f69c653e798f1dc7c846ed654f97149c0a32396746cc3e2d8b96db969f2aeb'
+        UndoDigest = 'a5d796485f46111bb7cc0171cd882cd6af5f3042d6a77ae3f7b68bb8ca69f01e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -644,7 +644,7 @@ function Add-Past {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing }
+        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
     }
 }
 
