@@ -70,7 +70,7 @@ def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path:
     write(tmp_path, MANIFEST + PARTITIONS)
     done = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
 
-    assert list(done.texts) == [str(tmp_path / "rarms.yaml")]
+    assert list(done.texts) == [(tmp_path / "rarms.yaml").as_posix()]
     assert done.removed == ("video",)
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
     assert text.endswith(

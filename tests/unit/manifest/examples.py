@@ -30,7 +30,7 @@ hosts:
     logical_processors: 8
     memory: 64 GiB
     connect: { ssh: operator@server, shell: powershell }
-    hyperv: { switch: robots, image: 'D:\\images\\base.vhdx', vm_path: 'D:\\machines', generation: 2 }
+    hyperv: { switch: robots, image: 'D:\\images\\base.vhdx', vm_path: 'D:\\machines', generation: 2, secure_boot: off }
   bench:
     provider: linux
     logical_processors: 2

@@ -76,7 +76,7 @@ def test_hosts() -> None:
     )
     assert SYSTEM.hosts["server"].connect == Connect(ssh="operator@server", shell="powershell")
     assert SYSTEM.hosts["server"].settings == HypervHost(
-        switch="robots", image="D:\\images\\base.vhdx", vm_path="D:\\machines"
+        switch="robots", image="D:\\images\\base.vhdx", vm_path="D:\\machines", secure_boot="off"
     )
     assert SYSTEM.hosts["bench"].settings == LinuxHost(control_groups="v2")
     assert SYSTEM.hosts["bench"].platform == "bench"
@@ -200,4 +200,4 @@ def test_the_rest() -> None:
         accept={"RARMS041": accept},
     )
     assert SYSTEM.moved == {"ears": "senses"}
-    assert SYSTEM.application == m.Application(name="cell-7", description="Says everything.")
+    assert SYSTEM.application == m.Application(name="cell-7", description="Says everything.", requires_rarms=">=0.1")

@@ -1,7 +1,6 @@
 """The comment of a pull request."""
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ import pytest
 from benchmarks.fleet import manifest as fleet
 from rarms_iac.model.diagnostics import Finding, Place, Severity
 from rarms_iac.views.pull_request import LONGEST_COMMENT, failure_comment, findings_markdown, marker
+from tests.files import copy_files
 from tests.unit.cli.running import rarms
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
@@ -59,7 +59,7 @@ def test_scripts_are_compared_with_those_of_the_base(
     applied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    shutil.copytree(applied, tmp_path / "base" / "head")
+    copy_files(applied, tmp_path / "base" / "head")
     manifest(tmp_path / "base" / "head", vision="35 %")
     manifest(applied, vision="30 %")
 
