@@ -175,7 +175,7 @@ def test_levels_that_need_too_much_go_on_to_combining(tmp_path: Path) -> None:
     person = over_full(tmp_path)
     try:
         person.types("?")
-        person.waits_for("as `rarms tune --interactive` does")
+        person.waits_for("as `rarms tune --interactive")
         person.types("y")
         person.waits_for("Try ")
         person.types("q")
