@@ -151,18 +151,26 @@ def _starts(operation: object, partition: str) -> bool:
 
 def _risks(review: PlanReview) -> Iterator[str]:
     plan = review.plan
-    lines = [line for part in plan.hosts for line in _risks_of_host(part)]
+    changes = [line for part in plan.hosts for line in _risks_of_host(part)]
+    stops = [stop for part in plan.hosts for stop in downtimes_of(part)]
+    lines = [*_without_risk(plan, changes, stops), *changes]
     if review.headrooms:
         lines.append(f"- **Least headroom:** {_headroom(review.headrooms[0])}")
-    if not any(part.steps for part in plan.hosts):
-        lines.insert(0, "- Nothing changes on the hosts.")
-    elif not lines:
-        lines.append("- Nothing stops, shrinks or is removed.")
     yield "#### Risk\n\n" + "\n".join(_fitting(lines, _RISKS, "more"))
     if len(review.headrooms) > 1:
         rows = [f"- {_headroom(headroom)}" for headroom in review.headrooms]
         yield _folded(f"Headroom of each APT ({len(rows)})", _fitting(rows, _LOGS, "more"))
     yield "#### Taking it back\n\n" + "\n".join(_fitting(list(_undo(plan)), _LOGS, "more"))
+
+
+def _without_risk(plan: Plan, changes: Sequence[str], stops: Sequence[object]) -> Iterator[str]:
+    """What a reader who looks for a risk and finds none may rely on."""
+    if not any(part.steps for part in plan.hosts):
+        yield "- Nothing changes on the hosts."
+    elif not changes:
+        yield "- Nothing stops, shrinks or is removed."
+    elif not stops:
+        yield "- Nothing stops."
 
 
 def _risks_of_host(part: HostPlan) -> Iterator[str]:

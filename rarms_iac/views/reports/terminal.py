@@ -125,7 +125,8 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
             yield ""
             title = f"{measurement.name} against {measurement.interference} on {measurement.platform}"
             yield paragraph(title + _remark(measurement))
-            yield TerminalPlot(curve=index, ascii_only=ascii_only)
+            if not measurement.stale:  # what no longer holds is named, and not drawn
+                yield TerminalPlot(curve=index, ascii_only=ascii_only)
     yield ""
     yield legend(ascii_only=ascii_only)
 

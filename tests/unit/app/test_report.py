@@ -93,13 +93,17 @@ def test_the_text_is_a_plot_within_the_terminals_width(robot: Path) -> None:
     assert max(map(len, ran.lines[ran.lines.index("vision against busy-loop on onboard") :])) <= 80
 
 
-def test_a_changed_component_makes_its_log_stale_and_the_report_says_so(robot: Path) -> None:
+def test_a_stale_log_is_named_and_not_drawn_and_folded_on_the_page(robot: Path, tmp_path: Path) -> None:
+    fresh = rarms("report", "-f", str(robot), "--text")
     robot.write_text(MANIFEST.replace("60 ms", "70 ms"), encoding="utf-8")
 
     ran = rarms("report", "-f", str(robot), "--text")
+    page = rarms("report", "-f", str(robot), "--out", str(tmp_path / "page.html"))
 
-    assert ran.code == 0
+    assert (ran.code, page.code) == (0, 0)
     assert "stale: vision.simulation.work: 60 ms -> 70 ms" in ran.out
+    assert len(ran.lines) < len(fresh.lines) - 5
+    assert "<summary>What it showed then</summary>" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_without_a_log_there_is_nothing_to_report(tmp_path: Path) -> None:

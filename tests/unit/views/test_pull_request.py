@@ -68,6 +68,7 @@ def test_scripts_are_compared_with_those_of_the_base(
     assert "<details><summary>What changed in the scripts</summary>" in text
     assert re.search(r"~ partition/vision, step 1: ", text)
     assert "there was nothing to compare" not in text
+    assert "- Nothing stops.\n- **Shrinks:** partition/vision" in text
 
 
 def test_a_base_without_a_manifest_is_said(applied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
