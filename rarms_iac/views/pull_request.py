@@ -117,8 +117,7 @@ class Downtime:
     """A partition that does not run for a while, or from now on."""
 
     partition: str
-    at_least: str
-    at_most: str
+    duration: str  # behind the partition's name: at least and at most
 
 
 def downtimes_of(part: HostPlan) -> Iterator[Downtime]:
@@ -133,15 +132,16 @@ def downtimes_of(part: HostPlan) -> Iterator[Downtime]:
         later = part.steps[at:]
         end = next((n for n, each in enumerate(later) if _starts(each.operation, name)), None)
         if end is None:
-            yield Downtime(partition=name, at_least="until somebody starts it", at_most="as long as nobody does")
+            yield Downtime(partition=name, duration="and stays off until somebody starts it")
             continue
         meanwhile = [each.operation for each in later[: end + 1]]
         graces = sum(each.grace_ms for each in meanwhile if isinstance(each, StopPartition))
-        starts = counted(sum(isinstance(each, StartPartition) for each in meanwhile), "start")
+        starts = sum(isinstance(each, StartPartition) for each in meanwhile)
+        of_others = f" and {counted(starts - 1, 'start')} of others" if starts > 1 else ""
         yield Downtime(
             partition=name,
-            at_least="as long as its own shutdown and start take",
-            at_most=f"{show_milliseconds(graces)} for shutting down, and {starts}",
+            duration="at least for its own shutdown and start, "
+            f"at most {show_milliseconds(graces)} to shut down, then its start{of_others}",
         )
 
 
@@ -178,7 +178,7 @@ def _risks_of_host(part: HostPlan) -> Iterator[str]:
     removed = {change.address.partition for change in part.changes if isinstance(change, Delete)}
     for stop in downtimes_of(part):
         if stop.partition not in removed:
-            yield (f"- **Stops:** {_name(stop.partition, part)}{on}, at least {stop.at_least}; at most {stop.at_most}.")
+            yield (f"- **Stops:** {_name(stop.partition, part)}{on}, {stop.duration}.")
     for change in part.changes:
         place = f"{_text(str(change.address))}{on}"
         if isinstance(change, Delete) or symbol(change) == "-/+":
