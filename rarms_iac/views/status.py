@@ -96,9 +96,13 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
 
 
 def _proven(proofs: Sequence[ComponentProof]) -> str:
-    """`3 of 4 thresholds hold. speech: missed (2026-11-22T10:12:00Z, on onboard at 20 %).`."""
+    """`3 of 4 thresholds held ..., last at 2026-11-22T10:12:00Z.`, and a sentence for each that does not hold."""
     holding = [proof for proof in proofs if proof.met and not proof.outdated]
-    sentences = [f"{len(holding)} of {counted(len(proofs), 'threshold')} held, together with all other components."]
+    last = max((proof.note.partition(",")[0] for proof in holding), default="")  # a note begins with the time
+    when = f", last at {last}" if last else ""
+    sentences = [
+        f"{len(holding)} of {counted(len(proofs), 'threshold')} held together with all other components{when}."
+    ]
     for proof in proofs:
         if proof.outdated:
             sentences.append(f"{proof.component} is outdated: {'; '.join(proof.outdated)}.")

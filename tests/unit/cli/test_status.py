@@ -5,6 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.report_model import ComponentProof
+from rarms_iac.app.status import Overview
+from rarms_iac.model.indexes import index_named
+from rarms_iac.views.console import render
+from rarms_iac.views.status import status_text
 from tests.unit.cli.running import rarms
 
 MANIFEST = """schema: rarms/v1
@@ -128,3 +133,31 @@ def test_nothing_is_simulated_for_a_partition_that_is_not_there() -> None:
 
     assert answer.code == 64
     assert 'robot has no partition "nobody" on onboard.' in answer.err
+
+
+def test_the_status_says_when_thresholds_were_proven_last() -> None:
+    proofs = [
+        ComponentProof(
+            component=name,
+            index=index_named("mean_response_time"),
+            threshold="at most 100 ms",
+            value=90.0,
+            lower=None,
+            upper=None,
+            met=met,
+            verdict="met" if met else "missed",
+            error=None,
+            note=f"{when}, on onboard at 40 %",
+        )
+        for name, met, when in (
+            ("vision", True, "2026-01-31T12:00:00Z"),
+            ("speech", True, "2026-02-01T12:00:00Z"),
+            ("logger", False, "2026-02-02T12:00:00Z"),
+        )
+    ]
+    overview = Overview(application="robot", hosts=(), proofs=tuple(proofs), stale={}, unmeasured=(), next_command=None)
+
+    shown = " ".join(render(status_text(overview)).split())
+
+    assert "2 of 3 thresholds held together with all other components, last at 2026-02-01T12:00:00Z." in shown
+    assert "logger, mean_response_time at most 100 ms: missed (2026-02-02T12:00:00Z, on onboard at 40 %)." in shown
