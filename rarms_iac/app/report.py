@@ -67,19 +67,33 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
         RequestError: A name is not in the manifest.
         UseCaseError: A log cannot be read, or there is none (negative).
     """
+    report = replace(measured_report(manifest, components), statuses=_statuses(manifest))
+    return replace(report, candidates=_candidates(manifest)) if with_candidates else report
+
+
+def measured_report(manifest: Manifest, components: Sequence[str] = ()) -> Report:
+    """Read the same of the logs alone: no host is looked at, and no layout is made.
+
+    Args:
+        manifest: As of `report_of_manifest`.
+        components: Only logs with any of these; none: all.
+
+    Returns:
+        The report without the hosts' statuses and without candidates.
+
+    Raises:
+        RequestError: A name is not in the manifest.
+        UseCaseError: A log cannot be read, or there is none (negative).
+    """
     system = manifest.system
     refuse_unknown(components, system.components, "component")
-    folder = Path(manifest.folder)
-    logs = tuple(_read_logs(system, folder))
+    logs = tuple(_read_logs(system, Path(manifest.folder)))
     if components:
         logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
-    report = replace(
-        report_of(system, logs, tuple(_proofs(manifest, components)), _statuses(manifest)),
-        tunings=tuple(tunings_of(measurements_of(manifest))),
-    )
+    report = report_of(system, logs, tuple(_proofs(manifest, components)))
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
-    return replace(report, candidates=_candidates(manifest)) if with_candidates else report
+    return replace(report, tunings=tuple(tunings_of(measurements_of(manifest))))
 
 
 def _candidates(manifest: Manifest) -> tuple[Node, ...]:

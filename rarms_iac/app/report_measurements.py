@@ -8,7 +8,6 @@ from typing import assert_never
 from rarms_iac.app.report_model import (
     ComponentProof,
     FixedReservation,
-    HostStatus,
     IndexCurve,
     MeasuredPoint,
     Measurement,
@@ -48,7 +47,6 @@ def report_of(
     system: System,
     logs: Sequence[LogBesideManifest],
     proofs: Sequence[ComponentProof] = (),
-    statuses: Sequence[HostStatus] = (),
 ) -> Report:
     """Make a report of data logs.
 
@@ -56,7 +54,6 @@ def report_of(
         system: What the manifest says.
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
-        statuses: How far each host is.
 
     Returns:
         Measurements by platform, falling criticality and name; amounts in LPs.
@@ -75,7 +72,6 @@ def report_of(
             if rests_on_a_log(group) and names_of(group.members) not in rested
         ),
         proofs=tuple(proofs),
-        statuses=tuple(statuses),
     )
 
 

@@ -5,17 +5,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.app.drift import look_for_drift
-from rarms_iac.app.errors import UseCaseError
-from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
-from rarms_iac.app.report import NOTHING_MEASURED, report_of_manifest
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts, last_runs, observe_host
+from rarms_iac.app.report import NOTHING_MEASURED, measured_report
 from rarms_iac.app.report_model import ComponentProof, Report
+from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import PastRun, history_of
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.state import State, StoppedBy
+from rarms_iac.model.state import Rights, State, StoppedBy
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
@@ -135,7 +136,7 @@ def history_of_hosts(hosts: Hosts) -> Mapping[str, tuple[PastRun, ...]]:
 def _report(hosts: Hosts) -> Report | None:
     """What the logs beside the manifest say; None where there are none."""
     try:
-        return report_of_manifest(hosts.manifest)
+        return measured_report(hosts.manifest)
     except UseCaseError as error:
         if any(problem.code != NOTHING_MEASURED.code for problem in error.diagnostics):
             raise
@@ -146,13 +147,21 @@ def _measured_groups(system: System) -> Iterator[tuple[str, ...]]:
     return (names_of(group.members) for group in groups_of(system) if rests_on_a_log(group))
 
 
+def _observe_alone(hosts: Hosts, name: str) -> State:
+    """Look at this host and no other, so that one that is out of reach keeps nobody from the rest."""
+    snapshot = hosts.snapshots.hosts.get(name)
+    state = snapshot.state if snapshot else observe_host(hosts.open(name))
+    if state.facts.rights is not Rights.PROVEN:
+        raise UseCaseError(Outcome.FAILED, [no_rights(state.facts)])
+    return state
+
+
 def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
     seen: dict[str, tuple[State, tuple[PastRun, ...]]] = {}
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
         try:
-            host = hosts.only(name)
-            seen[name] = observe_hosts(host)[name], history_of_hosts(host).get(name, ())
+            seen[name] = _observe_alone(hosts, name), history_of_hosts(hosts.only(name)).get(name, ())
         except UseCaseError as error:
             problems[name] = error.diagnostics
     drifts: dict[str, tuple[ResourceDrift, ...]] = {}
@@ -172,10 +181,8 @@ def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
 def _host_overview(
     system: System, name: str, state: State, history: tuple[PastRun, ...], drifted: Sequence[ResourceDrift]
 ) -> HostOverview:
-    application, components = (
-        system.application.name,
-        {group.name: tuple(member.name for member in group.members) for group in groups_of(system)},
-    )
+    application = system.application.name
+    components = {group.name: tuple(member.name for member in group.members) for group in groups_of(system)}
     kinds = {
         drift.address.partition: drift.kind for drift in drifted if drift.address.partition and not drift.address.task
     }

@@ -70,6 +70,20 @@ def test_the_status_lists_what_is_not_measured_and_a_host_that_cannot_be_read() 
     assert "Host onboard could not be looked at:" in damaged.out
 
 
+def test_a_host_without_rights_keeps_nobody_from_the_others() -> None:
+    hidden = (
+        "  hidden: { provider: simulated, logical_processors: 2, memory: 4 GiB, simulated: { administrator: false } }"
+    )
+    assert rarms("apply", "--auto-approve").code == 0
+    Path("rarms.yaml").write_text(MANIFEST.replace("components:", f"{hidden}\ncomponents:"), encoding="utf-8")
+
+    hosts = {host["host"]: host for host in json.loads(rarms("status", "--json").out)["hosts"]}
+
+    assert len(hosts["hidden"]["problems"]) == 1
+    assert hosts["onboard"]["problems"] == []
+    assert [partition["name"] for partition in hosts["onboard"]["partitions"]] == ["speech", "vision"]
+
+
 def test_the_status_for_programs_has_the_partitions_with_their_components() -> None:
     assert rarms("apply", "--auto-approve").code == 0
 
