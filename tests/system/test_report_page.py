@@ -40,7 +40,8 @@ FACES, SUCCESS, P95, PATHS = "m1-1", "m2-1", "m2-2", "m3-1"
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     folder = tmp_path_factory.mktemp("report")
     report = replace(
-        report_of(SYSTEM, the_logs(SYSTEM), (), [HostStatus(host="onboard", differs=(("partition/vision", "gone"),))]),
+        report_of(SYSTEM, the_logs(SYSTEM)),
+        statuses=(HostStatus(host="onboard", differs=(("partition/vision", "gone"),)),),
         tunings=(PlatformTuning(platform="onboard", run=RUN),),
         candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),
     )
