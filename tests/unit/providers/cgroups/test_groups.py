@@ -1,0 +1,167 @@
+"""Control groups: version 1 against the kernel below a slice of the test's own, version 2's files in a plain folder."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.providers.cgroups.groups import (
+    CONTROL_GROUPS,
+    GroupTree,
+    GroupValues,
+    MissingFeatures,
+    find_tree,
+    quota_period_us,
+)
+from tests.needs import require
+
+MIB = 2**20
+
+
+@pytest.fixture
+def tree() -> Iterator[GroupTree]:
+    """The kernel's groups below a slice that only this test has."""
+    require("control-groups")
+    found = find_tree(f"rarms-test-{os.getpid()}", "automatic")
+    assert isinstance(found, GroupTree), found
+    yield found
+    for name in found.names():
+        found.remove(name)
+
+
+def _sleeper_in(tree: GroupTree, name: str) -> subprocess.Popen[bytes]:
+    place = tree.place(name)
+    script = "import os, pathlib, sys, time\nfor path in sys.argv[1:]: pathlib.Path(path).write_text(str(os.getpid()))"
+    words = [sys.executable, "-c", f"{script}\nprint(flush=True)\ntime.sleep(60)", *map(str, place.join)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    with process.stdout:
+        process.stdout.readline()
+    return process
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        GroupValues(shares_percent=140, memory=64 * MIB),
+        GroupValues(shares_percent=35, quota_percent=35, period_us=8_800, processors=(0,), memory=128 * MIB),
+        GroupValues(shares_percent=200, quota_percent=150, period_us=100_000),
+    ],
+)
+def test_the_kernel_holds_what_was_written(tree: GroupTree, values: GroupValues) -> None:
+    tree.make("vision")
+
+    tree.write("vision", values)
+
+    assert tree.read("vision") == values
+
+
+def test_values_of_a_larger_quota_give_way_to_those_of_a_smaller(tree: GroupTree) -> None:
+    tree.make("vision")
+    tree.write("vision", GroupValues(shares_percent=10, quota_percent=190, period_us=100_000, processors=(1,)))
+
+    tree.write("vision", GroupValues(shares_percent=20))
+
+    assert tree.read("vision") == GroupValues(shares_percent=20, period_us=tree.read("vision").period_us)
+
+
+def test_a_group_is_named_while_it_is_there_and_the_slice_goes_with_the_last(tree: GroupTree) -> None:
+    tree.make("vision")
+    tree.make("speech")
+    assert tree.names() == ("speech", "vision")
+
+    tree.remove("vision")
+    tree.remove("speech")
+
+    assert tree.names() == ()
+    assert not list(CONTROL_GROUPS.glob(f"*/rarms-test-{os.getpid()}"))
+
+
+def test_a_process_joins_and_is_ended_with_the_group(tree: GroupTree) -> None:
+    tree.make("vision")
+    process = _sleeper_in(tree, "vision")
+    assert tree.processes("vision") == (process.pid,)
+    assert tree.cpu_ms("vision") >= 0
+    assert tree.throttled_ms("vision") == 0
+
+    tree.remove("vision")
+
+    assert process.wait(10) == -9
+    assert tree.names() == ()
+
+
+def test_removing_ends_what_somebody_put_into_a_group_below(tree: GroupTree) -> None:
+    tree.make("vision")
+    tree.make("vision/inner")
+    process = _sleeper_in(tree, "vision/inner")
+
+    tree.remove("vision")
+
+    assert process.wait(10) == -9
+    assert tree.names() == ()
+
+
+def _plain_v2(root: Path, controllers: str = "cpuset cpu io memory pids") -> Path:
+    (root / "cgroup.controllers").write_text(f"{controllers}\n")
+    for folder in (root, root / "rarms", root / "rarms" / "vision"):
+        folder.mkdir(exist_ok=True)
+        for file in ("cgroup.subtree_control", "cpu.weight", "cpu.max", "cpuset.cpus", "memory.max", "cgroup.procs"):
+            (folder / file).touch()
+    return root
+
+
+def test_version_2_writes_its_own_files(tmp_path: Path) -> None:
+    tree = find_tree("rarms", "v2", _plain_v2(tmp_path))
+    assert isinstance(tree, GroupTree)
+
+    tree.make("vision")
+    values = GroupValues(shares_percent=70, quota_percent=70, period_us=8_800, processors=(0, 2), memory=64 * MIB)
+    tree.write("vision", values)
+
+    group = tmp_path / "rarms" / "vision"
+    written = [(group / file).read_text() for file in ("cpu.weight", "cpu.max", "cpuset.cpus", "memory.max")]
+    assert written == ["70", "6160 8800", "0,2", str(64 * MIB)]
+    assert (tmp_path / "rarms" / "cpu.weight").read_text() == "10000"
+    assert (tmp_path / "rarms" / "cgroup.subtree_control").read_text() == "+cpuset +memory +cpu"
+    assert tree.read("vision") == values
+    assert tree.place("vision").join == (group / "cgroup.procs",)
+
+
+def test_version_2_reads_the_kernel_s_words_for_no_limit(tmp_path: Path) -> None:
+    tree = find_tree("rarms", "automatic", _plain_v2(tmp_path))
+    assert isinstance(tree, GroupTree)
+    group = tmp_path / "rarms" / "vision"
+    for file, text in {"cpu.weight": "100", "cpu.max": "max 100000", "cpuset.cpus": "", "memory.max": "max"}.items():
+        (group / file).write_text(f"{text}\n")
+    (group / "cpu.stat").write_text("usage_usec 2500\nnr_throttled 3\nthrottled_usec 1500\n")
+
+    assert tree.version == "v2"
+    assert tree.read("vision") == GroupValues(shares_percent=100)
+    assert (tree.cpu_ms("vision"), tree.throttled_ms("vision")) == (2.5, 1.5)
+
+
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    found = find_tree("rarms", "v2", _plain_v2(tmp_path, controllers="io pids cpu"))
+
+    assert isinstance(found, MissingFeatures)
+    assert [name.split(" of ")[0] for name in found.names] == ["the controller cpuset", "the controller memory"]
+
+
+def test_a_machine_without_control_groups_lacks_all_controllers(tmp_path: Path) -> None:
+    found = find_tree("rarms", "automatic", tmp_path)
+
+    assert isinstance(found, MissingFeatures)
+    assert len(found.names) == 4
+
+
+@pytest.mark.parametrize(
+    ("apt_ms", "quota_percent", "period_us"),
+    [(88, 70, 8_800), (2, 70, 1_429), (5_000, 70, 100_000), (None, 70, 100_000), (10, 5, 20_000)],
+)
+def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
+    apt_ms: float | None, quota_percent: float, period_us: int
+) -> None:
+    assert quota_period_us(apt_ms, quota_percent) == period_us
