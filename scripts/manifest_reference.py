@@ -100,8 +100,9 @@ _EXAMPLES = {
         """,
     "GuestBlock": "guest: { connect: { ssh: operator@voice }, credential: kiosk/voice }",
     "BusyLoopBlock": "interference:\n  busy-loop: { kind: busy_loop, threads: 2 }",
+    "StressBlock": "interference:\n  disk: { kind: stress, stressor: hdd, workers: 2 }",
     "BrowserBlock": "interference:\n  browsers: { kind: browser, instances: 5 }",
-    "CommandLoadBlock": "interference:\n  disk: { kind: command, command: [stress-ng, --hdd, '1'], instances: 2 }",
+    "CommandLoadBlock": "interference:\n  recorder: { kind: command, command: [rosbag, record, --all], instances: 2 }",
     "TaskBlock": "tasks:\n  MotionControl: { category: Medium, priority: 6 }",
     "PolicyBlock": "policy: { minimise: reservation, max_disruption: partition_stop }",
     "AcceptanceBlock": """\

@@ -96,6 +96,7 @@ NEEDS: dict[str, Need] = {
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
+    "stress-ng": Need(missing=_program("stress-ng"), obtainable=_on_linux),
     "venv": Need(missing=_no_venv, obtainable=_on_posix),
     "yaml-language-server": Need(missing=_program("yaml-language-server"), obtainable=_on_linux),
     "windows": Need(missing=lambda: "" if ON_WINDOWS else "this is not Windows", obtainable=lambda: ON_WINDOWS),

@@ -36,6 +36,7 @@ from rarms_iac.manifest.document.manifest import (
     PartitionBlock,
     PartitionStopBlock,
     PolicyBlock,
+    StressBlock,
     TaskBlock,
 )
 from rarms_iac.model.host import (
@@ -79,6 +80,7 @@ from rarms_iac.model.system import (
     Policy,
     RunsOn,
     Simulation,
+    Stress,
     System,
     TaskRequest,
 )
@@ -269,7 +271,7 @@ def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
     )
 
 
-def _interference(_name: str, block: BusyLoopBlock | BrowserBlock | CommandLoadBlock) -> Interference:
+def _interference(_name: str, block: BusyLoopBlock | BrowserBlock | CommandLoadBlock | StressBlock) -> Interference:
     match block:
         case BusyLoopBlock():
             return _from_block(BusyLoop, block)
@@ -277,6 +279,8 @@ def _interference(_name: str, block: BusyLoopBlock | BrowserBlock | CommandLoadB
             return _from_block(Browser, block)
         case CommandLoadBlock():
             return _from_block(CommandLoad, block, command=tuple(block.command))
+        case StressBlock():
+            return _from_block(Stress, block)
         case _:
             assert_never(block)
 

@@ -200,7 +200,15 @@ class CommandLoad:
     instances: int = 1
 
 
-Interference = BusyLoop | Browser | CommandLoad
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stress:
+    """Workers of a stressor of stress-ng: timers, disk, memory, context switches; None: one a logical processor."""
+
+    stressor: str
+    workers: int | None = None
+
+
+Interference = BusyLoop | Browser | CommandLoad | Stress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

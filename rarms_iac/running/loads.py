@@ -1,16 +1,17 @@
-"""Interfering loads as real processes: busy loops, browsers that stream video, any other program (`interference`)."""
+"""Interfering loads as real processes: busy loops, browsers that stream video, stress-ng, any other program."""
 
 import os
 import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self, assert_never
 
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Interference
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.running.start import CannotStart, RunningError, StartContext, order_of_words
 from rarms_iac.running.supervisor import OutputLine, ProcessEnded, Supervisor
 
@@ -31,6 +32,10 @@ FLAGS = (
     "--autoplay-policy=no-user-gesture-required",
     "--enable-logging=stderr",
 )
+STRESS_NG = "stress-ng"
+STRESSING = "dispatching hogs"
+"""What stress-ng writes to standard error when its workers begin."""
+
 SETTLING_S = 60.0
 """How long all instances may take to be running: ten browsers at once are slow to start."""
 
@@ -119,7 +124,7 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int) ->
     """The program that is the load, as words.
 
     Raises:
-        CannotStart: there is no browser on this machine.
+        CannotStart: there is no browser, or no stress-ng, on this machine.
     """
     python = (sys.executable, "-I", "-S")
     several = (*python, str(HERE / "instances.py"))
@@ -129,23 +134,29 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int) ->
         case Browser(instances=instances):
             profile = f"--user-data-dir={scratch / 'profile-{n}'}"
             page = (HERE / "stream.html").as_uri()
-            return (*several, str(instances), STREAMS, find_browser(name), *FLAGS, *_sandbox(), profile, page)
+            browser = find_program(name, "browser", BROWSERS)
+            return (*several, str(instances), STREAMS, browser, *FLAGS, *_sandbox(), profile, page)
+        case Stress(stressor=stressor, workers=workers):
+            program = find_program(name, STRESS_NG, (STRESS_NG,))
+            count = str(workers or processors)
+            own = (f"--{stressor}", count, "--timeout", "0", "--temp-path", str(scratch))  # 0: until it is ended
+            return (*several, "1", STRESSING, program, *own)
         case CommandLoad(command=command, instances=instances):
             return (*several, str(instances), "", *command)
         case _:
             assert_never(load)
 
 
-def find_browser(name: str) -> str:
-    """The first browser of the family that this machine has.
+def find_program(name: str, kind: str, programs: Sequence[str]) -> str:
+    """The first of these programs that this machine has, for the load of this name.
 
     Raises:
         CannotStart: it has none.
     """
-    for browser in BROWSERS:
-        if path := shutil.which(browser):
+    for program in programs:
+        if path := shutil.which(program):
             return path
-    raise CannotStart(name, f"there is no browser on the PATH: {', '.join(BROWSERS)}")
+    raise CannotStart(name, f"there is no {kind} on the PATH: {', '.join(programs)}")
 
 
 def logical_processors() -> int:

@@ -94,7 +94,20 @@ class CommandLoadBlock(Block):
     instances: Instances = optional("How many at once.", 1)
 
 
-InterferenceBlock = Annotated[BusyLoopBlock | BrowserBlock | CommandLoadBlock, Field(discriminator="kind")]
+class StressBlock(Block):
+    """Workers of stress-ng, which must be installed: `timer`, `hdd` (disk), `stream` (memory), `switch`, `sock`."""
+
+    kind: Literal["stress"] = needed("Workers of stress-ng.")
+    stressor: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,39}$")] = needed(
+        "What they do, by its name in `stress-ng --stressors`: `timer` (interrupts), `hdd` (disk), `stream` (memory "
+        "bandwidth), `switch` (context switches), `sock` (soft interrupts of the network)."
+    )
+    workers: Maybe[Annotated[int, Field(ge=1, le=4096)]] = optional("How many; absent: one a logical processor.")
+
+
+InterferenceBlock = Annotated[
+    BusyLoopBlock | BrowserBlock | CommandLoadBlock | StressBlock, Field(discriminator="kind")
+]
 
 
 class HypervPartitionBlock(Block):

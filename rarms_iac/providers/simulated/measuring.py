@@ -16,7 +16,7 @@ from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.state import RegistryValue, State, ValueKind
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, TaskCategory
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
@@ -85,6 +85,8 @@ def load_of(interference: Interference) -> ModelLoad:
             return Browsers(instances=instances)
         case CommandLoad(instances=instances):
             return Programs(instances=instances)
+        case Stress(workers=workers):
+            return BusyLoops(threads=workers)
         case _:
             assert_never(interference)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Stress
 from rarms_iac.running.component import run_in_parallel
 from rarms_iac.running.loads import BROWSERS, STREAMS, InterferingLoad, LoadEnded, load_words
 from rarms_iac.running.samples import SamplingEnd
@@ -84,6 +84,32 @@ def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) ->
     assert f"--user-data-dir={tmp_path / 'profile-{n}'}" in words
     assert STREAMS in page.read_text(encoding="utf-8")
     assert "http" not in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.needs("linux", "stress-ng")
+@pytest.mark.parametrize("stressor", ["timer", "switch"])
+def test_stress_workers_run_until_they_are_ended_and_nothing_of_them_stays(tmp_path: Path, stressor: str) -> None:
+    with InterferingLoad("stress", Stress(stressor=stressor, workers=2), StartContext(base=tmp_path)) as load:
+        until = time.perf_counter() + 20
+        while processes_with(f"stress-ng-{stressor}") < 2 and time.perf_counter() < until:
+            time.sleep(0.02)
+        assert processes_with(f"stress-ng-{stressor}") >= 2, "stress-ng names its workers so"
+        load.check()
+
+    assert processes_with(f"stress-ng-{stressor}") == 0
+
+
+@pytest.mark.needs("linux", "stress-ng")
+def test_a_stressor_that_nobody_knows_is_told(tmp_path: Path) -> None:
+    with pytest.raises(CannotStart, match="unrecognized option"):
+        InterferingLoad("stress", Stress(stressor="nosuch"), StartContext(base=tmp_path)).close()
+
+
+def test_without_stress_ng_the_load_cannot_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+
+    with pytest.raises(CannotStart, match="there is no stress-ng on the PATH"):
+        load_words("stress", Stress(stressor="timer"), tmp_path, 2)
 
 
 if LONG:  # a browser takes its time to start
