@@ -99,7 +99,7 @@ MANIFEST = _map(
     hosts=_named(_HOST),
     components=_named(_COMPONENT),
     partitions=_named(_PARTITION),
-    interference=_named(_map("kind command threads instances")),
+    interference=_named(_map("kind command stressor threads workers instances")),
     tasks=_named(_map("category priority background_priority replace_shipped")),
     policy=_map(
         "interference minimise headroom max_disruption accept",

@@ -13,7 +13,7 @@ from rarms_iac.manifest.text.reading import read_text
 from scripts.manifest_reference import examples, reference_markdown
 
 _NAMED = {"HostBlock", "ComponentBlock", "PartitionBlock", "TaskBlock", "AcceptanceBlock"}
-_NAMED |= {"BusyLoopBlock", "BrowserBlock", "CommandLoadBlock"}
+_NAMED |= {"BusyLoopBlock", "BrowserBlock", "CommandLoadBlock", "StressBlock"}
 
 
 def test_the_page_is_the_generated_one() -> None:
