@@ -19,6 +19,8 @@ import pytest
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 SHARED = CHECKOUT.parent / "shared"
+ROBOT_PYTHON = CHECKOUT / ".cache" / "robot" / "bin" / "python"
+"""The interpreter of the Linux delivery robot's programs, made by `scripts/make-robot`."""
 ON_WINDOWS = sys.platform == "win32"
 ON_LINUX = sys.platform == "linux"
 
@@ -46,6 +48,12 @@ def _on_linux() -> bool:
 def _program(*names: str) -> Callable[[], str]:
     """A probe for the first of some programs, any of which will do."""
     return lambda: "" if any(map(shutil.which, names)) else f"{' or '.join(names)} is not installed"
+
+
+def _no_robot() -> str:
+    if not ROBOT_PYTHON.is_file():
+        return "the Linux robot's programs are not installed: scripts/make-robot"
+    return _program("espeak-ng")() or _program("sox")()
 
 
 def _is_root() -> bool:
@@ -93,6 +101,7 @@ NEEDS: dict[str, Need] = {
         missing=lambda: "" if importlib.util.find_spec("pre_commit") else "pre-commit is not installed",
         obtainable=_on_posix,
     ),
+    "robot": Need(missing=_no_robot, obtainable=_on_linux),
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
