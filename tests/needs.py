@@ -23,6 +23,8 @@ ROBOT_PYTHON = CHECKOUT / ".cache" / "robot" / "bin" / "python"
 """The interpreter of the Linux delivery robot's programs, made by `scripts/make-robot`."""
 ON_WINDOWS = sys.platform == "win32"
 ON_LINUX = sys.platform == "linux"
+LINUX_MACHINE = ("qemu-system-x86_64", "busybox", "cpio", "apt-get", "dpkg-deb")
+"""The programs that make and run the machine of tests/linux_machine/, from Debian."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +94,9 @@ NEEDS: dict[str, Need] = {
         obtainable=_on_linux,
     ),
     "libreoffice": Need(missing=_program("soffice", "libreoffice"), obtainable=_on_linux),
+    "linux-machine": Need(
+        missing=lambda: next(filter(None, (_program(name)() for name in LINUX_MACHINE)), ""), obtainable=_on_linux
+    ),
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
     "make": Need(missing=_program("make"), obtainable=_on_posix),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),

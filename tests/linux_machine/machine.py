@@ -1,0 +1,124 @@
+"""A whole Linux machine with control groups of version 2, emulated: it runs a command among this computer's files.
+
+Made once into `.cache/linux-machine/`: the kernel and the modules of Debian's own package, which is not installed, and
+a first root of busybox and `init`. The computer's files are its own, read only; what a command writes is in memory
+and gone afterwards. It computes 20 to 50 times slower than the computer and has no network.
+"""
+
+import hashlib
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.needs import CHECKOUT
+
+CACHE = CHECKOUT / ".cache" / "linux-machine"
+_INIT = Path(__file__).with_name("init")
+_META_PACKAGE = "linux-image-amd64"  # names the newest kernel; the cloud's kernels have no 9p
+_MACHINE = (
+    *("-accel", "tcg,thread=multi", "-cpu", "max", "-smp", "2", "-m", "2048"),
+    *("-display", "none", "-vga", "none", "-net", "none", "-no-reboot", "-append", "console=ttyS0 quiet panic=-1"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandResult:
+    """How a command in the machine ended."""
+
+    exit_code: int
+    output: str  # standard output and standard error
+
+
+class MachineFailed(Exception):
+    """It was not made, did not start, or did not end in time; the message holds the end of its console."""
+
+
+def run_in_machine(command: str, timeout_s: float) -> CommandResult:
+    """Start the machine, run a command of its shell as root in the folder of the checkout, and wait for its end.
+
+    Args:
+        command: lines of a shell script.
+        timeout_s: for all of it, the start of about 15 s included.
+
+    Returns:
+        The command's exit code and output.
+
+    Raises:
+        MachineFailed: there is no result.
+    """
+    built = _built()
+    with tempfile.TemporaryDirectory(prefix="rarms-machine-") as folder:
+        job = Path(folder)
+        (job / "command").write_text(f"cd '{CHECKOUT}' || exit 99\n{command}\n", encoding="utf-8")
+        shares = (
+            "local,path=/,mount_tag=root,security_model=none,readonly=on,multidevs=remap",
+            f"local,path={job},mount_tag=job,security_model=none",
+        )
+        arguments = ["-kernel", str(built / "vmlinuz"), "-initrd", str(built / "initramfs")]
+        arguments += ["-serial", f"file:{job / 'console'}", "-virtfs", shares[0], "-virtfs", shares[1]]
+        try:
+            subprocess.run(
+                ["qemu-system-x86_64", *_MACHINE, *arguments],
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=timeout_s,
+                check=True,
+            )
+            code = int((job / "exit_code").read_text(encoding="ascii"))
+        except (OSError, ValueError, subprocess.SubprocessError) as problem:
+            raise MachineFailed(f"{problem}\n{_end_of(job / 'console')}\n{_end_of(job / 'output')}") from problem
+        return CommandResult(exit_code=code, output=(job / "output").read_text(encoding="utf-8", errors="replace"))
+
+
+def _end_of(file: Path) -> str:
+    return file.read_text(encoding="utf-8", errors="replace")[-3000:] if file.is_file() else f"no {file.name}"
+
+
+def _built() -> Path:
+    """The folder with kernel and first root, made where it is not there for this kernel and this `init`."""
+    words = _output_of("apt-cache", "depends", _META_PACKAGE).split()
+    package = words[words.index("Depends:") + 1] if "Depends:" in words else _META_PACKAGE
+    content = package.encode() + _INIT.read_bytes()
+    target = CACHE / hashlib.sha256(content).hexdigest()[:12]
+    if target.is_dir():
+        return target
+    CACHE.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=CACHE) as folder:
+        made = Path(folder) / "made"
+        _build(Path(folder), made, package)
+        if not target.is_dir():  # another test run may have been quicker
+            made.rename(target)
+    return target
+
+
+def _build(folder: Path, made: Path, package: str) -> None:
+    _output_of("apt-get", "download", "--quiet", package, folder=folder)
+    (archive,) = folder.glob("*.deb")
+    _output_of("dpkg-deb", "--extract", str(archive), str(folder / "kernel"))
+    root = folder / "root"
+    for name in ("bin", "modules"):
+        (root / name).mkdir(parents=True)
+    shutil.copy2(_INIT, root / "init")
+    (root / "init").chmod(0o755)
+    busybox = shutil.which("busybox")
+    assert busybox is not None, "the need linux-machine was met"
+    shutil.copy2(busybox, root / "bin" / "busybox")
+    for module in (folder / "kernel").rglob("*.ko"):
+        if module.stem in _INIT.read_text(encoding="utf-8").replace("\\\n", "").split():
+            shutil.copy2(module, root / "modules")
+    made.mkdir()
+    (kernel,) = (folder / "kernel" / "boot").glob("vmlinuz-*")
+    shutil.copy2(kernel, made / "vmlinuz")
+    names = "\n".join(path.relative_to(root).as_posix() for path in sorted(root.rglob("*"))).encode()
+    with (made / "initramfs").open("wb") as packed:
+        subprocess.run(["cpio", "-o", "-H", "newc", "--quiet"], cwd=root, input=names, stdout=packed, check=True)
+
+
+def _output_of(*words: str, folder: Path = CHECKOUT) -> str:
+    try:
+        return subprocess.run(words, cwd=folder, capture_output=True, check=True, text=True, timeout=300).stdout
+    except (OSError, subprocess.SubprocessError) as problem:
+        error = problem.stderr if isinstance(problem, subprocess.CalledProcessError) else ""
+        raise MachineFailed(f"{problem} {error}".strip()) from problem
