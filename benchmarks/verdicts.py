@@ -301,8 +301,8 @@ def steady(seed: int) -> list[float]:
 def unsteady_shares(shape: str, tries: int, count: int) -> tuple[float, float]:
     """Of so many series of a shape and length, in per cent: which are not named as unsteady, which get a verdict."""
     given = [judge(series_of(unsteady(shape, seed, count)), APT, RUN) for seed in range(tries)]
-    missed = sum(not isinstance(one, Unsteady) for one in given)
-    return 100 * missed / tries, 100 * sum(isinstance(one, Met | Missed) for one in given) / tries
+    missed = sum(not isinstance(verdict, Unsteady) for verdict in given)
+    return 100 * missed / tries, 100 * sum(isinstance(verdict, Met | Missed) for verdict in given) / tries
 
 
 def steadiness_figures(count: int) -> list[Figure]:
@@ -312,8 +312,8 @@ def steadiness_figures(count: int) -> list[Figure]:
         shares = [unsteady_shares(shape, count // len(SHAPES), length) for shape in SHAPES]
         if length == LONG:
             named = [
-                Figure(name=f"{shape}: not named", value=one, unit="%")
-                for shape, (one, _) in zip(SHAPES, shares, strict=True)
+                Figure(name=f"{shape}: not named", value=share, unit="%")
+                for shape, (share, _) in zip(SHAPES, shares, strict=True)
             ]
             figures += named
         missed, verdicts = (sum(column) / len(SHAPES) for column in zip(*shares, strict=True))

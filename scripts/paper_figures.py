@@ -36,12 +36,12 @@ PARAMETERS = """\
 
 def main() -> None:
     """Runs all three experiments and writes what they show."""
-    one, three, four = figure_1(JOBS, SEEDS), figure_3(UNTIL_MS, SEEDS), figure_4(JOBS, SEEDS)
+    first, three, four = figure_1(JOBS, SEEDS), figure_3(UNTIL_MS, SEEDS), figure_4(JOBS, SEEDS)
     together = figure_3_together(UNTIL_MS, SEEDS, TOGETHER)
-    _write(DOCS / "figures" / "figure-1.svg", draw(_chart_1(one)))
+    _write(DOCS / "figures" / "figure-1.svg", draw(_chart_1(first)))
     _write(DOCS / "figures" / "figure-3.svg", draw(_chart_3(three)))
     _write(DOCS / "figures" / "figure-4.svg", draw(_chart_4(four)))
-    _write(DOCS / "paper-figures.md", "\n".join(_page(one, three, together, four)))
+    _write(DOCS / "paper-figures.md", "\n".join(_page(first, three, together, four)))
 
 
 def _write(path: Path, text: str) -> None:
@@ -49,12 +49,12 @@ def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _chart_1(one: dict[int, float]) -> Chart:
+def _chart_1(curve: dict[int, float]) -> Chart:
     return Chart(
         title="Face detection: response time by reservation",
         across="CPU reservation of P1 (%)",
         up="mean response time (ms)",
-        lines={"simulated": list(one.items()), "88 ms (paper, 70 %)": [(10, 88), (100, 88)]},
+        lines={"simulated": list(curve.items()), "88 ms (paper, 70 %)": [(10, 88), (100, 88)]},
         span=(0, 100),
         most=800,
     )
@@ -66,7 +66,7 @@ def _chart_3(three: list[Loaded]) -> Chart:
         across="processors used by the browsers (%)",
         up="mean response time, times that without load",
         lines={
-            name: [(one.utilisation, one.response_ms[part] / three[0].response_ms[part]) for one in three[:14]]
+            name: [(point.utilisation, point.response_ms[part] / three[0].response_ms[part]) for point in three[:14]]
             for name, part in (("FDP, at 30", FDP), ("SRP, at 31", SRP), ("VSP, at 8", VSP), ("PPP, at 8", PPP))
         },
         span=(0, 100),
@@ -86,7 +86,7 @@ def _chart_4(four: dict[tuple[int, int], dict[int, float]]) -> Chart:
 
 
 def _page(
-    one: dict[int, float],
+    curve: dict[int, float],
     three: list[Loaded],
     together: dict[int, dict[str, float]],
     four: dict[tuple[int, int], dict[int, float]],
@@ -99,7 +99,7 @@ def _page(
         "the paper varied differs. Means of "
         f"{JOBS} jobs (Fig. 3: of {UNTIL_MS / 1000:g} s) for each of {len(SEEDS)} seeds.",
         "",
-        *_table_1(one),
+        *_table_1(curve),
         *_table_3(three),
         *_table_together(together),
         *_table_4(four),
@@ -108,7 +108,7 @@ def _page(
     ]
 
 
-def _table_1(one: dict[int, float]) -> list[str]:
+def _table_1(curve: dict[int, float]) -> list[str]:
     said = {10: "600 to 800", 70: "88"}
     return [
         "## Fig. 1: face detection against busy loops",
@@ -121,7 +121,7 @@ def _table_1(one: dict[int, float]) -> list[str]:
         "",
         "| P1 reserves | mean response time (ms) | the paper |",
         "|---:|---:|---|",
-        *(f"| {cr} % | {ms:.1f} | {said.get(cr, '')} |" for cr, ms in one.items()),
+        *(f"| {cr} % | {ms:.1f} | {said.get(cr, '')} |" for cr, ms in curve.items()),
         "",
     ]
 
@@ -138,7 +138,7 @@ def _table_3(three: list[Loaded]) -> list[str]:
         "",
         "| browsers | they use | FDP (ms) | SRP (ms) | SRP in time | VSP (ms) | VSP in time | PPP (ms) |",
         "|---:|---:|---:|---:|---:|---:|---:|---:|",
-        *(_row_3(one) for one in three),
+        *(_row_3(point) for point in three),
         "",
     ]
 

@@ -19,7 +19,7 @@ _LOOSE = Callable[[st.SearchStrategy[Any]], Any]
 
 def _quoted(text: str) -> str:
     """JSON is YAML, but for what its writer leaves unescaped."""
-    return "".join(f"\\u{ord(one):04x}" if one in "\x7f\x85\u2028\u2029\ufeff" else one for one in _json(text))
+    return "".join(f"\\u{ord(char):04x}" if char in "\x7f\x85\u2028\u2029\ufeff" else char for char in _json(text))
 
 
 def _json(text: str) -> str:
@@ -101,7 +101,7 @@ class _Author:
 
     def flow(self, depth: int, indent: int) -> str:
         if depth <= 0 or self.chance(3):
-            text: str = self.draw(_SCALARS.filter(lambda one: not re.search(r"[:?]", one) or one[:1] in "'\""))
+            text: str = self.draw(_SCALARS.filter(lambda scalar: not re.search(r"[:?]", scalar) or scalar[:1] in "'\""))
             return text or "''"
         gap = f"{self.trailing()}\n{' ' * indent}" if self.chance(4) else " "
         if self.chance(2):

@@ -13,9 +13,9 @@ def fluid(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
     """Jobs one after the other; each response is blocked + work / reserve, give or take what `varies` says."""
     random = Random(seed)
     clocks = {
-        demand.component: (0.0, 0.0, demand, max(one.reserve, 0.1) / 100)
-        for one in machine.machines
-        for demand in one.components
+        demand.component: (0.0, 0.0, demand, max(vm.reserve, 0.1) / 100)
+        for vm in machine.machines
+        for demand in vm.components
     }
     while True:
         name = min(clocks, key=lambda each: (clocks[each][0], each))

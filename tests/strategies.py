@@ -155,11 +155,11 @@ def edits(draw: st.DrawFn, settings: PartitionSettings) -> PartitionSettings:
     changes: Mapping[str, st.SearchStrategy[object]] = {
         "reserve": st.integers(0, 9),
         "weight": st.integers(1, 500),
-        "memory": st.integers(1, 8).map(lambda one: one * 64 * MIB),
+        "memory": st.integers(1, 8).map(lambda count: count * 64 * MIB),
         "processors": st.integers(1, 2),
         "stop_action": st.sampled_from(StopAction),
         "checkpoints": st.sampled_from(Checkpoints),
     }
     name = draw(st.sampled_from(sorted(changes)))
-    value = draw(changes[name].filter(lambda one: one != getattr(settings, name)))
+    value = draw(changes[name].filter(lambda candidate: candidate != getattr(settings, name)))
     return replace(settings, **{name: value})  # type: ignore[arg-type]  # name and value belong together

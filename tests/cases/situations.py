@@ -54,8 +54,8 @@ def made(folder: Path, seen: bytes | None = None) -> Made:
     """The plan and the files; of another observation of the host where one is given."""
     with TemporaryDirectory() as name, contextlib.chdir(name):
         here = Path(name)
-        for one in INPUTS:
-            (here / one).write_bytes((folder / one).read_bytes())
+        for file in INPUTS:
+            (here / file).write_bytes((folder / file).read_bytes())
         if seen is not None:
             (here / "host.json").write_bytes(seen)
         words = command_of(folder)

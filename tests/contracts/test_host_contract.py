@@ -630,8 +630,8 @@ def test_without_rights_nothing_is_seen_and_nothing_done(room: Room) -> None:
 
 
 def fault(effect: FaultEffect, *, at: str = "*", times: int | None = None, delay: int = 0) -> dict[str, object]:
-    one = Fault(operation="start_partition", at=at, effect=effect, times=times, delay=Milliseconds(Fraction(delay)))
-    return {"faults": {"stubborn": one}}
+    fault = Fault(operation="start_partition", at=at, effect=effect, times=times, delay=Milliseconds(Fraction(delay)))
+    return {"faults": {"stubborn": fault}}
 
 
 def test_a_fault_refuses_so_often_across_processes(room: Room) -> None:

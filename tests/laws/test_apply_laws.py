@@ -50,8 +50,8 @@ def test_a_run_that_stopped_anywhere_is_finished_from_the_host_alone(
     system: System, others: Strangers, stop: int
 ) -> None:
     with a_lab(system) as undisturbed, a_lab(system) as lab:
-        for one in (undisturbed, lab):
-            one.add(others)
+        for bench in (undisturbed, lab):
+            bench.add(others)
         possible(lab)
         undisturbed.apply(undisturbed.plan())
 
@@ -95,13 +95,13 @@ def ids_of(states: dict[str, State]) -> set[str]:
 @FEW
 @given(systems(), strangers())
 def test_plan_files_read_back_as_written_and_same_input_makes_same_bytes(system: System, others: Strangers) -> None:
-    with a_lab(system) as one, a_lab(system) as other:
-        for lab in (one, other):
+    with a_lab(system) as first, a_lab(system) as other:
+        for lab in (first, other):
             lab.add(others)
-        possible(one)
+        possible(first)
 
-        data = write_plan(one.plan())
+        data = write_plan(first.plan())
 
         assert write_plan(other.plan()) == data
-        assert read_plan(data) == one.plan()
-        assert read_plan(data.replace(b"\n", b"\r\n")) == one.plan()
+        assert read_plan(data) == first.plan()
+        assert read_plan(data.replace(b"\n", b"\r\n")) == first.plan()

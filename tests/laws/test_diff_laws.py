@@ -74,11 +74,11 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
     possible(system, start)
     state = applied(system, start)
 
-    for one in (start, state):
-        ours = one.of("robot")
-        found = compare(ours, one, "robot", route(system, one).request.context)
+    for host in (start, state):
+        ours = host.of("robot")
+        found = compare(ours, host, "robot", route(system, host).request.context)
         assert found.changes == ()
-        assert drift(ours, one, "robot") == ()
+        assert drift(ours, host, "robot") == ()
 
 
 @given(st.data(), strangers())
@@ -178,7 +178,9 @@ def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: b
         wanted = replace(system, components={**system.components, leader: heavier})
     possible(wanted, state)
 
-    found = {one.address.partition: one.kind for one in drift(route(wanted, state).request.desired, state, "robot")}
+    found = {
+        entry.address.partition: entry.kind for entry in drift(route(wanted, state).request.desired, state, "robot")
+    }
 
     kinds = {
         (True, True): DriftKind.BOTH,

@@ -56,7 +56,7 @@ def claim(reserve: int, memory: int) -> Claim:
 def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, int, tuple[str, ...]]]:
     """The value of every placement that fits, by trying all of them."""
     found = []
-    for way in product(*(one.claims for one in items)):
+    for way in product(*(item.claims for item in items)):
         there = {host_bin.name: list(host_bin.foreign_claims) for host_bin in bins}
         for item, host in zip(items, way, strict=True):
             there[host].append(item.claims[host])

@@ -71,7 +71,7 @@ def machines(draw: st.DrawFn, *, interrupts: bool = True) -> ModelMachine:
                 limit=draw(st.one_of(st.just(100), st.integers(max(1, reserve), 100))),
                 weight=draw(st.integers(1, 1000)),
                 memory_mib=draw(st.one_of(st.none(), st.just(512))),
-                components=tuple(draw(demands(f"c{number}{one}")) for one in range(draw(st.integers(0, 2)))),
+                components=tuple(draw(demands(f"c{number}{index}")) for index in range(draw(st.integers(0, 2)))),
                 loads=tuple(draw(loads)),
                 partitioned=draw(st.booleans()),
             )
@@ -114,7 +114,7 @@ def test_no_vp_is_on_two_lps_at_once(machine: ModelMachine) -> None:
             by_vp[piece.ran].append(piece)
 
     for its in by_vp.values():
-        its.sort(key=lambda one: one.began)
+        its.sort(key=lambda run: run.began)
         assert all(before.ended <= after.began for before, after in pairwise(its))
 
 
@@ -192,10 +192,10 @@ def test_no_lp_idles_while_somebody_could_use_it(machine: ModelMachine, weight: 
 def machines_with_steady(draw: st.DrawFn) -> ModelMachine:
     """The last machine always demands: it is `steady`, and has what the others leave of the reserves."""
     machine = draw(machines(interrupts=False))
-    left = 100 * machine.lps - sum(one.vps * one.reserve for one in machine.machines)
+    left = 100 * machine.lps - sum(vm.vps * vm.reserve for vm in machine.machines)
     vps = draw(st.integers(1, machine.lps))
     reserve = draw(st.integers(0, min(100, floor(left / vps))))
-    quiet = tuple(_without_browsers(one) for one in machine.machines)
+    quiet = tuple(_without_browsers(vm) for vm in machine.machines)
     return replace(machine, machines=(*quiet, _steady(reserve, vps)))
 
 
@@ -287,7 +287,7 @@ def _by_window(pieces: list[TracePiece], window_ms: float) -> dict[tuple[str, in
 def _most_ahead(pieces: list[TracePiece], vp: str, share: float) -> float:
     """The most that the VP got more than its share between any two moments, in ms."""
     ahead = least = most = at = 0.0
-    for piece in sorted((one for one in pieces if one.ran == vp), key=lambda one: one.began):
+    for piece in sorted((run for run in pieces if run.ran == vp), key=lambda run: run.began):
         ahead -= share * (piece.began - at)
         least = min(least, ahead)
         ahead += (1.0 - share) * (piece.ended - piece.began)
@@ -299,7 +299,7 @@ def _most_ahead(pieces: list[TracePiece], vp: str, share: float) -> float:
 def _most_behind(pieces: list[TracePiece], vp: str, share: float) -> float:
     """The most that the VP got less than its share between any two moments, in ms."""
     behind = least = most = at = 0.0
-    for piece in sorted((one for one in pieces if one.ran == vp), key=lambda one: one.began):
+    for piece in sorted((run for run in pieces if run.ran == vp), key=lambda run: run.began):
         behind += share * (piece.began - at)
         most = max(most, behind - least)
         behind -= (1.0 - share) * (piece.ended - piece.began)

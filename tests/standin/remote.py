@@ -167,17 +167,17 @@ def _await(port: int, server: subprocess.Popen[bytes], log: Path) -> None:
     until = time.monotonic() + SECONDS
     while time.monotonic() < until:
         assert server.poll() is None, log.read_text(encoding="utf-8")
-        with socket.socket() as one:
-            if one.connect_ex(("127.0.0.1", port)) == 0:
+        with socket.socket() as listener:
+            if listener.connect_ex(("127.0.0.1", port)) == 0:
                 return
         time.sleep(0.05)
     raise AssertionError("sshd does not answer")
 
 
 def _free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
 
 
 def _script(path: Path, does: str) -> None:

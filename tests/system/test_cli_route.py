@@ -270,7 +270,7 @@ def test_drift_tells_what_somebody_removed_from_what_rarms_took_away(robot: Robo
     assert robot.run("undo", "--auto-approve").code == 0
     undone = robot.run("drift")
 
-    assert [one.code for one in (never, removed, destroyed, undone)] == [5, 2, 5, 5]
+    assert [answer.code for answer in (never, removed, destroyed, undone)] == [5, 2, 5, 5]
     assert "control, 0.6 LP wanted: removed from the host" in removed.out
     assert "control, 0.6 LP wanted: not there" in destroyed.out
     assert "taken away again by rarms itself" in " ".join(undone.out.split())

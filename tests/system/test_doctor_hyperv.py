@@ -25,7 +25,7 @@ EXPECTED = {
 def codes(name: str) -> list[str]:
     ran = rarms("doctor", "-f", str(MANIFEST), "--snapshot", f"cell={FOLDER / name}.json", "--json")
     (host,) = json.loads(ran.out)["hosts"]
-    return sorted({one["code"] for one in host["findings"]})
+    return sorted({finding["code"] for finding in host["findings"]})
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -63,7 +63,7 @@ def settings(folder: Path) -> list[dict[str, object]]:
     log = folder / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
     whole = [line for line in log.read_text(encoding="utf-8").split("\n")[1:-1] if line.endswith("}")]
     found = [json.loads(line) for line in whole]
-    return [{key: one[key] for key in ("reserve", "beside", "seed", "series")} for one in found]
+    return [{key: setting[key] for key in ("reserve", "beside", "seed", "series")} for setting in found]
 
 
 def machines(folder: Path) -> dict[str, object]:

@@ -201,7 +201,7 @@ def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: 
     stopped = finish(running)
     assert stopped.code == 130, stopped
     assert "rarms apply" in stopped.err
-    statuses = [one.get("status") for one in journal_of(remote)]
+    statuses = [record.get("status") for record in journal_of(remote)]
     assert statuses.count("begun") == statuses.count("changed") < 16
     remote.ask()
     assert apply(remote).code == 0

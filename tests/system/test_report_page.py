@@ -75,8 +75,8 @@ def pasted(page: "WebDriver", card: str) -> Mapping[str, Mapping[str, Threshold]
     """The thresholds in the lines to paste, read as the manifest's reader would."""
     lines = yaml.safe_load(text(page, f"{card}-manifest"))
     return {
-        name: {index: threshold(words) for index, words in one["apt"].items()}
-        for name, one in lines["components"].items()
+        name: {index: threshold(words) for index, words in line["apt"].items()}
+        for name, line in lines["components"].items()
     }
 
 
@@ -232,7 +232,7 @@ def test_lines_to_paste_and_the_command_say_the_threshold_and_are_copied(page: "
 def test_nothing_is_fetched_nothing_is_refused_and_foreign_code_is_not_run(page: "WebDriver") -> None:
     assert run(page, "return performance.getEntriesByType('resource').length") == 0
     asked = [json.loads(message)["message"] for message in messages(page, "performance")]
-    requests = [one["params"] for one in asked if one["method"] == "Network.requestWillBeSent"]
+    requests = [event["params"] for event in asked if event["method"] == "Network.requestWillBeSent"]
     assert {request["request"]["url"] for request in requests if request["documentURL"] == page.current_url} == {
         page.current_url
     }

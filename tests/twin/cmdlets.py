@@ -61,7 +61,7 @@ def _as_read(entry: Entry) -> Value:
         case "QWord":
             return Long(number(entry.data))
         case "Binary":
-            return [int(one) for one in str(entry.data).split()]
+            return [int(word) for word in str(entry.data).split()]
         case _:
             return str(entry.data)
 
@@ -105,7 +105,7 @@ def get_child_item(scope: Scope, given: Given) -> list[Value]:
         return _in_folder(scope, path)
     if host.key(path) is None:
         raise not_found(path, "GetChildItemCommand")
-    return [RegistryKey(one) for one in host.below(path)]
+    return [RegistryKey(key) for key in host.below(path)]
 
 
 def _in_folder(scope: Scope, path: str) -> list[Value]:
@@ -178,7 +178,7 @@ def new_item_property(scope: Scope, given: Given) -> Value:
     return Record()
 
 
-_KINDS = {one.lower(): one for one in ("DWord", "QWord", "String", "ExpandString", "MultiString", "Binary")}
+_KINDS = {kind.lower(): kind for kind in ("DWord", "QWord", "String", "ExpandString", "MultiString", "Binary")}
 
 
 def _kind(given: Given) -> str:
@@ -320,7 +320,7 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
                 if vm.state == "Running"
             ]
         case "Win32_PowerPlan":
-            return [Record(InstanceID=one, IsActive=True) for one in host.power_plan]
+            return [Record(InstanceID=plan, IsActive=True) for plan in host.power_plan]
         case _:
             raise Unsupported(f"the class {name}")
 
@@ -380,7 +380,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "set-strictmode": _silent,
     "convertto-json": convert_to_json,
     "convertfrom-json": lambda scope, given: from_json(text(given["inputobject"])),
-    "get-module": lambda scope, given: [Record(Version=one) for one in scope.session.host.module],
+    "get-module": lambda scope, given: [Record(Version=version) for version in scope.session.host.module],
     "get-executionpolicy": lambda scope, given: [
         Record(Scope=Enumerated(where), ExecutionPolicy=Enumerated(policy))
         for where, policy in scope.session.host.execution_policy

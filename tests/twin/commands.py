@@ -89,7 +89,7 @@ def _bare(word: str) -> Expression:
 def _call_function(function: Function, written: Written, scope: Scope, out: list[Value]) -> None:
     if written.positional:
         raise Unsupported(f"{written.name} is given a value without a name")
-    known = {one.name: one for one in function.parameters}
+    known = {parameter.name: parameter for parameter in function.parameters}
     given: dict[str, Value] = {}
     for name, value in written.given:
         parameter = known.get(name.lower())
@@ -159,13 +159,13 @@ def piped(node: Node) -> Pipe:
     if written.name == "Where-Object" and set(given) == {"FilterScript"}:
         block = given["FilterScript"]
         assert block is not None
-        return lambda scope, held: [one for one in held if truth(run_block(block(scope), scope, this=one))]
+        return lambda scope, held: [item for item in held if truth(run_block(block(scope), scope, this=item))]
     if written.name == "Sort-Object" and set(given) <= {"Descending"}:
         return lambda scope, held: _sorted(held, descending="Descending" in given)
     raise Unsupported(f"a pipeline into {text_of(node)[:80]}")
 
 
 def _sorted(held: list[Value], *, descending: bool) -> list[Value]:
-    if all(isinstance(one, int) for one in held):
+    if all(isinstance(item, int) for item in held):
         return sorted(held, key=number, reverse=descending)
-    return sorted(held, key=lambda one: text(one).lower(), reverse=descending)
+    return sorted(held, key=lambda item: text(item).lower(), reverse=descending)

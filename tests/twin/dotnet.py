@@ -276,9 +276,9 @@ def _regex_replace(scope: Scope, value: Value, pattern: Value, new: Value) -> st
 
 
 def _sort(scope: Scope, values: Value, comparer: Value) -> Value:
-    if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
+    if not isinstance(values, list) or not all(isinstance(item, str) for item in values):
         raise Unsupported("Array.Sort of anything but text")
-    values.sort(key=lambda one: one.encode("utf-16-be"))
+    values.sort(key=lambda item: item.encode("utf-16-be"))
     return EMPTY
 
 
@@ -318,7 +318,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
     ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{byte:02X}" for byte in bytes(data)),
     ("array", "sort"): _sort,
-    ("hashtable", "new"): lambda scope, *given: Table(*(one.items() for one in given[:-1]), ordinal=True),
+    ("hashtable", "new"): lambda scope, *given: Table(*(table.items() for table in given[:-1]), ordinal=True),
     ("string", "equals"): _equals,
     ("security.principal.windowsidentity", "getcurrent"): _identity,
     ("security.principal.windowsprincipal", "new"): lambda scope, identity: Principal(scope),

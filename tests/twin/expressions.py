@@ -192,9 +192,9 @@ def _call(node: Node) -> Expression:
     plain = text_of(name)
     if separator.type == "::":
         type_name = type_of(owner)
-        return lambda scope: dotnet.static_call(type_name, plain, [one(scope) for one in given], scope)
+        return lambda scope: dotnet.static_call(type_name, plain, [argument(scope) for argument in given], scope)
     inside = expression(owner)
-    return lambda scope: members.call(inside(scope), plain, [one(scope) for one in given])
+    return lambda scope: members.call(inside(scope), plain, [argument(scope) for argument in given])
 
 
 def _arguments(node: Node) -> list[Expression]:
@@ -310,7 +310,7 @@ def run_block(block: Value, scope: Scope, *, this: Value = EMPTY, arguments: lis
 def _makers() -> Mapping[str, Callable[[Node], Expression]]:
     binary = ("logical", "bitwise", "comparison", "additive", "multiplicative", "format")
     both: dict[str, Callable[[Node], Expression]] = {
-        f"{one}{part}_expression": _binary for one in binary for part in ("", "_argument")
+        f"{name}{part}_expression": _binary for name in binary for part in ("", "_argument")
     }
     return both | {
         "string_literal": _literal,

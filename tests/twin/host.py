@@ -169,7 +169,7 @@ class WindowsHost:
         """The keys right below this one, by name."""
         prefix = path.lower() + "\\"
         found = [key for low, key in self.registry.items() if low.startswith(prefix) and "\\" not in low[len(prefix) :]]
-        return sorted(found, key=lambda one: one.path.lower())
+        return sorted(found, key=lambda disk: disk.path.lower())
 
     def add_key(self, path: str) -> Key:
         """The key, with those above it."""

@@ -224,7 +224,7 @@ def set_memory(scope: Scope, given: Given) -> Value:
 
 
 def _check_memory(host: WindowsHost, vm: Vm, size: int, command: str) -> None:
-    taken = sum(one.memory for one in host.vms.values() if one.active and one.id != vm.id)
+    taken = sum(other.memory for other in host.vms.values() if other.active and other.id != vm.id)
     if taken + size > host.memory:
         raise refuse(f"Not enough memory in the system to start '{vm.name}'. (0x800705AA)", command, "Unspecified")
 
@@ -238,7 +238,7 @@ def start_vm(scope: Scope, given: Given) -> Value:
     if vm.state not in ("Off", "Saved", "Paused"):
         raise refuse(f"'{vm.name}' failed to start: it is {vm.state}.", "StartVM")
     _check_memory(host, vm, vm.memory, "StartVM")
-    claims = [vm, *(one for one in host.vms.values() if one.active and one.id != vm.id)]
+    claims = [vm, *(other for other in host.vms.values() if other.active and other.id != vm.id)]
     sizes: Counter[int] = Counter()
     for claim in claims:
         sizes[claim.reserve] += claim.processors
@@ -400,10 +400,10 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vmintegrationservice": get_services,
     "receive-job": receive_job,
     "get-vmsnapshot": _each(get_snapshots),
-    "get-vmswitch": lambda scope, given: [Record(Name=one) for one in scope.session.host.switches],
+    "get-vmswitch": lambda scope, given: [Record(Name=switch) for switch in scope.session.host.switches],
     "get-vmhostnumanode": lambda scope, given: [
-        Record(NodeId=one["node"], MemoryAvailable=one["memory_available"], MemoryTotal=one["memory"])
-        for one in scope.session.host.numa
+        Record(NodeId=node["node"], MemoryAvailable=node["memory_available"], MemoryTotal=node["memory"])
+        for node in scope.session.host.numa
     ],
     "get-vmfirmware": get_firmware,
     "set-vmfirmware": set_firmware,

@@ -56,7 +56,7 @@ class PropertyList(list[Value]):
         super().__init__(Record(Name=key, Value=value) for key, value in owner.properties.items())
 
     def named(self, name: str) -> Value:
-        return next((one for one in self if one.get("Name").lower() == name.lower()), None)
+        return next((item for item in self if item.get("Name").lower() == name.lower()), None)
 
 
 def _of_table(owner: Table, name: str) -> Value:

@@ -83,8 +83,8 @@ def state_of(host: WindowsHost, name: str) -> State:
 
 def _key(host: WindowsHost, path: str, values: list[Document]) -> None:
     key = host.add_key(path)
-    for one in values:
-        key.values[one["name"].lower()] = Entry(name=one["name"], kind=one["kind"], data=one["data"])
+    for item in values:
+        key.values[item["name"].lower()] = Entry(name=item["name"], kind=item["kind"], data=item["data"])
 
 
 def _windows(host: WindowsHost, value: Document) -> None:
@@ -101,47 +101,50 @@ def _hypervisor(host: WindowsHost, value: Document) -> None:
 
 
 def _machines(host: WindowsHost, value: list[dict[str, Any]]) -> None:
-    for one in value:
-        adapters = [(adapter["name"], adapter["switch"]) for adapter in one["adapters"]]
-        host.vms[one["id"]] = Vm(**{**one, "adapters": adapters, "disks": list(one["disks"])})
+    for item in value:
+        adapters = [(adapter["name"], adapter["switch"]) for adapter in item["adapters"]]
+        host.vms[item["id"]] = Vm(**{**item, "adapters": adapters, "disks": list(item["disks"])})
 
 
 def _virtual_disks(host: WindowsHost, value: list[Document]) -> None:
-    for one in value:
-        if one["type"]:
-            host.write_file(one["path"], CHILD + one["parent"].encode() if one["parent"] else b"a disk")
-            if one["parent"] and host.file(one["parent"]) is None:
-                host.write_file(one["parent"], b"an image")
+    for item in value:
+        if item["type"]:
+            host.write_file(item["path"], CHILD + item["parent"].encode() if item["parent"] else b"a disk")
+            if item["parent"] and host.file(item["parent"]) is None:
+                host.write_file(item["parent"], b"an image")
 
 
 def _firmware(host: WindowsHost, value: list[Document]) -> None:
-    for one in value:
-        host.vms[one["machine"]].secure_boot, host.vms[one["machine"]].template = one["secure_boot"], one["template"]
+    for item in value:
+        host.vms[item["machine"]].secure_boot, host.vms[item["machine"]].template = (
+            item["secure_boot"],
+            item["template"],
+        )
 
 
 def _guests(host: WindowsHost, value: list[Document]) -> None:
-    for one in value:
-        told = "".join(one["system"])
+    for item in value:
+        told = "".join(item["system"])
         build = re.search(r"<VALUE>(\d+)</VALUE>", told)
         if build:
-            host.vms[one["machine"]].guest_build, host.vms[one["machine"]].tells_build = int(build[1]), True
+            host.vms[item["machine"]].guest_build, host.vms[item["machine"]].tells_build = int(build[1]), True
 
 
 def _shutdown_services(host: WindowsHost, value: list[Document]) -> None:
-    for one in value:
-        host.vms[one["machine"]].shutdown_service = one["status"] == [2]
+    for item in value:
+        host.vms[item["machine"]].shutdown_service = item["status"] == [2]
 
 
 def _tasks(host: WindowsHost, value: list[Document]) -> None:
     host.add_key(f"{PROFILE}\\Tasks")
-    for one in value:
-        _key(host, f"{PROFILE}\\Tasks\\{one['name']}", one["values"])
+    for item in value:
+        _key(host, f"{PROFILE}\\Tasks\\{item['name']}", item["values"])
 
 
 def _records(host: WindowsHost, value: list[Document]) -> None:
     host.add_key(RECORDS)
-    for one in value:
-        _key(host, f"{RECORDS}\\{one['application']}\\{one['task']}", one["values"])
+    for item in value:
+        _key(host, f"{RECORDS}\\{item['application']}\\{item['task']}", item["values"])
 
 
 def _journal(host: WindowsHost, value: Document) -> None:
@@ -176,7 +179,7 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
     ),
     "pending_restart": _pending,
     "execution_policy": lambda host, value: setattr(
-        host, "execution_policy", [(one["scope"], one["policy"]) for one in value]
+        host, "execution_policy", [(policy["scope"], policy["policy"]) for policy in value]
     ),
     **{
         name: _named(name)

@@ -65,7 +65,7 @@ def sized(result: int, left: Value, right: Value) -> Value:
 
 def _each(test: Callable[[Value], bool]) -> Callable[[Value], Value]:
     """An array on the left is filtered."""
-    return lambda left: [one for one in left if test(one)] if isinstance(left, list) else test(left)
+    return lambda left: [item for item in left if test(item)] if isinstance(left, list) else test(left)
 
 
 def compare(operator: str, left: Value, right: Value, scope: Scope) -> Value:
@@ -74,9 +74,9 @@ def compare(operator: str, left: Value, right: Value, scope: Scope) -> Value:
     plain = "-" + operator[2:] if case else operator
     match plain:
         case "-eq":
-            return _each(lambda one: same(one, right, case=case))(left)
+            return _each(lambda item: same(item, right, case=case))(left)
         case "-ne":
-            return _each(lambda one: not same(one, right, case=case))(left)
+            return _each(lambda item: not same(item, right, case=case))(left)
         case "-gt" | "-ge" | "-lt" | "-le":
             return _order(plain, left, right)
         case "-contains":
@@ -84,7 +84,7 @@ def compare(operator: str, left: Value, right: Value, scope: Scope) -> Value:
         case "-notcontains":
             return not any(same(element, right, case=case) for element in elements(left))
         case "-like":
-            return _each(lambda one: like(text(one), text(right), case=case))(left)
+            return _each(lambda item: like(text(item), text(right), case=case))(left)
         case "-match":
             return _match(left, text(right), case, scope)
         case "-replace":

@@ -39,8 +39,8 @@ def block_of(node: Node) -> Body:
     statements = [statement(child) for child in node.children if child.type not in _SILENT]
 
     def run(scope: Scope, out: list[Value]) -> None:
-        for one in statements:
-            one(scope, out)
+        for statement in statements:
+            statement(scope, out)
 
     return run
 
@@ -82,8 +82,8 @@ def _chain(node: Node) -> Body:
     def run(scope: Scope, out: list[Value]) -> None:
         held: list[Value] = []
         head(scope, held)
-        for one in rest:
-            held = one(scope, held)
+        for clause in rest:
+            held = clause(scope, held)
         out.extend(held)
 
     return run
@@ -169,8 +169,8 @@ def _several(stores: list[Callable[[Scope, Value], None]]) -> Callable[[Scope, V
         held = elements(value)
         if len(held) != len(stores):
             raise Unsupported(f"{len(held)} values for {len(stores)} variables")
-        for store, one in zip(stores, held, strict=True):
-            store(scope, one)
+        for store, item in zip(stores, held, strict=True):
+            store(scope, item)
 
     return run
 
@@ -208,8 +208,8 @@ def _foreach(node: Node) -> Body:
             return
         found: list[Value] = []
         emit(found, value)
-        for one in found:
-            scope.write(name, one)
+        for item in found:
+            scope.write(name, item)
             try:
                 body(scope, out)
             except Continue:

@@ -106,9 +106,9 @@ def lines_of(system: System) -> list[str]:
 
 
 def test_a_partition_more_is_34_lines_of_a_script() -> None:
-    one, more = lines_of(a_system(1)), lines_of(a_system(PARTITIONS))
+    single, more = lines_of(a_system(1)), lines_of(a_system(PARTITIONS))
 
-    assert len(more) - len(one) <= 34 * (PARTITIONS - 1)
+    assert len(more) - len(single) <= 34 * (PARTITIONS - 1)
 
 
 def test_a_number_more_in_the_manifest_changes_ten_lines_of_a_script_at_most() -> None:

@@ -74,7 +74,7 @@ def test_a_removal_that_was_killed_or_failed_anywhere_is_finished_by_the_next(fa
 
 
 def _checkpoint(host: WindowsHost) -> None:
-    (vm,) = (one for one in host.vms.values() if one.name == "planning")
+    (vm,) = (machine for machine in host.vms.values() if machine.name == "planning")
     vm.checkpoint_count = 1
 
 
@@ -112,7 +112,7 @@ MOVES: list[Callable[[WindowsHost], None]] = [
 ]
 
 
-@pytest.mark.parametrize("move", MOVES, ids=lambda one: one.__name__.strip("_"))
+@pytest.mark.parametrize("move", MOVES, ids=lambda move: move.__name__.strip("_"))
 def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Callable[[WindowsHost], None]) -> None:
     prepared = with_a_disk()
     host = prepared.copy()
@@ -126,10 +126,10 @@ def test_a_disk_that_is_no_longer_as_the_plan_knew_it_is_not_deleted(move: Calla
 
 
 # What another machine's checkpoints rest on only the step sees; another parent makes it a child all the same.
-SEEN = [one for one in MOVES if one not in (_a_checkpoint_of_another, _another_parent)]
+SEEN = [move for move in MOVES if move not in (_a_checkpoint_of_another, _another_parent)]
 
 
-@pytest.mark.parametrize("move", SEEN, ids=lambda one: one.__name__.strip("_"))
+@pytest.mark.parametrize("move", SEEN, ids=lambda move: move.__name__.strip("_"))
 def test_the_next_plan_leaves_such_a_disk_and_says_so(move: Callable[[WindowsHost], None]) -> None:
     prepared = with_a_disk()
     host = prepared.copy()
@@ -160,7 +160,7 @@ def test_a_file_of_another_kind_is_not_taken_for_the_disk_that_is_to_be_made(con
 
 def test_a_child_that_a_killed_run_made_is_taken_whatever_the_case_of_its_parents_path() -> None:
     prepared = fresh()
-    made = next(at for at, one in enumerate(_effects(prepared)) if one.startswith("New-VHD"))
+    made = next(at for at, effect in enumerate(_effects(prepared)) if effect.startswith("New-VHD"))
     host = prepared.copy(kill_after=made)
     apply(host, prepared.plan)
     host = host.copy()

@@ -16,7 +16,7 @@ def again(host: WindowsHost, plan: Prepared) -> Ran:
 
 
 def ours(host: WindowsHost, name: str) -> Vm:
-    (vm,) = (one for one in host.vms.values() if one.name.startswith(name))
+    (vm,) = (machine for machine in host.vms.values() if machine.name.startswith(name))
     return vm
 
 
@@ -76,7 +76,7 @@ def test_two_machines_under_the_pending_name_are_refused() -> None:
     prepared = fresh()
     host = prepared.copy()
     assert apply(host, prepared.plan).code == 0
-    made = next(at for at, one in enumerate(host.effects) if one.startswith("New-VM"))
+    made = next(at for at, effect in enumerate(host.effects) if effect.startswith("New-VM"))
     host = prepared.copy(kill_after=made)
     apply(host, prepared.plan)
     host = host.copy()

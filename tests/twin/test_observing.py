@@ -14,7 +14,7 @@ def told(seen: dict[str, Any]) -> dict[str, Any]:
     kept = {name: _told(probe) for name, probe in seen.items()}
     for name, key in (("tasks", ("name",)), ("records", ("application", "task"))):
         if isinstance(kept[name].get("value"), list):
-            kept[name]["value"].sort(key=lambda one: [one[part].lower() for part in key])  # used at once
+            kept[name]["value"].sort(key=lambda entry: [entry[part].lower() for part in key])  # used at once
     return kept
 
 

@@ -65,7 +65,7 @@ def test_what_a_declined_step_left_is_undone_whole(cell) -> None:  # type: ignor
 
 
 def given_since(host: WindowsHost, what: str) -> None:
-    (vm,) = (one for one in host.vms.values() if one.name == "planning")
+    (vm,) = (machine for machine in host.vms.values() if machine.name == "planning")
     match what:
         case "disk":
             host.write_file("D:\\results.vhdx", b"somebody's")
@@ -147,8 +147,8 @@ def test_what_a_profile_gives_to_every_call_does_not_reach_into_a_run() -> None:
 def test_a_profile_does_not_reach_into_what_a_host_looks_like() -> None:
     host = everything().copy(refusals={"Get-VM": ("AccessDenied", "PermissionDenied", "may not")})
     hidden = host.copy(defaults={"*:ErrorAction": "SilentlyContinue"})
-    for one in (host, hidden):
-        put(one, {"observe.ps1": render_observe()})
+    for machine in (host, hidden):
+        put(machine, {"observe.ps1": render_observe()})
 
     assert run(hidden, "observe.ps1").lines == run(host, "observe.ps1").lines
     assert json.loads(run(host, "observe.ps1").lines[0])["machines"]["status"] == "denied"

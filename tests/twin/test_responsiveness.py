@@ -17,7 +17,7 @@ BEFORE = {
     "in another case": Entry(name="systemresponsiveness", kind="DWord", data=4294967295),
     "a text": Entry(name=SYSTEM_RESPONSIVENESS, kind="String", data="14"),
 }
-befores = pytest.mark.parametrize("before", [pytest.param(one, id=name) for name, one in BEFORE.items()])
+befores = pytest.mark.parametrize("before", [pytest.param(value, id=name) for name, value in BEFORE.items()])
 
 
 def a_host(before: Entry | None) -> WindowsHost:

@@ -143,7 +143,9 @@ def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: M
         host = prepared.copy(**{fault: number})
         apply(host, prepared.plan)
         where = f"{fault} {number}: {host.effects[-1]}"
-        started = host.file(JOURNAL) is not None and any(one["plan"] == prepared.plan.id for one in journal(host)[:1])
+        started = host.file(JOURNAL) is not None and any(
+            record["plan"] == prepared.plan.id for record in journal(host)[:1]
+        )
         host = host.copy()
 
         ran = undo(host, prepared.plan)
@@ -192,9 +194,9 @@ def test_a_host_that_somebody_moved_is_not_touched_by_the_step_that_it_concerns(
     prepared = everything()
     host = prepared.copy()
     name, change = MOVES[move]
-    (vm,) = (one for one in host.vms.values() if one.name == name)
+    (vm,) = (machine for machine in host.vms.values() if machine.name == name)
     change(vm)
-    host.vms = {one.id: one for one in host.vms.values()}
+    host.vms = {machine.id: machine for machine in host.vms.values()}
     before = seen(host)
 
     ran = apply(host, prepared.plan)
@@ -413,7 +415,7 @@ def test_a_process_without_programdata_keeps_its_journal_in_the_same_place() -> 
 
 def test_two_machines_that_both_look_half_made_stop_the_run() -> None:
     prepared = fresh()
-    host = prepared.copy(kill_before=next(at for at, one in enumerate(calls(prepared)) if one.startswith("Set-VM ")))
+    host = prepared.copy(kill_before=next(at for at, call in enumerate(calls(prepared)) if call.startswith("Set-VM ")))
     apply(host, prepared.plan)
     host = host.copy()
     other = a_stranger(f"planning.rarms-{prepared.plan.id}", 7, state="Off")

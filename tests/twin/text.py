@@ -81,11 +81,11 @@ def _plain(value: Value) -> Any:
         case Enumerated():
             raise Unsupported("an enumeration in JSON becomes a number")
         case list() | bytes():
-            return [_plain(one) for one in value]
+            return [_plain(item) for item in value]
         case Table():
-            return {text(key): _plain(one) for key, one in value.items()}
+            return {text(key): _plain(item) for key, item in value.items()}
         case Record():
-            return {key: _plain(one) for key, one in value.properties.items()}
+            return {key: _plain(item) for key, item in value.properties.items()}
         case _:
             if value is EMPTY:
                 raise Unsupported("nothing in JSON is {} in 5.1 and null in 7")
@@ -108,14 +108,14 @@ def _object(value: Any) -> Value:
         case int():
             return Long(value)
         case list():
-            return [_object(one) for one in value]
+            return [_object(item) for item in value]
         case Mapping():
             if reserved := [key for key in value if key.lower() in RESERVED]:
                 raise ScriptError(f'The member name "{reserved[0]}" is reserved.', error_id="ReservedMemberName")
-            return Record(**{key: _object(one) for key, one in value.items()})
+            return Record(**{key: _object(item) for key, item in value.items()})
         case _:
             raise Unsupported(f"{value!r} in JSON")
 
 
 def joined(values: list[Value], between: Value) -> str:
-    return text(between).join(text(one) for one in values)
+    return text(between).join(text(value) for value in values)

@@ -270,7 +270,7 @@ def text(value: Value) -> str:
         case bool():
             return "True" if value else "False"
         case list() | bytes():
-            return " ".join(text(one) for one in value)
+            return " ".join(text(item) for item in value)
         case Table():
             return type_name(value)
         case int():

@@ -101,18 +101,18 @@ def test_reserves_may_be_processors() -> None:
 
 
 def test_overlays_change_what_they_say_and_nothing_else() -> None:
-    base, one, seven = (
+    base, first, seven = (
         loaded("fleet").system,
         loaded("fleet", "robot-1.yaml").system,
         loaded("fleet", "robot-7.yaml").system,
     )
 
     assert base is not None
-    assert one is not None
+    assert first is not None
     assert seven is not None
-    assert set(base.components) - set(one.components) == {"door-opening"}
+    assert set(base.components) - set(first.components) == {"door-opening"}
     assert set(seven.components) - set(base.components) == {"arm"}
-    assert (one.hosts["onboard"].logical_processors, seven.hosts["onboard"].logical_processors) == (2, 4)
+    assert (first.hosts["onboard"].logical_processors, seven.hosts["onboard"].logical_processors) == (2, 4)
 
 
 def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> PlanningResult:
@@ -217,8 +217,8 @@ def test_commands_are_understood_in_the_form_that_the_manifest_reads() -> None:
     assert run is not None
     found = [re2.search(run.samples.pattern, line) for line in _output("speech_recognition", 20)]
 
-    assert sum(one is not None and one["success"] == "1" for one in found) >= 19
-    assert all(one is not None and float(one["response"]) > 0 for one in found)
+    assert sum(match is not None and match["success"] == "1" for match in found) >= 19
+    assert all(match is not None and float(match["response"]) > 0 for match in found)
 
 
 def test_video_is_streamed_frame_by_frame() -> None:

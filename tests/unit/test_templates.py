@@ -26,5 +26,9 @@ def test_a_template_of_scripts_has_loops_and_nothing_else(template: Path) -> Non
     assert [
         statement for statement in statements if not re.fullmatch(r"for \w+(, \w+)* in \w+(\.\w+)*|endfor", statement)
     ] == []
-    assert [one for one in re.findall(r"\{\{\s*(.*?)\s*\}\}", text) if not re.fullmatch(r"\w+(\.\w+)*", one)] == []
+    assert [
+        expression
+        for expression in re.findall(r"\{\{\s*(.*?)\s*\}\}", text)
+        if not re.fullmatch(r"\w+(\.\w+)*", expression)
+    ] == []
     assert "{#" not in text

@@ -65,7 +65,7 @@ def the_log(name: str) -> DataLog:
 
 
 def recorded(name: str) -> list[tuple[int, int]]:
-    return [(one.setting.reserve, one.setting.seed) for one in the_log(name).recorded]
+    return [(entry.setting.reserve, entry.setting.seed) for entry in the_log(name).recorded]
 
 
 def files_of(folder: Path) -> dict[Path, bytes]:
@@ -126,7 +126,7 @@ def test_another_question_has_a_pass_of_its_own(here: Path) -> None:
     assert rarms(*other).code == 0
     assert recorded("vision")[-3:] == [(60, 3), (70, 3), (80, 3)]
     assert rarms(*SWEPT, "--again").code == 0
-    assert [one for one in recorded("vision") if one[1] == 2] == [(60, 2), (70, 2)]
+    assert [entry for entry in recorded("vision") if entry[1] == 2] == [(60, 2), (70, 2)]
 
 
 def test_what_cannot_be_run_begins_no_pass(here: Path) -> None:
@@ -178,8 +178,8 @@ def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had
 
     assert again.code == 0, again.err
     assert "RARMS108" not in rarms("plan").out
-    assert all(not one.is_busy for one in the_log("vision").counting)
-    assert any(one.is_busy for one in the_log("vision").recorded), "what was measured stays in the log"
+    assert all(not entry.is_busy for entry in the_log("vision").counting)
+    assert any(entry.is_busy for entry in the_log("vision").recorded), "what was measured stays in the log"
 
 
 def test_one_setting_that_had_the_host_alone_takes_the_place_of_a_busy_one(here: Path) -> None:

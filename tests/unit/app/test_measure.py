@@ -267,7 +267,7 @@ def test_a_layout_that_misses_a_threshold_is_told(here: Path) -> None:
     assert crowded.code == 4
     answer = json.loads(crowded.out)
     assert (answer["kind"], answer["met"]) == ("prove", False)
-    assert [one["code"] for one in answer["findings"]] == ["RARMS118"]
+    assert [finding["code"] for finding in answer["findings"]] == ["RARMS118"]
     assert [partition.settings.name for partition in host(here).observe().partitions] == ["vision"]
 
 
@@ -344,4 +344,4 @@ def test_several_components_are_measured_together_in_one_partition(here: Path) -
     log = (here / "measurements" / "onboard" / "speech+vision" / "busy-loop.jsonl").read_text(encoding="utf-8")
     header, *lines = map(json.loads, log.splitlines())
     assert header["setup"]["memory"] == (256 + 512) * 2**20
-    assert [[one["component"] for one in line["series"]] for line in lines] == [["speech", "vision"]] * 2
+    assert [[series["component"] for series in line["series"]] for line in lines] == [["speech", "vision"]] * 2

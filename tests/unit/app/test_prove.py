@@ -70,8 +70,8 @@ def proven(*words: str) -> tuple[int, dict[str, dict[str, object]], list[str]]:
     assert answer["met"] is (ran.code == 0)
     return (
         ran.code,
-        {f"{one['component']} {one['index']}": one for one in answer["indexes"]},
-        [one["code"] for one in answer["findings"]],
+        {f"{index['component']} {index['index']}": index for index in answer["indexes"]},
+        [finding["code"] for finding in answer["findings"]],
     )
 
 
@@ -215,12 +215,12 @@ def test_hosts_that_are_not_asked_for_are_not_missed_and_are_named(here: Path) -
     )
     change(here, "    criticality: 20\n", "    criticality: 20\n    hosts: [second]\n")
     assert rarms("apply", "--auto-approve", "--max-disruption", "removal").code == 0
-    both, one = rarms("prove"), rarms("prove", "--host", "onboard")
+    both, onboard = rarms("prove"), rarms("prove", "--host", "onboard")
 
-    assert (both.code, one.code) == (0, 0), one.err
+    assert (both.code, onboard.code) == (0, 0), onboard.err
     assert "speech" in both.out
-    assert "speech" not in one.out
-    assert "on other hosts: speech" in one.err
+    assert "speech" not in onboard.out
+    assert "on other hosts: speech" in onboard.err
 
 
 def test_without_a_threshold_nothing_is_said_to_be_met(here: Path) -> None:

@@ -29,9 +29,9 @@ def test_a_measurement_says_what_the_planner_takes() -> None:
     report = report_of(system, the_logs(system))
 
     for logged, name in zip(the_logs(system), ("face-detection", "speech-recognition"), strict=False):
-        one = system.components[name]
-        assert one.run is not None
-        wanted = least_reserve(curves_of(logged.log.settings, {name: one.run}, {name: one.apt}))
+        component = system.components[name]
+        assert component.run is not None
+        wanted = least_reserve(curves_of(logged.log.settings, {name: component.run}, {name: component.apt}))
         assert next(shown for shown in report.measurements if shown.name == name).least == wanted is not None
 
 
@@ -150,10 +150,10 @@ def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:
 
 
 def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
-    one = measured("vision")
-    log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(one))
+    vision = measured("vision")
+    log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(vision))
 
-    [shown] = report_of(a_system(components=[one]), [LogBesideManifest(path="log", log=log)]).measurements[0].indexes
+    [shown] = report_of(a_system(components=[vision]), [LogBesideManifest(path="log", log=log)]).measurements[0].indexes
 
     assert [(point.reserve, point.value is None, point.failed) for point in shown.points] == [
         (10, True, 5),

@@ -94,7 +94,9 @@ def test_programs_get_the_same_as_json(tmp_path: Path) -> None:
     told = json.loads(ran.out)
     jsonschema.Draft202012Validator(json.loads(output_schema())).validate(told)
     assert ran.code == 0
-    assert [(one["component"], one["ending"], len(one["samples"])) for one in told["components"]] == [
+    assert [
+        (component["component"], component["ending"], len(component["samples"])) for component in told["components"]
+    ] == [
         ("vision", "until", 4),
         ("speech", "until", 4),
     ]

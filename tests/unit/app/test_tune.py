@@ -117,7 +117,7 @@ def in_all_reports(trail: list[str]) -> None:
     (tuning,) = json.loads(document)["tunings"]
     rows = list(openpyxl.load_workbook("all.xlsx")["tuning"].values)
 
-    assert [(one["reserve"], one["met"]) for one in tuning["trail"]] == [
+    assert [(trial["reserve"], trial["met"]) for trial in tuning["trail"]] == [
         (int(line.split(",")[4]), line.split(",")[5] == "yes") for line in trail[1:]
     ]
     assert Path("again.csv").read_text(encoding="utf-8").splitlines() == trail
@@ -155,7 +155,7 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
         found = json.loads(rarms("tune", "--samples", "400", "--json").out)
 
     assert found["ending"] == "successful"
-    (compound,) = [one for one in found["partitions"] if len(one["components"]) > 1]
+    (compound,) = [partition for partition in found["partitions"] if len(partition["components"]) > 1]
     chosen = last_chosen(read_entries(configuration_path(tmp_path, "onboard", "video")))
     assert chosen is not None
     assert (chosen.reserve, chosen.interpolated) == (compound["reserve"], False)
@@ -179,7 +179,7 @@ def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> N
 
     found = json.loads(ran.out)
     assert found["message"] == "successful"
-    asked = [(tuple(one["components"]), one["reserve"]) for one in found["trail"]]
+    asked = [(tuple(trial["components"]), trial["reserve"]) for trial in found["trail"]]
     assert {members for members, _ in asked} == {("paths", "video")}
     assert [reserve for _, reserve in asked[1:]] == list(range(10, 10 * len(asked), 10))
 
@@ -228,7 +228,7 @@ def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: 
     taken_in = rarms("tune", "--samples", "60")
 
     assert "paths+video" not in graph
-    assert not any("video" in one["components"] for one in away["trail"])
+    assert not any("video" in trial["components"] for trial in away["trail"])
     assert "  video: { protect: true } # never lose it\n" in kept
     assert taken_in.code == 0, taken_in.err
     text = (here / "rarms.yaml").read_text(encoding="utf-8")
@@ -256,7 +256,7 @@ def test_the_claim_stands_in_the_output_and_at_the_end_of_the_trail(here: Path) 
         last = list(csv.reader(trail))[-1]
     assert (found["proved"], found["claim"]) == (True, "proved")
     assert last[-1] == found["claim"]
-    assert all(one["predicted"] is not None for one in found["trail"])
+    assert all(trial["predicted"] is not None for trial in found["trail"])
     assert "(predicted " in ran.err
 
 

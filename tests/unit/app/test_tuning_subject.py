@@ -99,7 +99,7 @@ def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path)
     end = search_combinations(subject, Inquiry(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
 
     assert end.ending == "stopped"
-    assert [one.members for one in end.trail] == oracle.asked
+    assert [trial.members for trial in end.trail] == oracle.asked
     assert end.trail[0].predicted is not None
 
 

@@ -147,16 +147,16 @@ def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back()
             "speech",
             "vision",
         ]
-        assert [one.ending for one in lab.undo()] == [RunEnding.DONE]
+        assert [report.ending for report in lab.undo()] == [RunEnding.DONE]
         assert without_serials(lab.observe()) == without_serials(before)
 
 
 def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_later() -> None:
     fault = Fault(operation="start_partition", at="partition/vision", effect=FaultEffect.REFUSE, times=1)
-    one = replace(VISION, hosts=("arm",))
+    vision = replace(VISION, hosts=("arm",))
     other = replace(SPEECH, hosts=("base",))
     hosts = [a_host("arm", settings=faulty(once=fault)), a_host("base")]
-    with a_lab(a_system(hosts=hosts, components=[one, other])) as lab:
+    with a_lab(a_system(hosts=hosts, components=[vision, other])) as lab:
         plan = lab.plan()
 
         assert [part.host for part in lab.apply(plan).hosts] == ["arm"]
@@ -170,12 +170,13 @@ def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_
 
 
 def test_all_hosts_are_looked_at_before_the_first_step() -> None:
-    one, other = replace(VISION, hosts=("arm",)), replace(SPEECH, hosts=("base",))
+    vision, other = replace(VISION, hosts=("arm",)), replace(SPEECH, hosts=("base",))
     hosts = [a_host("arm"), a_host("base")]
-    with a_lab(a_system(hosts=hosts, components=[one, other])) as lab:
+    with a_lab(a_system(hosts=hosts, components=[vision, other])) as lab:
         lab.apply(lab.plan())
         less = a_system(
-            hosts=hosts, components=[replace(one, memory=Bytes(one.memory * 2)), replace(other, memory=Bytes(2**28))]
+            hosts=hosts,
+            components=[replace(vision, memory=Bytes(vision.memory * 2)), replace(other, memory=Bytes(2**28))],
         )
         plan = lab.wanting(less).plan()
         lab.hosts["base"].execute(SetCpu(partition="speech", reserve=5, limit=100, weight=100), OURS)
@@ -202,7 +203,7 @@ def test_undo_says_when_there_is_nothing_to_undo(lab: Lab) -> None:
 def told(lab: Lab) -> list[str]:
     journal = lab.hosts["onboard"].journal()
     assert journal is not None
-    return [f"{one.address}: {one.title}" for one in steps_undone(journal)]
+    return [f"{step.address}: {step.title}" for step in steps_undone(journal)]
 
 
 def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
@@ -348,6 +349,6 @@ def test_what_disturbs_too_much_is_held_back_and_the_rest_is_planned(lab: Lab) -
     plan = wanted.plan(max_disruption=Disruption.LIVE)
 
     (part,) = plan.hosts
-    assert [str(one.change.address) for one in part.held_back] == ["partition/vision"]
+    assert [str(change.change.address) for change in part.held_back] == ["partition/vision"]
     assert {str(step.address) for step in part.steps} == {"partition/speech"}
     assert plan.has_changes

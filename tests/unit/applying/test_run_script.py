@@ -64,11 +64,11 @@ class Scripted:
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        for one in self.message:
-            if isinstance(one, str):
-                listener.on_output(one)
+        for event in self.message:
+            if isinstance(event, str):
+                listener.on_output(event)
             else:
-                listener.on_event(one)
+                listener.on_event(event)
         return self.ends
 
 

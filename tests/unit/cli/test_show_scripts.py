@@ -94,7 +94,7 @@ def test_scripts_of_two_plans_are_compared_by_steps(plan: str, folder: Path, tmp
     assert "0 only there" in against_file.out
     assert against_plan.out.splitlines()[1:] == against_file.out.splitlines()[1:]
     told = json.loads(rarms("show", "--script", other, "--against", plan, "--json").out)
-    assert {one["address"] for one in told["steps"]} == {"partition/seam-tracking"}
+    assert {step["address"] for step in told["steps"]} == {"partition/seam-tracking"}
     same = rarms("show", "--script", plan, "--against", plan)
     assert (same.code, "do the same" in same.out) == (0, True)  # it shows and does not judge
 

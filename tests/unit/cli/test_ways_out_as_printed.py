@@ -50,31 +50,31 @@ def a_robot(seed: int) -> Robot:
     }
     for host in hosts.values() if chance.random() < 0.5 else ():
         host["platform"] = "two-core"
-    everywhere = len({one.get("platform", name) for name, one in hosts.items()}) == 1
+    everywhere = len({component.get("platform", name) for name, component in hosts.items()}) == 1
     measured_at_all = chance.choice([0.0, 0.5, 1.0])
     components: Manifest = {}
     needs: dict[str, int] = {}
     for at in range(chance.randint(3, 5) * len(hosts)):
         name = f"c{at}"
         memory = chance.choice([256, 512, 1024])
-        one = components[name] = {"criticality": chance.randint(1, 50), "memory": f"{memory} MiB"}
+        component = components[name] = {"criticality": chance.randint(1, 50), "memory": f"{memory} MiB"}
         if chance.random() < measured_at_all:
             needs[name] = chance.choice(LEVELS[4:12])
-            one |= {
+            component |= {
                 "apt": {"mean_response_time": {"at_most": f"{APT} ms"}},
                 "simulation": {"work": "10 ms"},
                 "cpu": {"reserve": "measured"},
             }
             if not everywhere:
-                one["hosts"] = ["h0"]
+                component["hosts"] = ["h0"]
         else:
             share, processors = chance.randint(5, 60), chance.randint(5, 110) / 100
-            one["cpu"] = {"reserve": chance.choice([f"{share} %", f"{processors} LP"])}
+            component["cpu"] = {"reserve": chance.choice([f"{share} %", f"{processors} LP"])}
             if chance.random() < 0.3:
-                one["processors"] = chance.choice([1, 2])
-                one["cpu"] = {"reserve": f"{min(processors, 0.9)} LP"}
+                component["processors"] = chance.choice([1, 2])
+                component["cpu"] = {"reserve": f"{min(processors, 0.9)} LP"}
             if chance.random() < 0.3:
-                one["hosts"] = [chance.choice(sorted(hosts))]
+                component["hosts"] = [chance.choice(sorted(hosts))]
     return Robot(
         manifest={"schema": "rarms/v1", "application": {"name": "robot"}, "hosts": hosts, "components": components},
         needs=needs,
@@ -88,7 +88,7 @@ def advice_of(folder: Path) -> str | None:
         assert answer.code == 2, answer.err
         return None
     found = [load for load in json.loads(answer.out)["findings"] if load["severity"] == "error"]
-    assert {one["code"] for one in found} <= {"RARMS014", "RARMS120", "RARMS121", "RARMS122", "RARMS123"}, found
+    assert {finding["code"] for finding in found} <= {"RARMS014", "RARMS120", "RARMS121", "RARMS122", "RARMS123"}, found
     advice: str = found[0]["advice"]
     return None if found[0]["code"] == "RARMS123" else advice
 
@@ -122,8 +122,8 @@ def _partition_reserves(manifest: Manifest, name: str, amount: str) -> None:
 
 
 def _memory(manifest: Manifest, more: str, host: str) -> None:
-    one = manifest["hosts"][host]
-    one["memory"] = f"{_mib(one['memory']) + _mib(more)} MiB"
+    entry = manifest["hosts"][host]
+    entry["memory"] = f"{_mib(entry['memory']) + _mib(more)} MiB"
 
 
 def _processors(manifest: Manifest, number: str, hosts: str) -> None:

@@ -67,14 +67,16 @@ class Bench:
 
     def host(self, simulate: Simulate = fluid) -> SimulatedMeasuringHost:
         def counted(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
-            self.ran += [one.reserve for one in machine.machines if one.components]
+            self.ran += [vm.reserve for vm in machine.machines if vm.components]
             return simulate(machine, seed)
 
         return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
 
     def book(self, seed: int | None = None) -> SettingsLog:
-        one = self.experiment
-        subject = LogSubject(platform="onboard", components=one.members, setup=one.setup, load=one.load, tasks={})
+        experiment = self.experiment
+        subject = LogSubject(
+            platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
+        )
         header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
         return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
 
@@ -265,7 +267,7 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
     bench.experiment = replace(an_experiment(), members=(vision,))
 
     def flat(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
-        reserve = max(one.reserve for one in machine.machines if one.components)
+        reserve = max(vm.reserve for vm in machine.machines if vm.components)
         for number, job in enumerate(fluid(machine, seed)):
             yield replace(job, response=168.0 if reserve < 60 else 85.5 if number % 2 else 81.5)
 
@@ -302,7 +304,7 @@ def test_who_is_asked_to_stop_drops_the_running_setting_and_goes_on_later(bench:
     before = list(bench.recorded)
     bench.ran.clear()
     assert bench.measure(bench.search("paper")).conclusion == Sufficient(reserve=50, failed=40)
-    assert bench.ran == [one for one in (10, 20, 30, 40, 50) if one not in before]
+    assert bench.ran == [level for level in (10, 20, 30, 40, 50) if level not in before]
 
 
 class DeadDisk(CrashingDisk):

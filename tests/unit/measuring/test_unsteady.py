@@ -135,7 +135,7 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     assert end.inconclusive
     assert set(end.inconclusive) <= unsteady(ended.settings)
     assert end.failed not in unsteady(ended.settings)
-    assert all((end.failed or 0) < one < end.reserve for one in end.inconclusive)
+    assert all((end.failed or 0) < level < end.reserve for level in end.inconclusive)
     (told,) = findings_of(experiment, end, ended.settings, FirstLine(""))
     assert told.code == "RARMS267"
     assert f"coi: {end.reserve} % is enough" in told.detail

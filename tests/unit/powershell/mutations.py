@@ -18,8 +18,8 @@ def _replace(pattern: str, change: Callable[[re.Match[str], random.Random], str]
         found = [match for match in re.finditer(pattern, script) if not _in_comment(script, match.start())]
         if not found:
             return None
-        one = pick.choice(found)
-        return script[: one.start()] + change(one, pick) + script[one.end() :]
+        chosen = pick.choice(found)
+        return script[: chosen.start()] + change(chosen, pick) + script[chosen.end() :]
 
     return mutate
 
@@ -148,7 +148,7 @@ DANGEROUS: dict[str, Mutation] = {
     "text that is expanded": _insert('$x = "a $(Get-VM) b"', '$x = "$vm"', '$x = @"' + LINE + "a" + LINE + '"@'),
     "a value without a name": _replace(CMDLETS, _after(" 'x'", " $x", " 5")),
     "a parameter of no set": _replace(r"Hyper-V\\Get-VM\w+(?= -VM )", _after(" -VMName 'x'", " -ComputerName 'x'")),
-    "a parameter twice": _replace(r"-(?:VM|Path|LiteralPath) \$\w+", lambda one, _: f"{one[0]} {one[0]}"),
+    "a parameter twice": _replace(r"-(?:VM|Path|LiteralPath) \$\w+", lambda match, _: f"{match[0]} {match[0]}"),
     "a member by a value": _insert("$vm.('Del' + 'ete')()", "$vm.$name()", "$vm.'Delete'()"),
     "a member of its own choice": _insert("$vm.Delete()", "$key.DeleteSubKeyTree('x')", "$x = $vm.GetType()"),
     "a type": _insert("[System.Net.WebClient]::new()", "[PowerShell]::Create()", "[wmi] 'x'", "[adsi] 'x'"),

@@ -52,7 +52,7 @@ def test_every_table_that_is_filled_as_a_script_runs_tells_its_keys_apart_by_the
 
     assert re.findall(r"^.*@\{ *\}.*$", text, flags=re.MULTILINE) == []
     made = re.findall(r"(?i)\[[a-z.]*(?:hashtable|dictionary)\]::new\(.*?\)", text)
-    assert [one for one in made if not one.endswith("$script:Ordinal)")] == []
+    assert [table for table in made if not table.endswith("$script:Ordinal)")] == []
     tables = re.findall(r"@\{([^{}]+)\}", text)
     keys = [entry.split("=")[0].strip() for table in tables for entry in re.split(r"[;\n]", table) if "=" in entry]
     assert [key for key in keys if not re.fullmatch("[A-Za-z_]+", key)] == []

@@ -70,4 +70,4 @@ def test_a_call_that_was_added_by_hand_makes_another_step_of_it() -> None:
 
     told = difference(old, Outline(run=old.run, steps=(more, *others)))
 
-    assert [(one.old, one.new) for one in told.steps] == [(None, 0), (0, None)]
+    assert [(step.old, step.new) for step in told.steps] == [(None, 0), (0, None)]

@@ -95,7 +95,7 @@ def test_without_what_is_fixed_every_line_keeps_its_number(name: str) -> None:
     whole, left = SCRIPTS[name].split("\r\n"), without_fixed(SCRIPTS[name]).split("\r\n")
 
     assert len(left) == len(whole)
-    assert {(one, other) for one, other in zip(whole, left, strict=True) if one != other and other} == set()
+    assert {(line, other) for line, other in zip(whole, left, strict=True) if line != other and other} == set()
     assert left[split_script(SCRIPTS[name]).fixed[-1].last] == "Invoke-Run -Steps { Add-Plan }"
 
 

@@ -12,7 +12,7 @@ BATCH = 100
 def a_script(written: list[str]) -> str:
     """Each value where a template may put one: assigned, as an argument, in a table, in a call."""
     places = ("$a = {0}", "Use-It -Name {0} -Count 2", "$t = @{{ A = {0}; {0} = 1 }}", "[Text]::From({0})")
-    return "".join(places[at % 4].format(one) + "\r\n" for at, one in enumerate(written))
+    return "".join(places[at % 4].format(literal) + "\r\n" for at, literal in enumerate(written))
 
 
 def naive(text: str) -> str:

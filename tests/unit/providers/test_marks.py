@@ -60,8 +60,8 @@ def test_of_a_machine_and_its_copy_only_the_machine_is_ours() -> None:
 def test_a_partition_on_two_machines_is_on_none() -> None:
     twice = read_marks({FIRST: LINE, SECOND: write_mark("", mark_for(SECOND, "robot", "vision", "0" * 12))})
 
-    assert [one.mark for one in twice.values()] == [None, None]
-    assert {one.foreign for one in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
+    assert [reading.mark for reading in twice.values()] == [None, None]
+    assert {reading.foreign for reading in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
 
 
 def test_the_users_lines_are_kept_apart() -> None:

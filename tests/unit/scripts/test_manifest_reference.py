@@ -41,8 +41,8 @@ def test_every_example_is_valid_and_canonical(name: str) -> None:
     if name == "apt":
         schema = document["$defs"]["ComponentBlock"]["properties"]["apt"]
 
-    for one in value.values() if name in _NAMED else [value]:
-        jsonschema.validate(one, {**schema, "$defs": document["$defs"]})
+    for entry in value.values() if name in _NAMED else [value]:
+        jsonschema.validate(entry, {**schema, "$defs": document["$defs"]})
     assert format_text(text, "example") == text
 
 
@@ -59,34 +59,36 @@ def test_the_formatter_knows_exactly_the_quantities_that_there_are() -> None:
 
 
 def _blocks() -> dict[str, Any]:
-    return {name: one for name, one in manifest_schema()["$defs"].items() if "properties" in one}
+    return {name: shape for name, shape in manifest_schema()["$defs"].items() if "properties" in shape}
 
 
 def _shape_keys(shape: ValueShape, path: str = "") -> set[str]:
-    inner = [(f"{path}.{key}", one) for key, one in shape.keys.items()]
+    inner = [(f"{path}.{key}", inside) for key, inside in shape.keys.items()]
     if shape.each:
         inner.append((f"{path}.*", shape.each))
-    return {there for there, _ in inner if there[-1] != "*"}.union(*(_shape_keys(one, there) for there, one in inner))
+    return {there for there, _ in inner if there[-1] != "*"}.union(
+        *(_shape_keys(inside, there) for there, inside in inner)
+    )
 
 
 def _quantities(shape: ValueShape, path: str = "") -> set[str]:
-    inner = [(f"{path}.{key}", one) for key, one in shape.keys.items()]
+    inner = [(f"{path}.{key}", inside) for key, inside in shape.keys.items()]
     if shape.each:
         inner.append((f"{path}.*", shape.each))
-    return ({path} if shape.is_quantity else set()).union(*(_quantities(one, there) for there, one in inner))
+    return ({path} if shape.is_quantity else set()).union(*(_quantities(inside, there) for there, inside in inner))
 
 
 def _inside(schema: Any, document: Any, path: str) -> list[tuple[str, Any]]:
     """Paths and schemas right below a schema; performance indexes count as names."""
     inner: list[tuple[str, Any]] = []
-    for one in [schema, *schema.get("oneOf", ()), *schema.get("anyOf", ())]:
-        there = document["$defs"].get(one.get("$ref", "").removeprefix("#/$defs/"), one)
+    for part in [schema, *schema.get("oneOf", ()), *schema.get("anyOf", ())]:
+        there = document["$defs"].get(part.get("$ref", "").removeprefix("#/$defs/"), part)
         indexes = "patternProperties" in there
         for key, value in there.get("properties", {}).items():
             inner.append((f"{path}.{'*' if indexes else key}", value))
         if isinstance(below := there.get("additionalProperties"), dict):
             inner.append((f"{path}.*", below))
-        if there is not one and there.get("oneOf") and "properties" not in there:
+        if there is not part and there.get("oneOf") and "properties" not in there:
             inner += _inside(there, document, path)
     return inner
 
@@ -94,9 +96,9 @@ def _inside(schema: Any, document: Any, path: str) -> list[tuple[str, Any]]:
 def _schema_keys(schema: Any, document: Any, path: str = "") -> set[str]:
     inner = _inside(schema, document, path)
     keys = {there for there, _ in inner if there[-1] != "*"}
-    return keys.union(*(_schema_keys(one, document, there) for there, one in inner))
+    return keys.union(*(_schema_keys(part, document, there) for there, part in inner))
 
 
 def _schema_quantities(schema: Any, document: Any, path: str = "") -> set[str]:
-    here = {path} if any("examples" in one for one in [schema, *schema.get("anyOf", ())]) else set()
-    return here.union(*(_schema_quantities(one, document, there) for there, one in _inside(schema, document, path)))
+    here = {path} if any("examples" in part for part in [schema, *schema.get("anyOf", ())]) else set()
+    return here.union(*(_schema_quantities(part, document, there) for there, part in _inside(schema, document, path)))

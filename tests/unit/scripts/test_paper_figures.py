@@ -28,24 +28,24 @@ def four() -> dict[tuple[int, int], dict[int, float]]:
     return figure_4(examples(50), SEEDS, browsers=(1, 2, 5, 10))
 
 
-def test_figure_1_begins_at_600_to_800_ms(one: dict[int, float]) -> None:
-    assert 600 <= one[10] <= 800
+def test_figure_1_begins_at_600_to_800_ms(curve: dict[int, float]) -> None:
+    assert 600 <= curve[10] <= 800
 
 
-def test_figure_1_falls_up_to_70_per_cent(one: dict[int, float]) -> None:
-    falling = [one[cr] for cr in range(10, 71, 10)]
+def test_figure_1_falls_up_to_70_per_cent(curve: dict[int, float]) -> None:
+    falling = [curve[cr] for cr in range(10, 71, 10)]
 
     assert all(before > after for before, after in pairwise(falling))
 
 
-def test_figure_1_ends_at_88_ms_from_70_per_cent_on(one: dict[int, float]) -> None:
-    assert all(one[cr] == pytest.approx(88, rel=0.05) for cr in (70, 80, 90, 100))
+def test_figure_1_ends_at_88_ms_from_70_per_cent_on(curve: dict[int, float]) -> None:
+    assert all(curve[cr] == pytest.approx(88, rel=0.05) for cr in (70, 80, 90, 100))
 
 
-def test_the_paper_s_walk_for_100_ms_ends_at_70_and_the_least_reserve_lies_near_62(one: dict[int, float]) -> None:
+def test_the_paper_s_walk_for_100_ms_ends_at_70_and_the_least_reserve_lies_near_62(curve: dict[int, float]) -> None:
     finer = figure_1(examples(60), SEEDS, reserves=range(60, 66))
 
-    assert min(cr for cr, ms in one.items() if ms <= 100) == 70
+    assert min(cr for cr, ms in curve.items() if ms <= 100) == 70
     assert min(cr for cr, ms in finer.items() if ms <= 100) in range(61, 64)
 
 
@@ -54,8 +54,8 @@ def test_figure_3_task_classes_do_not_change_up_to_full_utilisation(three: list[
 
     assert three[-1].utilisation > 99
     for name in (FDP, SRP):
-        assert all(one.response_ms[name] == pytest.approx(free.response_ms[name], rel=0.03) for one in three)
-        assert all(one.success_rate[name] == 100 for one in three)
+        assert all(point.response_ms[name] == pytest.approx(free.response_ms[name], rel=0.03) for point in three)
+        assert all(point.success_rate[name] == 100 for point in three)
 
 
 REPEATS = 0.05
@@ -75,8 +75,8 @@ def test_figure_3_ordinary_threads_hold_below_70_per_cent_and_degrade_above(
     three: list[Loaded], loss: Callable[[Loaded, Loaded], float]
 ) -> None:
     free, *rest = three
-    below = [loss(one, free) for one in rest if one.utilisation < 70]
-    above = [loss(one, free) for one in rest if one.utilisation > 70]
+    below = [loss(point, free) for point in rest if point.utilisation < 70]
+    above = [loss(point, free) for point in rest if point.utilisation > 70]
 
     assert [len(below), len(above)] == [3, 5]
     assert max(below) < REPEATS

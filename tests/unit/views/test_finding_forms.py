@@ -61,7 +61,7 @@ def test_json_is_versioned_and_whole() -> None:
         ],
     }
     assert document["findings"][1]["place"] is None
-    assert [one["code"] for one in document["accepted"]] == ["RARMS041"]
+    assert [finding["code"] for finding in document["accepted"]] == ["RARMS041"]
 
 
 def test_sarif_points_at_the_place_with_an_escaped_relative_uri() -> None:
@@ -78,7 +78,11 @@ def test_sarif_has_one_rule_a_code_with_its_page_as_help_and_keeps_accepted_find
 
     assert [rule["id"] for rule in run["tool"]["driver"]["rules"]] == ["RARMS014", "RARMS041"]
     assert run["tool"]["driver"]["rules"][0]["help"]["markdown"] == "# RARMS014"
-    assert [("suppressions" in one, one["ruleIndex"]) for one in run["results"]] == [(False, 0), (False, 0), (True, 1)]
+    assert [("suppressions" in result, result["ruleIndex"]) for result in run["results"]] == [
+        (False, 0),
+        (False, 0),
+        (True, 1),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -131,9 +135,9 @@ def test_junit_without_findings_has_a_case_that_passes() -> None:
 
 
 def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
-    one = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x")
+    finding = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x")
 
-    assert as_github([one]) == (
+    assert as_github([finding]) == (
         "::error file=manifests/my robot.yaml,line=31,endLine=31,col=5,endColumn=8,"
         "title=RARMS014 Reservations exceed the platform::120 %25:%0Ano, really%0A<U+003A>:error::x\n"
     )

@@ -26,13 +26,13 @@ def shown(source: str, place: Place) -> list[str]:
 
 
 def test_the_form_is_code_place_line_detail_advice_and_a_count() -> None:
-    one = EXCEEDED.at(
+    finding = EXCEEDED.at(
         at(2, 25, path="hosts.onboard.logical_processors"),
         "FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors.",
         "Relax an APT, or let `rarms tune` combine the least critical CoIs.",
     )
 
-    text = as_text([one], {"robot.yaml": "hosts:\n    logical_processors: 2\n"})
+    text = as_text([finding], {"robot.yaml": "hosts:\n    logical_processors: 2\n"})
 
     assert (
         text
@@ -103,9 +103,9 @@ def test_a_caret_may_stand_behind_the_end_of_its_line() -> None:
 
 
 def test_a_second_place_is_shown_with_what_it_says() -> None:
-    one = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), message="first here"),))
+    finding = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), message="first here"),))
 
-    text = as_text([one], {"robot.yaml": "a: 1\na: 2\n"})
+    text = as_text([finding], {"robot.yaml": "a: 1\na: 2\n"})
 
     assert "  robot.yaml:1:1, first here\n  1 | a: 1\n    | ^\n" in text
 

@@ -52,7 +52,7 @@ def test_a_plan_says_the_same_as_its_text() -> None:
 def test_registry_values_say_their_type() -> None:
     document = json.loads(plan_json(plan(host_plan(changes=[create(task())]))))
 
-    names = {one["name"]: one["after"] for one in document["hosts"][0]["changes"][0]["attributes"]}
+    names = {attribute["name"]: attribute["after"] for attribute in document["hosts"][0]["changes"][0]["attributes"]}
     assert names == {"Priority": "dword:5", "Scheduling Category": "sz:Medium"}
 
 

@@ -72,17 +72,17 @@ def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
 
 def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that_is_not_enough() -> None:
     drifting = a_setting(57, a_series("vision", [80.0 + at / 4 for at in range(200)]))
-    one = replace(
+    member = replace(
         found(105.0),
         conclusion=Sufficient(reserve=60, failed=55, inconclusive=(56, 57)),
         settings=(at(55, 105.0), replace(drifting, reserve=56), drifting, at(60, 95.0)),
     )
-    alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, inconclusive=(57,)))
+    alone = replace(member, conclusion=Sufficient(reserve=60, failed=None, inconclusive=(57,)))
 
-    assert "55 % too little, 56 and 57 % unsteady" in text([one])
+    assert "55 % too little, 56 and 57 % unsteady" in text([member])
     assert "60 %  1.2  57 % unsteady" in text([alone])
-    assert '"inconclusive": [\n        56,\n        57\n' in measure_json([one], ())
-    check(measure_json([one], ()))
+    assert '"inconclusive": [\n        56,\n        57\n' in measure_json([member], ())
+    check(measure_json([member], ()))
 
 
 def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
@@ -97,9 +97,9 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
 def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
     longest = {"maximum_response_time": at_most(500)}
     system = a_system(components=[a_component("vision", criticality=9, apt=longest, run=RUN, simulation=DEMAND)])
-    one = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
+    outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
 
-    summary = text([one])
+    summary = text([outcome])
 
     assert "is met so far" in summary
     assert "1 % of cases" not in summary

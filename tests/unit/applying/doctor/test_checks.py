@@ -146,24 +146,24 @@ def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> Non
 
 @pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "outranks"), (POLICY.CURRENT_USER, "By hand")])
 def test_what_a_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
-    (one,) = examine(examination(how=HostCondition(policies={scope: "Restricted"})))
+    (finding,) = examine(examination(how=HostCondition(policies={scope: "Restricted"})))
 
-    assert word in one.detail + one.advice
+    assert word in finding.detail + finding.advice
 
 
 def test_a_root_scheduler_comes_with_both_spellings_of_the_way_out() -> None:
     _, _, host = CASES["root"]
-    (one,) = examine(host)
+    (finding,) = examine(host)
 
-    assert "bcdedit /set hypervisorschedulertype core" in one.advice
-    assert "bcdedit /set {hypervisorsettings} hypervisorschedulertype core" in one.advice
+    assert "bcdedit /set hypervisorschedulertype core" in finding.advice
+    assert "bcdedit /set {hypervisorsettings} hypervisorschedulertype core" in finding.advice
 
 
 def test_a_client_is_not_sent_to_bcdedit() -> None:
     client = replace(facts(), scheduler=SchedulerType.UNKNOWN, client=True)
-    (one,) = examine(examination(of=client))
+    (finding,) = examine(examination(of=client))
 
-    assert ("client" in one.detail, "bcdedit" in one.advice) == (True, False)
+    assert ("client" in finding.detail, "bcdedit" in finding.advice) == (True, False)
 
 
 def test_what_the_provider_found_is_told_with_the_rest() -> None:

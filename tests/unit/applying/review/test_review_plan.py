@@ -109,17 +109,17 @@ def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], ex
 
 class TestUnmanaged:
     def test_a_partition_that_is_made_takes_what_nobody_had_reserved(self) -> None:
-        (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
+        (finding,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
 
-        assert (one.code, one.address) == ("RARMS223", "host/onboard")
-        assert "about 2.00 -> 0.50 LP, 0.20 LP reserved" in one.detail
+        assert (finding.code, finding.address) == ("RARMS223", "host/onboard")
+        assert "about 2.00 -> 0.50 LP, 0.20 LP reserved" in finding.detail
 
     def test_several_are_told_in_one_finding(self) -> None:
         other = partition(settings("other", processors=2, reserve=10), application=None)
 
-        (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER, other])
+        (finding,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER, other])
 
-        assert one.detail.index('"stranger"') < one.detail.index('"other"')
+        assert finding.detail.index('"stranger"') < finding.detail.index('"other"')
 
     def test_a_larger_weight_takes_too(self) -> None:
         old, new = partition(settings(weight=100)), partition(settings(weight=300))
@@ -210,10 +210,10 @@ class TestStops:
     START = build.step(operation=StartPartition(partition="vision"))
 
     def test_a_partition_that_is_stopped_only_to_make_room_is_told(self) -> None:
-        (one,) = findings(self.LIVE, machines=[self.RUNNING], steps=[self.STOP, self.START])
+        (finding,) = findings(self.LIVE, machines=[self.RUNNING], steps=[self.STOP, self.START])
 
-        assert (one.code, one.address) == ("RARMS041", "partition/vision")
-        assert "no order of the steps" in one.detail
+        assert (finding.code, finding.address) == ("RARMS041", "partition/vision")
+        assert "no order of the steps" in finding.detail
 
     def test_one_whose_own_change_stops_it_is_told_once(self) -> None:
         stopping = replace(self.LIVE, disruption=Disruption.PARTITION_STOP)
@@ -238,7 +238,7 @@ def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
         observed=State(facts=facts(logical_processors=8), partitions=()),
         plan=replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)),
     )
-    return [one for one in told(list(review_plan(part))) if one[0] == "RARMS259"]
+    return [finding for finding in told(list(review_plan(part))) if finding[0] == "RARMS259"]
 
 
 def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> None:

@@ -25,7 +25,7 @@ def test_no_task_class_is_called_like_the_value() -> None:
     vision = a_component("vision", task="systemResponsiveness")
     system = a_system(components=[vision], tasks=[a_task("SystemResponsiveness")])
 
-    assert sorted(one for one in found(system) if one[0] == "RARMS229") == [
+    assert sorted(finding for finding in found(system) if finding[0] == "RARMS229") == [
         ("RARMS229", "components.vision.task"),
         ("RARMS229", "tasks.SystemResponsiveness"),
     ]

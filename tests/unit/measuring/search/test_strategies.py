@@ -94,14 +94,16 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
     tries, count = examples(100), 16
     goal = Goal(
         members=tuple(
-            Member(name=f"coi-{one}", apt={"mean_response_time": at_most(100)}, run=LONG_RUN) for one in range(count)
+            Member(name=f"coi-{number}", apt={"mean_response_time": at_most(100)}, run=LONG_RUN)
+            for number in range(count)
         ),
         processors=2,
     )
     wrong = 0
     for seed in range(tries):
         series = tuple(
-            a_series(noisy(seed * count + one, 100.0, count=60), component=f"coi-{one}") for one in range(count)
+            a_series(noisy(seed * count + number, 100.0, count=60), component=f"coi-{number}")
+            for number in range(count)
         )
         verdicts = trial_of(Setting(reserve=50, series=series), goal).verdicts.values()
         wrong += any(isinstance(verdict, Missed) for verdict in verdicts)

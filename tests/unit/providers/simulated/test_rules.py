@@ -17,8 +17,8 @@ def fits_somehow(sizes: list[int], processors: int) -> bool:
     """Every placement there is."""
     return any(
         all(
-            sum(size for size, at in zip(sizes, places, strict=True) if at == one) <= CAPACITY
-            for one in range(processors)
+            sum(size for size, at in zip(sizes, places, strict=True) if at == processor) <= CAPACITY
+            for processor in range(processors)
         )
         for places in product(range(processors), repeat=len(sizes))
     )

@@ -81,7 +81,7 @@ def test_in_a_workbook_texts_are_text(message: str) -> None:
     book = openpyxl.load_workbook(BytesIO(workbook(with_failure(SMALL, message), samples=True)))
 
     header, first, *_ = book["samples"].iter_rows()
-    cell = first[[one.value for one in header].index("failure")]
+    cell = first[[cell.value for cell in header].index("failure")]
     assert (cell.value, cell.data_type, cell.hyperlink) == (message, "s", None)
 
 

@@ -127,7 +127,7 @@ def test_more_than_there_is_cannot_be_reserved() -> None:
 
 
 def test_a_name_stands_for_one_thing() -> None:
-    one = VirtualMachine(name="P1", vps=1)
+    machine = VirtualMachine(name="P1", vps=1)
 
     with pytest.raises(ValueError, match="a name stands twice in P1, P1"):
-        ModelMachine(lps=1, machines=(one, one))
+        ModelMachine(lps=1, machines=(machine, machine))
