@@ -13,7 +13,7 @@ SEEDS = (11, 12)  # others than the page's
 
 
 @pytest.fixture(scope="module")
-def one() -> dict[int, float]:
+def curve() -> dict[int, float]:
     return figure_1(examples(60), SEEDS)
 
 
