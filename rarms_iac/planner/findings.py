@@ -33,6 +33,9 @@ IN_LOW = Finding(
     code="RARMS136", severity=Severity.NOTE, summary="A task class in Low goes first while those above are lowered"
 )
 NOT_PROVEN = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layout is not proved to be the best")
+LATE_JOBS = Finding(
+    code="RARMS313", severity=Severity.NOTE, summary="Short jobs may be later beside the other partitions"
+)
 KINDS = {
     finding.code: finding
     for finding in (

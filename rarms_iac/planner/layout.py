@@ -10,13 +10,17 @@ from fractions import Fraction
 from itertools import takewhile
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
-from rarms_iac.model.system import Disruption, Measured, System
-from rarms_iac.model.wording import counted
+from rarms_iac.model.system import Component, Disruption, Measured, System, Threshold
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import findings
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
+
+SCHEDULER_WINDOW_MS = 100
+"""Over how many ms a hypervisor's scheduler gives a partition its share (docs/scheduling-model.md)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +61,7 @@ def plan_layout(
     if isinstance(answer, Layout):
         notes += _moves(answer, problem, places)
         notes += _remarks(answer, problem, places)
+        notes += _late_jobs(answer, problem, places)
         notes += _placement(answer, places)
     else:
         if not answer.causes:
@@ -168,6 +173,44 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
     for remark in remarks:
         place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
         yield findings.REMARKS[remark.code].at(place, remark.message, remark.advice, address=remark.address)
+
+
+def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
+    """Report, once a host, the thresholds on late jobs that a share over the scheduler's window does not promise.
+
+    Beside neighbours that pause and save what they reserve, a share comes in bursts: means stay, percentiles and maxima
+    of jobs shorter than the window may grow (docs/measuring.md, "what a reservation does not promise"; decision 0028).
+    """
+    groups = {group.name: group for group in problem.groups}
+    for host in by_name(problem.system.hosts):
+        here = [partition for partition in answer.partitions if partition.host == host.name and partition.reserve]
+        late = [
+            (member.name, index)
+            for partition in here
+            for member in groups[partition.name].members
+            for index, threshold in member.apt.items()
+            if _is_about_late_jobs(index, threshold, member)
+        ]
+        if late and len(here) > 1:
+            yield findings.LATE_JOBS.at(
+                places.key("components", late[0][0], "apt", late[0][1]),
+                f"A reservation promises a share over {SCHEDULER_WINDOW_MS} ms, not when in them it comes: beside "
+                f"{counted(len(here) - 1, 'other partition')} on {host.name}, "
+                f"{in_a_row([f'{index} of {name}' for name, index in late])} may be exceeded although the mean "
+                "stays as measured.",
+                "After applying, look with `rarms prove --interference busy-loop`. Give a threshold that fails room, "
+                "or reserve more.",
+                address=f"host/{host.name}",
+            )
+
+
+def _is_about_late_jobs(index: str, threshold: Threshold, member: Component) -> bool:
+    """Whether a threshold is on the latest jobs, and shorter than the scheduler's window."""
+    if index == "deadline_miss_rate":
+        deadline = member.run.deadline if member.run else None
+        return deadline is not None and deadline < SCHEDULER_WINDOW_MS
+    is_late = index in {"maximum_response_time", "jitter"} or percentile_of(index) is not None
+    return is_late and threshold.value < SCHEDULER_WINDOW_MS
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
