@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-lowest lint test-windows generated figures pictures docs bench clean
+.PHONY: help demo test test-long test-lowest lint test-windows generated figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -36,6 +36,9 @@ generated: $(TESTS) ## Write what is made from the code: schemas, references, th
 
 figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers beside them
 	@scripts/figures
+
+evaluation: $(TESTS) ## The same, and more, from real components on this Linux, as root (half an hour)
+	@scripts/evaluation
 
 pictures: $(RUNS) ## The tutorial's pictures of a terminal, and that of a pull request's comment
 	@$(VENV)/bin/python -m scripts.pictures
