@@ -1,11 +1,12 @@
 """Somebody else at a simulated host: changes a partition there as a person with Hyper-V's own tools would."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors
 from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitions
+from rarms_iac.app.requests import HostSelection
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.operations import Operation, RemovePartition, SetCpu, StartPartition, StopPartition
@@ -28,21 +29,21 @@ def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:
     """Change a partition of the application on its simulated host, for `drift` and `plan` to find.
 
     Args:
-        hosts: the chosen ones; the partition is looked for on them.
+        hosts: the chosen ones; the partition is looked for on those that are simulated.
         change: what is done, at once.
 
     Returns:
         The name of the host.
 
     Raises:
-        RequestError: nothing is to be changed, no chosen host has the partition, or its host is not simulated.
+        RequestError: nothing is to be changed, no chosen host is simulated, or none of those has the partition.
         UseCaseError: the host refuses it or is held (refused or failed).
     """
+    hosts = _simulated(hosts)
     refuse_unknown_partitions(hosts, [change.partition])
     (name,) = hosts_with_partition(hosts, change.partition).chosen
     host = hosts.open(name)
-    if hosts.system.hosts[name].provider is not ProviderKind.SIMULATED or not isinstance(host, StepwiseHost):
-        raise RequestError(f"{name} is a real host: change it with its own tools. `simulate` is for simulated hosts.")
+    assert isinstance(host, StepwiseHost), "every simulated host is one"
     scope = Scope(application=hosts.system.application.name, plan="")
     with hold_hosts((host,), 0), host_errors():
         (machine,) = resolve(host.observe().partitions, change.partition, scope)
@@ -52,6 +53,16 @@ def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:
         for operation in operations:
             host.execute(operation, scope)
     return name
+
+
+def _simulated(hosts: Hosts) -> Hosts:
+    """The chosen hosts that are simulated: no other is looked at."""
+    names = [name for name in hosts.chosen if hosts.system.hosts[name].provider is ProviderKind.SIMULATED]
+    if not names:
+        raise RequestError(
+            f"No chosen host is simulated ({', '.join(hosts.chosen)}): a real host is changed with its own tools."
+        )
+    return replace(hosts, selection=HostSelection(hosts=tuple(names)))
 
 
 def _operations(change: IntruderChange, now: PartitionSettings) -> Iterator[Operation]:

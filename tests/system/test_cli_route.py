@@ -53,7 +53,7 @@ class Robot:
 
     def host(self) -> SimulatedHostProvider:
         """The live host."""
-        host = self.hosts().open("here")
+        host = self.hosts().open("onboard")
         assert isinstance(host, SimulatedHostProvider)
         return host
 
@@ -226,7 +226,7 @@ def test_an_unfinished_run_can_be_abandoned(robot: Robot) -> None:
     answer = robot.run("apply", "--abandon")
 
     assert answer.code == 0
-    assert answer.err == "here: the unfinished run is closed, and the host stays as it is.\n"
+    assert answer.err == "onboard: the unfinished run is closed, and the host stays as it is.\n"
     journal = robot.host().journal()
     assert journal is not None
     assert isinstance(journal.closed, RunClosed)
@@ -320,7 +320,7 @@ def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
 @pytest.mark.parametrize("command", ["undo", "apply"])
 def test_a_damaged_host_is_told_before_anything_is_begun(robot: Robot, command: str) -> None:
     robot.applied().edit("reserve: 30 %", "reserve: 35 %")
-    file = robot.folder / ".rarms" / "hosts" / "here.json"
+    file = robot.folder / ".rarms" / "hosts" / "onboard.json"
     whole = file.read_bytes()
     file.write_bytes(whole.replace(b'"reserve":', b'"reserve": '))
     before = robot.host().journal()
@@ -382,12 +382,12 @@ def test_a_released_partition_stays_and_is_taken_over_again(robot: Robot) -> Non
 
 def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
     robot.applied()
-    snapshot = robot.folder / "here.json"
+    snapshot = robot.folder / "onboard.json"
     assert robot.run("snapshot", "--out", str(snapshot)).code == 0
     robot.somebody_sets_a_reserve("display", 11)
 
     assert robot.run("plan", "--snapshot", str(snapshot)).code == 0
-    assert robot.run("plan", "--snapshot", f"here={snapshot}").code == 0
+    assert robot.run("plan", "--snapshot", f"onboard={snapshot}").code == 0
     assert robot.run("plan").code == 2
     assert json.loads(robot.run("snapshot").out)["format_version"] == "rarms-snapshot/1"
 
@@ -423,10 +423,10 @@ def test_what_does_not_fit_is_a_no(robot: Robot) -> None:
 
 
 def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None:
-    answer = robot.run("plan", "--host", "hera")
+    answer = robot.run("plan", "--host", "onbord")
 
     assert answer.code == 64
-    assert 'Did you mean "here"?' in answer.err
+    assert 'Did you mean "onboard"?' in answer.err
 
 
 def test_a_provider_that_cannot_be_reached_is_told_honestly(robot: Robot) -> None:

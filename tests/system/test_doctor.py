@@ -58,6 +58,6 @@ def test_findings_come_in_every_form(desk: Desk, tmp_path: Path) -> None:
 
 
 def test_an_acceptance_of_what_only_the_doctor_finds_is_not_unused_in_a_plan(desk: Desk) -> None:
-    policy = "policy:\n  accept:\n    RARMS236: { at: [host/here], reason: a laptop }\n"
+    policy = "policy:\n  accept:\n    RARMS236: { at: [host/onboard], reason: a laptop }\n"
 
     assert "RARMS096" not in desk.run("plan", policy=policy).out

@@ -10,7 +10,7 @@ PROVIDER = "provider: simulated  # needs nothing installed; or hyperv (linux is 
 ACCEPTED = """\
 policy:
   accept:
-    RARMS159: { at: [host/here], reason: nothing has to answer in time }
+    RARMS159: { at: [host/onboard], reason: nothing has to answer in time }
 """
 
 
@@ -62,7 +62,7 @@ def test_a_run_is_not_gone_on_with_where_nothing_can_be_seen(desk: Desk) -> None
 
 
 def test_a_snapshot_of_one_who_saw_nothing_is_no_plan(desk: Desk) -> None:
-    file = str(desk.manifest.parent / "here.json")
+    file = str(desk.manifest.parent / "onboard.json")
     assert desk.run("snapshot", "--out", file, host="administrator: false").code == 0
 
     assert "error[RARMS158]" in desk.run("plan", "--snapshot", file).err
@@ -91,4 +91,4 @@ def test_where_reserves_count_nothing_has_to_be_accepted(desk: Desk) -> None:
     told = desk.run("plan", host="scheduler: core", policy=ACCEPTED)
 
     assert told.code == 2
-    assert "RARMS159 does not occur at host/here" in told.out + told.err
+    assert "RARMS159 does not occur at host/onboard" in told.out + told.err

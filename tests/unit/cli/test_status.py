@@ -149,6 +149,16 @@ def test_nothing_is_simulated_for_a_partition_that_is_not_there() -> None:
     assert 'robot has no partition "nobody" on onboard.' in answer.err
 
 
+def test_a_host_that_is_not_simulated_is_not_even_looked_at() -> None:
+    real = MANIFEST.replace("provider: simulated", "provider: hyperv, connect: { ssh: somebody@nowhere.invalid }")
+    Path("rarms.yaml").write_text(real, encoding="utf-8")
+
+    answer = rarms("simulate", "change", "vision", "--off")
+
+    assert answer.code == 64
+    assert "No chosen host is simulated (onboard): a real host is changed with its own tools." in answer.err
+
+
 def test_the_status_says_when_thresholds_were_proven_last() -> None:
     proofs = [
         ComponentProof(
