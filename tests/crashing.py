@@ -83,10 +83,12 @@ class CrashingDisk:
     def remove(self, path: Path) -> None:
         self._effect(f"remove {path.name}", lambda: self._real.remove(path))
 
-    def meet(self, name: str) -> None:
-        """Count something that happens outside of this disk, and is not part of an effect, as an effect of it."""
-        if not self._busy:
-            self._effect(name, _nothing)
+    def meet(self, name: str, do: Callable[[], None] = _nothing) -> None:
+        """Do something that happens outside of this disk, and count it as an effect of it unless it is part of one."""
+        if self._busy:
+            do()
+        else:
+            self._effect(name, do)
 
     def _effect(self, name: str, do: Callable[[], None], half: Callable[[], None] = _nothing) -> None:
         self.effects.append(name)

@@ -1,15 +1,17 @@
 """Disturbs a command at one of its effects on files, repeats it, and tells what is there in the end.
 
 A disturbance is a kill (before, half-way through or after the effect; a process of its own, ended by SIGKILL), a disk
-that is full, a disk that fails, or a write that stops half-way. Disturbed are the effects of `storage.disk` (making,
-writing, flushing, renaming, removing), and every opening of a file of the folder, for reading and as a lock. `end_of`
-runs a command undisturbed, `end_after` runs it disturbed and then as often as its user would.
+that is full, a disk that fails, a write that stops half-way, or a program that cannot be started. Disturbed are the
+effects of `storage.disk` (making, writing, flushing, renaming, removing), every opening of a file of the folder, for
+reading and as a lock, and every start of a program. `end_of` runs a command undisturbed, `end_after` runs it disturbed
+and then as often as its user would.
 """
 
 import errno
 import json
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager, suppress
@@ -19,8 +21,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
+import pytest
+
 from rarms_iac.storage import disk
+from rarms_iac.storage.lock import hold
 from tests.crashing import CrashingDisk, When
+from tests.standin import powershell
 from tests.unit.cli.running import rarms
 
 ATTEMPTS = 4
@@ -34,6 +40,7 @@ class Disturbance(StrEnum):
     DISK_FULL = "no space is left on the disk"
     DISK_FAILED = "the disk fails"
     SHORT_WRITE = "the disk fills up half-way through it"
+    NO_PROCESS = "the system starts no further process"
 
 
 KILLS = {
@@ -45,23 +52,28 @@ ERRORS = {
     Disturbance.DISK_FULL: (When.BEFORE, errno.ENOSPC),
     Disturbance.DISK_FAILED: (When.BEFORE, errno.EIO),
     Disturbance.SHORT_WRITE: (When.HALF, errno.ENOSPC),
+    Disturbance.NO_PROCESS: (When.BEFORE, errno.EAGAIN),
 }
 
 
 WRITES = frozenset({"write", "append"})
+OPEN, START = "open", "start"
+ON_WRITE = [*KILLS, Disturbance.DISK_FULL, Disturbance.DISK_FAILED, Disturbance.SHORT_WRITE]
+ON_START = [Disturbance.KILLED_BEFORE, Disturbance.KILLED_AFTER, Disturbance.NO_PROCESS]
 
 
 def disturbances_of(effect: str) -> Sequence[Disturbance]:
     """The disturbances that an effect can meet, each of which leaves something else behind."""
     verb = effect.partition(" ")[0]
     if verb in WRITES:
-        return list(Disturbance)
+        return ON_WRITE
+    if verb == START:
+        return ON_START
     if verb == OPEN:
         return [Disturbance.KILLED_BEFORE, Disturbance.DISK_FAILED]
     return [Disturbance.KILLED_AFTER, Disturbance.DISK_FULL, Disturbance.DISK_FAILED]
 
 
-OPEN = "open"
 _watched: list[tuple[CrashingDisk, Path]] = []
 """The disk whose effects openings are now, and the folder whose files count; at most one."""
 
@@ -83,10 +95,17 @@ def _watch_openings() -> None:
 
 @contextmanager
 def _disturbing(folder: Path, disk_in_use: CrashingDisk) -> Iterator[None]:
+    start = subprocess.Popen.__init__
+
+    def counted_start(process: "subprocess.Popen[bytes]", words: Sequence[str], **options: Any) -> None:
+        name = Path(words[0]).name
+        disk_in_use.meet(f"{START} {name}", lambda: start(process, words, **options))
+
     _watch_openings()
     _watched.append((disk_in_use, folder.absolute()))
     try:
-        with disk.use(disk_in_use):
+        with disk.use(disk_in_use), pytest.MonkeyPatch.context() as patch:
+            patch.setattr(subprocess.Popen, "__init__", counted_start)
             yield
     finally:
         _watched.pop()
@@ -165,7 +184,7 @@ def _look(folder: Path, code: int) -> End:
     logs = sorted(name for name in names if name.startswith("measurements") and name.endswith(".jsonl"))
     return End(
         code=code,
-        host=_host(folder / ".rarms" / "hosts" / "onboard.json"),
+        host=_host_behind_pwsh(folder) or _host(folder / ".rarms" / "hosts" / "onboard.json"),
         measured={name: [_untimed(json.loads(line)) for line in _lines(folder / name)] for name in logs},
         manifest=(folder / "rarms.yaml").read_text(encoding="utf-8"),
         files=names,
@@ -193,6 +212,15 @@ def _host(file: Path) -> Mapping[str, Any]:
         for machine in content["machines"].values()
     }
     return {"machines": machines, "registries": content["registries"], "disks": content["disks"]}
+
+
+def _host_behind_pwsh(folder: Path) -> Mapping[str, Any]:
+    """The same of the stand-in of a Hyper-V host, where the folder has one; once no script runs there any more."""
+    if not (folder / powershell.STATE).exists():
+        return {}
+    with hold(folder / powershell.LOCK, "a test", 60_000):
+        machines = powershell.load(folder).vms.values()
+    return {vm.name: {"state": vm.state, "reserve": vm.reserve, "memory": vm.memory} for vm in machines}
 
 
 TIMES = frozenset({"when", "provenance", "taken", "length", "checksum"})

@@ -135,9 +135,9 @@ def a_remote(folder: Path, host: WindowsHost) -> Iterator[Remote]:
     for name in ("host_key", "key"):
         words = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / name)]
         subprocess.run(words, check=True, stdin=subprocess.DEVNULL)
-    _script(folder / "here" / "ssh", f'exec {shutil.which("ssh")} -F "{folder}/client" "$@"')
+    write_script(folder / "here" / "ssh", f'exec {shutil.which("ssh")} -F "{folder}/client" "$@"')
     standin = f'exec "{sys.executable}" -m tests.standin.powershell "{folder}" "$@"'
-    _script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
+    write_script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
     values = {"port": port, "folder": folder, "path": os.environ["PATH"]}
     (folder / "server").write_text(SERVER.format(**values), encoding="utf-8")
     (folder / "client").write_text(CLIENT.format(**values), encoding="utf-8")
@@ -180,7 +180,8 @@ def _free_port() -> int:
         return int(listener.getsockname()[1])
 
 
-def _script(path: Path, does: str) -> None:
+def write_script(path: Path, does: str) -> None:
+    """Make a shell script that can be run."""
     path.parent.mkdir(exist_ok=True)
     path.write_text(f"#!/bin/sh\n{does}\n", encoding="utf-8", newline="\n")
     path.chmod(0o755)
