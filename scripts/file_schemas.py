@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rarms_iac.model.measurement import SettingEvidence
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
 from rarms_iac.storage.datalog.files import REMEASUREMENT_FIELD
@@ -21,8 +22,10 @@ _SEAL: dict[str, Schema] = {
 
 def data_log_schema() -> Schema:
     """The schema that `schemas/datalog.json` holds: each line is a header (the first), a setting or a remeasurement."""
-    header, provenance, remeasurement = schema_of(Header), schema_of(Provenance), schema_of(Remeasurement)
-    definitions: dict[str, Any] = {**header["$defs"], **provenance["$defs"], **remeasurement["$defs"]}
+    header = schema_of(Header)
+    definitions: dict[str, Any] = dict(header["$defs"])
+    for part in (Provenance, Remeasurement, SettingEvidence):
+        definitions |= schema_of(part)["$defs"]
     first = definitions["Header"]
     first["properties"] = {**first["properties"], "format_version": {"const": FORMAT}, **_SEAL}
     first["required"] = [*first["required"], "format_version", *_SEAL]
@@ -53,6 +56,7 @@ def _setting() -> Schema:
         "beside": {"type": "integer", "description": "What P2 reserved meanwhile."},
         "seed": {"type": "integer", "description": "That chance was drawn from, where the host draws it."},
         "series": {"type": "array", "items": {"$ref": "#/$defs/Series"}},
+        "evidence": {"$ref": "#/$defs/SettingEvidence"},
         "provenance": {"$ref": "#/$defs/Provenance"},
         **_SEAL,
     }
@@ -60,7 +64,7 @@ def _setting() -> Schema:
         "description": "One reservation with every sample.",
         "type": "object",
         "properties": properties,
-        "required": list(properties),
+        "required": [name for name in properties if name != "evidence"],
         "additionalProperties": False,
     }
 

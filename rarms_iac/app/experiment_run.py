@@ -202,21 +202,23 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, see
     return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
 
-def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
-    """Refuse a member without `simulation` on a simulated host.
+def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> None:
+    """Refuse a member or a load that the host cannot run.
 
-    The host would refuse it too; here the line of the manifest can be named.
+    The host would refuse it too; here the line of the manifest can be named, and nothing was changed yet.
 
     Raises:
-        UseCaseError: a member or the load is nothing that this host can run (negative).
+        UseCaseError: there is one (negative).
     """
-    places, host = hosts.manifest.places, experiment.host
-    for member in experiment.members:
-        if host.provider is ProviderKind.SIMULATED and member.simulation is None:
-            message = f"{host.name} is simulated, and {member.name} does not say what it demands there."
-            advice = "Say it: `simulation: { work: 20 ms }`."
+    members = [("components", member.name, member) for member in experiment.members]
+    for section, name, subject in [*members, ("interference", experiment.setup.interference, experiment.load)]:
+        if obstacle := bench.obstacle(subject):
             finding = findings.NOTHING_TO_RUN.at(
-                places.key("components", member.name), message, advice, address=f"component/{member.name}"
+                hosts.manifest.places.key(section, name),
+                f"{bench.name} cannot run {name}: {obstacle}.",
+                "On a simulated host a component needs its demand: `simulation: { work: 20 ms }`. On a real one, see "
+                "whether `rarms run` runs it, and install what its program or the load needs.",
+                address=f"{section.removesuffix('s')}/{name}",
             )
             raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)
 
@@ -232,9 +234,11 @@ def _make_room(
     """Refuse what cannot be measured, then stop what is in the way. Asked once something must really be run.
 
     Raises:
-        UseCaseError: As `_refuse`; partitions of the application run, and may not be stopped (refused).
+        UseCaseError: As `_refuse_what_cannot_run` and `_refuse`; partitions of the application run, and may not be
+            stopped (refused).
     """
-    _refuse(hosts, experiment, request, seen)
+    _refuse_what_cannot_run(hosts, experiment, bench)
+    _refuse(experiment, request, seen)
     if request.on_busy_host:
         return
     if still_running := rest.stop(bench):
@@ -247,14 +251,13 @@ def _make_room(
         raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=address)])
 
 
-def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> None:
+def _refuse(experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> None:
     """Asked once something must really be run.
 
     Raises:
         UseCaseError: Something runs on the host, or it has reservations that the paper does not know (refused);
-            there is nothing to run, or no room (negative).
+            there is no room (negative).
     """
-    _refuse_what_has_no_demand(hosts, experiment)
     host = experiment.host.name
     if seen.running and not request.on_busy_host:
         names = ", ".join(partition_name(partition) for partition in seen.running)

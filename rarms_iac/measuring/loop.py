@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
 from rarms_iac.measuring.partitions import (
     Classes,
     MeasuringBudget,
@@ -25,7 +26,7 @@ from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.settling import Contender, Settling, contends_for_all
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting
+from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting, SettingEvidence
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.sample_columns import columns_of
 from rarms_iac.model.system import Component
@@ -97,6 +98,16 @@ class MeasuringReporter(Protocol):
         """
         ...
 
+    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
+        """The setting of this CR was disturbed, and is measured once more.
+
+        Args:
+            experiment: what is measured.
+            reserve: the CR in per cent of P1's own processors.
+            reason: what disturbed it, in words.
+        """
+        ...
+
     def experiment_ended(self) -> None:
         """There is nothing more to run."""
         ...
@@ -115,6 +126,9 @@ class SilentMeasuringReporter:
         """See `MeasuringReporter`."""
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
+        """See `MeasuringReporter`."""
+
+    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
         """See `MeasuringReporter`."""
 
     def experiment_ended(self) -> None:
@@ -340,10 +354,29 @@ def _task_classes(experiment: Experiment) -> Classes:
 def _run_setting(
     experiment: Experiment, context: MeasuringContext, bench: _TestBench, step: Measure
 ) -> Setting | SettingFailed | Stopped:
-    """One setting, from the reserves to the last sample."""
+    """One setting; where something disturbed it, measured again."""
     beside = reserve_for_load(bench.budget, experiment.setup, step.reserve)
     if beside is None:
         raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
+    set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
+    processors = bench.budget.capacity.logical_processors
+    takes = beside * processors / 100 if contends_for_all(experiment.load, processors) else None
+    disturbances: list[str] = []
+    while True:
+        setting, evidence = _try_setting(experiment, context, bench, step, beside)
+        if not isinstance(setting, Setting) or evidence is None:
+            return setting
+        reason = disturbance(evidence, processors, takes)
+        disturbances += [reason] if reason else []
+        if not reason or len(disturbances) == TRIES:
+            return as_recorded(with_evidence(setting, evidence, disturbances))
+        context.reporter.setting_disturbed(experiment, step.reserve, reason)
+
+
+def _try_setting(
+    experiment: Experiment, context: MeasuringContext, bench: _TestBench, step: Measure, beside: int
+) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
+    """A setting from the first sample to the last, and what the host counted meanwhile."""
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
         context.reporter.looked(experiment, step.reserve, seen)
@@ -353,18 +386,18 @@ def _run_setting(
         by_component = {series.component: series for series in recorded.series}
         return is_clear(by_component, goal_of(experiment), precision=step.precision)
 
-    set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
     settling = Settling(
         memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, bench.budget, step.reserve)
     )
     work = replace(_work(experiment, context, step.reserve), least_ms=settling.least_ms)
     with context.host.run(work) as running:
         series = watch(running, experiment.members, settling, is_enough, context.should_stop)
+        evidence = running.evidence()
     if series is None:
-        return Stopped()
+        return Stopped(), None
     if isinstance(series, TooManyFailures):
-        return SettingFailed(reserve=step.reserve, verdict=series)
-    return _setting(step.reserve, beside, context.seed, series)
+        return SettingFailed(reserve=step.reserve, verdict=series), None
+    return _setting(step.reserve, beside, context.seed, series), evidence
 
 
 def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -> tuple[Contender, ...]:

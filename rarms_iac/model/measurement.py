@@ -1,7 +1,7 @@
 """What measuring yields: samples of jobs, a series a component, a setting a reservation."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
@@ -51,6 +51,35 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SettingEvidence:
+    """What a host's kernel counted while samples were taken: whether the setting was what it says."""
+
+    elapsed_ms: float = 0.0
+    cpu_ms: Mapping[str, float] = field(default_factory=dict)  # processor time by partition
+    stolen_ms: float = 0.0  # of all processors, by the machine below this one
+    waiting_ms: float | None = None  # how long something waited for a processor (PSI); None: not counted
+    disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
+
+    def since(self, before: "SettingEvidence") -> "SettingEvidence":
+        """Return what was counted since then.
+
+        Args:
+            before: the counters at some earlier moment.
+
+        Returns:
+            The differences.
+        """
+        waited = self.waiting_ms is not None and before.waiting_ms is not None
+        return replace(
+            self,
+            elapsed_ms=self.elapsed_ms - before.elapsed_ms,
+            cpu_ms={name: consumed - before.cpu_ms.get(name, 0.0) for name, consumed in self.cpu_ms.items()},
+            stolen_ms=self.stolen_ms - before.stolen_ms,
+            waiting_ms=(self.waiting_ms or 0.0) - (before.waiting_ms or 0.0) if waited else None,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
     """One reservation of the test partition P1 with what was measured there."""
 
@@ -58,6 +87,7 @@ class Setting:
     series: tuple[Series, ...]  # by component name
     beside: int = 0  # what P2 reserved meanwhile: per cent of each of its processors
     seed: int = 0  # that chance was drawn from, where the host draws it
+    evidence: SettingEvidence | None = None  # None: the host counts nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

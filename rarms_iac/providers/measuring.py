@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from rarms_iac.model.measurement import Bench, Sample
+from rarms_iac.model.measurement import Bench, Sample, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.system import Component, Interference
 from rarms_iac.providers.interface import StepwiseHost
@@ -68,6 +68,17 @@ class RunningWork(Protocol):
         """
         ...
 
+    def evidence(self) -> SettingEvidence | None:
+        """Return what the host counted since `count_from_now`.
+
+        Returns:
+            None: it counts nothing, because nothing can disturb it.
+
+        Raises:
+            HostError: it cannot be read.
+        """
+        ...
+
 
 @runtime_checkable
 class MeasuringHost(StepwiseHost, Protocol):
@@ -95,6 +106,17 @@ class MeasuringHost(StepwiseHost, Protocol):
 
         What is measured before that has passed many times over (`measuring/settling.py`) may show how the work began,
         and not how it goes on.
+        """
+        ...
+
+    def obstacle(self, subject: Component | Interference) -> str:
+        """Say why this host cannot run a component or a load; asked before anything is changed for it.
+
+        Args:
+            subject: as the manifest describes it.
+
+        Returns:
+            Words that follow its name; empty: nothing is known that would keep it from running.
         """
         ...
 

@@ -2,6 +2,7 @@
 
 import queue
 import threading
+import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
@@ -71,6 +72,16 @@ class ComponentRun:
             elapsed_ms=self._record.elapsed_ms,
             cpu_ms=self._supervisor.cpu_ms if self._supervisor else None,
         )
+
+    @property
+    def began(self) -> float:
+        """When the setting began, on the clock of `time.perf_counter`: `Sample.began_ms` counts from then."""
+        return self._record.begin(time.perf_counter())
+
+    @property
+    def process(self) -> int | None:
+        """The id of its supervisor, below which all of its processes are; None: nothing was started yet."""
+        return self._supervisor.process if self._supervisor else None
 
     @property
     def ending(self) -> SamplingEnd:

@@ -147,6 +147,18 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int) ->
             assert_never(load)
 
 
+def check_load(name: str, load: Interference, context: StartContext) -> None:
+    """Look whether this machine has the program that is the load.
+
+    Raises:
+        CannotStart: it has not.
+    """
+    if isinstance(load, CommandLoad):
+        order_of_words(name, load.command, context.base, context)
+    else:
+        load_words(name, load, context.base, 1)
+
+
 def find_program(name: str, kind: str, programs: Sequence[str]) -> str:
     """The first of these programs that this machine has, for the load of this name.
 

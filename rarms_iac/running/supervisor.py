@@ -172,6 +172,11 @@ class Supervisor:
         return self._cpu_ms
 
     @property
+    def process(self) -> int:
+        """The supervisor's own id."""
+        return self._process.pid
+
+    @property
     def tail(self) -> str:
         """The last that was written to standard error."""
         return self._tail.decode("utf-8", "replace")

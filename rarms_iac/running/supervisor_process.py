@@ -206,8 +206,15 @@ def cpu_ms() -> float:
     return 1000 * (used.ru_utime + used.ru_stime)
 
 
+def keep_priority() -> None:
+    """Leave a real-time priority, where rarms has one, to this process: what it starts has the usual one."""
+    if sys.platform == "linux" and (policy := os.sched_getscheduler(0)) in {os.SCHED_FIFO, os.SCHED_RR}:
+        os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, os.sched_getparam(0))
+
+
 def main() -> None:
     """Read the order, then keep."""
+    keep_priority()
     received = b""
     while b"\n" not in received:
         piece = os.read(0, 65536)

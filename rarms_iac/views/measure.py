@@ -265,6 +265,7 @@ def _setting(setting: Setting, experiment: Experiment) -> SettingOutput:
         beside=setting.beside,
         seed=setting.seed,
         indexes=index_outputs(measured_indexes(setting, experiment)),
+        disturbances=setting.evidence.disturbances if setting.evidence else (),
     )
 
 
@@ -344,6 +345,10 @@ class MeasuringProgress:
                 f"{experiment.name} at {setting.reserve} %: {samples_of(series)}, {values or 'measured'}, in {took}"
             )
         )
+
+    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
+        """Say that it is measured again, and why."""
+        self._say(paragraph(f"{experiment.name} at {reserve} % is measured again, because it was disturbed: {reason}."))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""

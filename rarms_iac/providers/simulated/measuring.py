@@ -126,6 +126,11 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         """See the interface: a reserve is guaranteed over this window, and unused claim is kept for it."""
         return WINDOW_MS
 
+    def obstacle(self, subject: Component | Interference) -> str:
+        """See the interface."""
+        needs_demand = isinstance(subject, Component) and subject.simulation is None
+        return "it does not say what it demands on a simulated host" if needs_demand else ""
+
     @contextmanager
     def run(self, work: Work) -> Iterator["Simulated"]:
         """See the interface."""
@@ -228,6 +233,9 @@ class Simulated:
     def cpu_ms(self, component: str) -> float | None:
         """See the interface: up to its last job that ended."""
         return self._consumed.get(component, 0.0)
+
+    def evidence(self) -> None:
+        """See the interface: nothing disturbs a model."""
 
 
 def _partition(

@@ -11,7 +11,7 @@ from math import isnan, nan
 from types import NoneType
 from typing import cast
 
-from rarms_iac.model.measurement import LARGEST_SAMPLE, Series, Setting
+from rarms_iac.model.measurement import LARGEST_SAMPLE, Series, Setting, SettingEvidence
 from rarms_iac.model.sample_columns import SampleColumns, columns_of
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_64_bits
 from rarms_iac.storage.datalog.log import Provenance, Recorded
@@ -20,6 +20,9 @@ DIGITS = 4
 """Decimals of a millisecond."""
 
 _SETTING = frozenset({"reserve", "beside", "seed", "series", "provenance"})
+_EVIDENCE = "evidence"
+"""Only what was measured on a host that counts has it."""
+
 _SERIES = frozenset(
     {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms", "unsuccessful", "count", "failures", "unsettled"}
 )
@@ -39,7 +42,8 @@ def as_recorded(setting: Setting) -> Setting:
     Returns:
         A setting that equals what `setting_in` gives of its line.
     """
-    return replace(setting, series=tuple(_rounded_series(series) for series in setting.series))
+    series = tuple(_rounded_series(series) for series in setting.series)
+    return replace(setting, series=series, evidence=setting.evidence and _rounded_evidence(setting.evidence))
 
 
 def line_of(recorded: Recorded) -> dict[str, Json]:
@@ -52,11 +56,13 @@ def line_of(recorded: Recorded) -> dict[str, Json]:
         Fields of JSON values; the samples as columns, which a reviewer reads and git packs.
     """
     setting = as_recorded(recorded.setting)
+    evidence = {} if setting.evidence is None else {_EVIDENCE: encode(setting.evidence)}
     return {
         "reserve": setting.reserve,
         "beside": setting.beside,
         "seed": setting.seed,
         "series": [_columns(series) for series in setting.series],
+        **evidence,
         "provenance": encode(recorded.provenance),
     }
 
@@ -73,7 +79,7 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
     Raises:
         NotDecodable: it is none.
     """
-    _fields(line, _SETTING, _SETTING, "")
+    _fields(line, _SETTING, _SETTING | {_EVIDENCE}, "")
     series = line["series"]
     if not isinstance(series, list):
         raise NotDecodable("series", "it is no array")
@@ -85,8 +91,19 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
         beside=_whole(line, "beside"),
         seed=_whole(line, "seed"),
         series=tuple(_series(column, f"series[{at}]") for at, column in enumerate(series)),
+        evidence=decode(SettingEvidence, line[_EVIDENCE]) if _EVIDENCE in line else None,
     )
     return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
+
+
+def _rounded_evidence(evidence: SettingEvidence) -> SettingEvidence:
+    return replace(
+        evidence,
+        elapsed_ms=round(evidence.elapsed_ms, DIGITS),
+        cpu_ms={name: round(consumed, DIGITS) for name, consumed in sorted(evidence.cpu_ms.items())},
+        stolen_ms=round(evidence.stolen_ms, DIGITS),
+        waiting_ms=None if evidence.waiting_ms is None else round(evidence.waiting_ms, DIGITS),
+    )
 
 
 def _rounded_series(series: Series) -> Series:

@@ -29,12 +29,16 @@ class IndexOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingOutput:
-    """One reservation of P1 with what was measured there; `beside`: what P2 reserved."""
+    """One reservation of P1 with what was measured there; `beside`: what P2 reserved.
+
+    `disturbances` says what disturbed its tries on the host; a disturbed one is measured again, at most three times.
+    """
 
     reserve: int
     beside: int
     seed: int
     indexes: tuple[IndexOutput, ...]
+    disturbances: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

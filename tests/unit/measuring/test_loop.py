@@ -19,10 +19,10 @@ from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, goal_of
-from rarms_iac.model.measurement import run_of
+from rarms_iac.model.measurement import P1, P2, SettingEvidence, run_of
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.run import SampleCount
-from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
+from rarms_iac.providers.simulated.measuring import Simulate, Simulated, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage import disk
@@ -136,6 +136,42 @@ def test_a_search_finds_a_whole_per_cent_with_a_measured_fail_below(bench: Bench
     assert 47 <= ended.conclusion.reserve <= 49
     assert ended.conclusion.failed == ended.conclusion.reserve - 1
     assert ended.new == len(bench.recorded)
+
+
+def counted(load: float) -> SettingEvidence:
+    """What a kernel counts where the load got so many LPs."""
+    return SettingEvidence(elapsed_ms=1000, cpu_ms={P1: 500.0, P2: 1000 * load})
+
+
+def counting(monkeypatch: pytest.MonkeyPatch, loads: Sequence[float]) -> None:
+    """Each try comes with the next count."""
+    counts = iter(map(counted, loads))
+    monkeypatch.setattr(Simulated, "evidence", lambda _running: next(counts))
+
+
+def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    counting(monkeypatch, [0.2, 1.0])
+
+    ended = bench.measure(Sweeping(reserves=(50,)))
+
+    (setting,) = ended.settings
+    assert len(bench.ran) == 2
+    assert setting.evidence == replace(
+        counted(1.0), disturbances=("the load in P2 got 0.20 LP where 1.00 are reserved",)
+    )
+    assert not setting.series[0].unsettled
+    assert bench.book().settings() == (setting,)
+
+
+def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    counting(monkeypatch, [0.2, 0.3, 0.4])
+
+    ended = bench.measure(Sweeping(reserves=(50,)))
+
+    (setting,) = ended.settings
+    assert setting.evidence is not None
+    assert len(bench.ran) == len(setting.evidence.disturbances) == 3
+    assert setting.series[0].unsettled.startswith("disturbed in each of 3 tries: the load in P2 got 0.40 LP")
 
 
 def test_what_is_measured_is_never_run_again(bench: Bench) -> None:

@@ -32,6 +32,9 @@ class Running:
     def count_from_now(self) -> None:
         """Not asked for."""
 
+    def evidence(self) -> None:
+        """It counts nothing."""
+
 
 def going_on(settling: Settling, running: Running, until: float, processors: float) -> None:
     """Jobs of 10 ms, consuming so much meanwhile."""

@@ -1,0 +1,61 @@
+"""Whether a setting was what it says: what the host counted beside what was asked of it. Pure.
+
+P2 is to take all that it reserves; where it did not, something else had the processors, and P1 may have had more than
+CR, or less. Time that the machine below took makes a component look slower than it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rarms_iac.model.measurement import P2, Setting, SettingEvidence
+
+TRIES = 3
+"""So often a disturbed setting is measured at most."""
+
+STOLEN = 0.02
+"""The part of all processors' time that the machine below may take."""
+
+SHORT = 0.03
+"""The part of all processors' time by which P2 may stay below what it reserves: what rarms itself consumes is in it."""
+
+
+def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | None) -> str:
+    """Say what disturbed a setting.
+
+    Args:
+        evidence: what the host counted.
+        processors: LPs of the host.
+        load_takes: the LPs that the load in P2 is to take at least; None: it does not want all that it can get.
+
+    Returns:
+        Words with numbers; empty: nothing did.
+    """
+    whole = evidence.elapsed_ms * processors
+    if not whole:
+        return ""
+    stolen = evidence.stolen_ms / whole
+    if stolen > STOLEN:
+        return f"the machine below took {stolen:.1%} of the processors' time, and {STOLEN:.0%} may be"
+    taken = evidence.cpu_ms.get(P2, 0.0) / evidence.elapsed_ms
+    if load_takes is not None and taken < load_takes - SHORT * processors:
+        return f"the load in P2 got {taken:.2f} LP where {load_takes:.2f} are reserved"
+    return ""
+
+
+def with_evidence(setting: Setting, evidence: SettingEvidence, disturbances: Sequence[str]) -> Setting:
+    """Have a setting say what was counted, and what disturbed its tries; where all were disturbed, it has no verdict.
+
+    Args:
+        setting: as it was measured in the last try.
+        evidence: of that try.
+        disturbances: of each disturbed try, in order; `TRIES` of them: of the last one too.
+
+    Returns:
+        The setting with both.
+    """
+    proof = replace(evidence, disturbances=tuple(disturbances))
+    if len(disturbances) < TRIES:
+        return replace(setting, evidence=proof)
+    reason = f"disturbed in each of {TRIES} tries: {disturbances[-1]}"
+    series = tuple(replace(each, unsettled=each.unsettled or reason) for each in setting.series)
+    return replace(setting, series=series, evidence=proof)

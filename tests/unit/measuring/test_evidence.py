@@ -1,0 +1,49 @@
+"""A setting that was not what it says is known by what the host counted."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.measuring.evidence import disturbance
+from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
+from rarms_iac.storage.datalog.columns import line_of, setting_in
+from rarms_iac.storage.datalog.log import Provenance, Recorded
+
+QUIET = SettingEvidence(elapsed_ms=10_000, cpu_ms={P1: 12_000.0, P2: 7_900.0}, stolen_ms=100, waiting_ms=9_000.0)
+SHORT_LOAD = replace(QUIET, cpu_ms={P1: 12_000.0, P2: 4_000.0})
+
+
+def test_what_is_as_it_was_asked_for_is_not_disturbed() -> None:
+    assert disturbance(QUIET, 2, load_takes=0.8) == ""
+
+
+def test_a_load_that_does_not_get_its_reserve_disturbs() -> None:
+    assert disturbance(SHORT_LOAD, 2, load_takes=0.8) == "the load in P2 got 0.40 LP where 0.80 are reserved"
+    assert disturbance(SHORT_LOAD, 2, load_takes=None) == "", "browsers may rest"
+
+
+def test_stolen_time_disturbs() -> None:
+    stolen = replace(QUIET, stolen_ms=900)
+
+    assert disturbance(stolen, 2, load_takes=None) == (
+        "the machine below took 4.5% of the processors' time, and 2% may be"
+    )
+
+
+def test_counters_give_what_was_counted_between_two_moments() -> None:
+    later = SettingEvidence(elapsed_ms=12_500, cpu_ms={P1: 12_250.0, P2: 8_000.0}, stolen_ms=110, waiting_ms=None)
+
+    assert later.since(QUIET) == SettingEvidence(elapsed_ms=2500, cpu_ms={P1: 250.0, P2: 100.0}, stolen_ms=10)
+
+
+@pytest.mark.parametrize("evidence", [None, QUIET, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))])
+def test_a_log_keeps_the_evidence_and_reads_lines_without_any(evidence: SettingEvidence | None) -> None:
+    recorded = Recorded(
+        setting=Setting(reserve=40, series=(), beside=60, evidence=evidence),
+        provenance=Provenance(rarms_version="1.0", when="2026-11-22T20:00:00Z"),
+    )
+
+    line = line_of(recorded)
+
+    assert setting_in(line) == recorded
+    assert ("evidence" in line) is (evidence is not None)
