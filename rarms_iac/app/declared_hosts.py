@@ -12,7 +12,7 @@ from fractions import Fraction
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import unreachable_finding
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.wiring import UNBUILT_PROVIDERS
+from rarms_iac.app.wiring import is_out_of_reach
 from rarms_iac.manifest.checks import memory, processors
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
@@ -63,7 +63,7 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
         damaged logs; warnings and notes on logs that hold; a note for what was never measured.
     """
     system, places = manifest.system, manifest.places
-    yield from _unbuilt_providers(system, places)
+    yield from _hosts_out_of_reach(system, places)
     rests_on_logs = any(component.cpu.reserve is Measured.MEASURED for component in system.components.values())
     if not rests_on_logs and len(system.components) * len(system.hosts) > LOOKED_AT and not _exceeds_all_hosts(system):
         return
@@ -85,11 +85,10 @@ def _is_about(group: Group, addresses: Collection[str]) -> bool:
     )
 
 
-def _unbuilt_providers(system: System, places: Places) -> Iterator[Diagnostic]:
+def _hosts_out_of_reach(system: System, places: Places) -> Iterator[Diagnostic]:
     for host in system.hosts.values():
-        if host.provider in UNBUILT_PROVIDERS:
-            place = places.value("hosts", host.name, "provider")
-            yield replace(unreachable_finding(host.name, host.provider.value), place=place)
+        if is_out_of_reach(host):
+            yield replace(unreachable_finding(host.name), place=places.value("hosts", host.name, "connect"))
 
 
 def _exceeds_all_hosts(system: System) -> bool:

@@ -154,20 +154,18 @@ def declined() -> Diagnostic:
     )
 
 
-def unreachable_finding(host: str, provider: str) -> Diagnostic:
-    """Make the finding for a host of a provider that this version can neither observe nor change.
+def unreachable_finding(host: str) -> Diagnostic:
+    """Make the finding for a host that this version can neither observe nor change.
 
     Args:
         host: the host's name in the manifest.
-        provider: as the manifest writes it.
 
     Returns:
-        A finding that names both.
+        A finding that names it.
     """
     return OUT_OF_REACH.at(
         None,
-        f"{host} has the provider {provider}, which rarms does not have yet: it has simulated and hyperv.",
-        f"Use `provider: simulated` to try the same layout without the machine, or plan from a snapshot: "
-        f"`rarms plan --snapshot {host}=FILE`.",
+        f"{host} is a Linux host with `connect`: this version changes control groups on the machine itself only.",
+        f"Run rarms on {host} and leave `connect` out, or plan from a snapshot: `rarms plan --snapshot {host}=FILE`.",
         address=f"host/{host}",
     )

@@ -22,8 +22,17 @@ HOSTS = ".rarms/hosts"
 SIGNED = ".rarms/signed"
 """Scripts of this manifest's plans as somebody signed them, by their names."""
 
-UNBUILT_PROVIDERS = frozenset({ProviderKind.LINUX})
-"""What a manifest may name and this version cannot open."""
+
+def is_out_of_reach(host: Host) -> bool:
+    """Whether this version cannot open the host: control groups are changed on the machine itself only.
+
+    Args:
+        host: as the manifest describes it.
+
+    Returns:
+        True for a Linux host with `connect`.
+    """
+    return host.provider is ProviderKind.LINUX and host.connect is not None
 
 
 def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
@@ -38,8 +47,10 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
         A host that is not connected to yet.
 
     Raises:
-        UseCaseError: this version cannot reach hosts of its provider.
+        UseCaseError: this version cannot reach it.
     """
+    if is_out_of_reach(host):
+        raise UseCaseError(Outcome.FAILED, [unreachable_finding(host.name)])
     match host.provider:
         case ProviderKind.SIMULATED:
             from rarms_iac.providers.simulated.run import SimulatedHostProvider
@@ -50,7 +61,9 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
             return open_hyperv(host, Path(folder) / SIGNED)
         case ProviderKind.LINUX:
-            raise UseCaseError(Outcome.FAILED, [unreachable_finding(host.name, host.provider.value)])
+            from rarms_iac.providers.cgroups.run import LinuxHostProvider
+
+            return LinuxHostProvider(host)
 
 
 def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:
@@ -164,7 +177,7 @@ def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
         The hosts, in the order of their files. Journals that cannot be read are passed over: whoever names such a host
             gets the finding of the damage.
     """
-    from rarms_iac.providers.simulated.files import read_journal
+    from rarms_iac.providers.journaled import read_journal
 
     found: list[LiveHost] = []
     for path in sorted((Path(folder) / HOSTS).rglob("*.journal.jsonl")):

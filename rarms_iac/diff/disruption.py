@@ -55,8 +55,8 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> froze
         Facet.NAME: (before.name, after.name),
         Facet.PROCESSORS: (before.processors, after.processors),
         Facet.CPU: (
-            (before.reserve, before.limit, before.weight),
-            (after.reserve, after.limit, after.weight),
+            (before.reserve, before.limit, before.weight, before.quota_period_us),
+            (after.reserve, after.limit, after.weight, after.quota_period_us),
         ),
         Facet.MEMORY: ((before.memory, before.dynamic_memory), (after.memory, after.dynamic_memory)),
         Facet.ACTIONS: (

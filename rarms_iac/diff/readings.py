@@ -5,7 +5,7 @@ step's guard compares like with like. For a partition: `exists`, `machine` (id),
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`
 (the digest, with the word of who stopped it),
-`secure_boot` (a template, or `off`), `snapshots` (how many checkpoints were taken), `disks` (how many it has). For a
+`secure_boot` (a template, or `off`), `quota_period_us` (0: nothing limits it), `snapshots` (how many checkpoints were taken), `disks` (how many it has). For a
 disk: `exists`, `parent`, `used` (a machine has it, or a disk that grows out of it). For a task class: `exists`,
 `values` (their names), `value:<name>` as `<kind>:<data>`, `record` (`<application>` or empty), `set`. The names stand
 in lower case in `values`, as Windows does not tell their case apart. For SystemResponsiveness the same as for a task
@@ -154,6 +154,7 @@ def partition_readings(partition: Partition) -> Readings:
         "set": mark.written if mark else "",
         "snapshots": partition.checkpoints,
         "secure_boot": settings.secure_boot or "",
+        "quota_period_us": settings.quota_period_us or 0,
     }
 
 

@@ -121,12 +121,13 @@ class SetProcessors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetCpu:
-    """Reserve, limit and weight in one call."""
+    """Reserve, limit and weight in one call; on Linux with the period of the limit."""
 
     partition: str
     reserve: int
     limit: int
     weight: int
+    quota_period_us: int | None = None
     machine: str = ""
     kind: Literal["set_cpu"] = "set_cpu"
 

@@ -103,6 +103,7 @@ class PartitionSettings:
     checkpoints: Checkpoints
     running: bool
     secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or nobody could look
+    quota_period_us: int | None = None  # how often its limit is counted anew; None: nothing limits it, or no Linux
 
 
 SECURE_BOOT_OFF = "off"

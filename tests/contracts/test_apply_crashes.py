@@ -3,9 +3,9 @@
 The whole of a small apply in one process; `tests/system` does the same to the command.
 """
 
-import sys
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
@@ -19,15 +19,13 @@ from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import System
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.storage import disk
 from tests import builders
+from tests.contracts.benches import Bench, bench, copy_host, forget_groups, kernel_effects_on_disk
 from tests.crashing import Crash, CrashingDisk, When
-from tests.effort import LONG
-from tests.files import copy_files
 
-STEP = 5 if sys.platform == "win32" and not LONG else 1
-"""Every effect is tried; on the slow Windows leg every fifth, unless the run is a long one."""
+__all__ = ["bench"]  # pytest finds fixtures by their names
 
 FIRST = builders.a_system(
     hosts=[builders.a_host()],
@@ -53,11 +51,29 @@ class Nowhere:
         return self.value(*path)
 
 
-def a_host(folder: Path) -> SimulatedHostProvider:
-    return SimulatedHostProvider(builders.a_host(), folder / ".rarms" / "hosts" / "onboard.json")
+@dataclass(frozen=True)
+class Lab:
+    """A kind of host, opened anew for each command."""
+
+    bench: Bench
+
+    def host(self, folder: Path) -> StepwiseHost:
+        return self.bench.open(builders.a_host(), folder)
+
+    def settled(self, folder: Path) -> Path:
+        """A folder whose host has the first system applied."""
+        folder.mkdir()
+        assert apply_again(FIRST, self.host(folder)).ending is RunEnding.DONE
+        return folder
 
 
-def a_plan(system: System, host: SimulatedHostProvider) -> Plan:
+@pytest.fixture
+def lab(bench: Bench) -> Iterator[Lab]:
+    with kernel_effects_on_disk():
+        yield Lab(bench)
+
+
+def a_plan(system: System, host: StepwiseHost) -> Plan:
     request = PlanningRequest(
         system=system, places=Nowhere(), manifest="rarms.yaml", manifest_digest="0" * 12, today=date(2026, 1, 1)
     )
@@ -66,9 +82,8 @@ def a_plan(system: System, host: SimulatedHostProvider) -> Plan:
     return prepared.plan
 
 
-def apply_again(system: System, folder: Path) -> RunReport:
+def apply_again(system: System, host: StepwiseHost) -> RunReport:
     """What `rarms apply --auto-approve` does: finish what was begun and go no further, or plan and apply."""
-    host = a_host(folder)
     with host.lock("ann@lab"):
         finished = finish_unfinished([host], SilentRunReporter(), lambda: False)
         if finished is not None:
@@ -76,54 +91,48 @@ def apply_again(system: System, folder: Path) -> RunReport:
         return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN, SilentRunReporter(), lambda: False)
 
 
-def settled(folder: Path) -> Path:
-    """A folder whose host has the first system applied."""
-    folder.mkdir()
-    assert apply_again(FIRST, folder).ending is RunEnding.DONE
-    return folder
-
-
-def as_left(host: SimulatedHostProvider) -> list[Partition]:
+def as_left(host: StepwiseHost) -> list[Partition]:
     """The machines, without the ids and marks that are new with every machine."""
     return [replace(partition, id="", mark=None) for partition in host.observe().partitions]
 
 
-def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(tmp_path: Path) -> None:
-    folder = settled(tmp_path / "host")
-    before = as_left(a_host(folder))
+def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(lab: Lab, tmp_path: Path) -> None:
+    host = lab.host(lab.settled(tmp_path / "host"))
+    before = as_left(host)
 
-    assert apply_again(SECOND, folder).ending is RunEnding.DONE
-    assert not a_plan(SECOND, a_host(folder)).has_changes
-    assert undo(a_host(folder), builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
+    assert apply_again(SECOND, host).ending is RunEnding.DONE
+    assert not a_plan(SECOND, host).has_changes
+    assert undo(host, builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
 
-    assert as_left(a_host(folder)) == before
-    assert dict(a_host(folder).observe().serials) == {"robot": 3}
+    assert as_left(host) == before
+    assert dict(host.observe().serials) == {"robot": 3}
 
 
-def go_on(folder: Path) -> None:
+def go_on(host: StepwiseHost) -> None:
     """Run the same command until it has nothing to do: once where the run was begun, twice where it was not."""
     for _ in range(2):
-        journal = a_host(folder).journal()
+        journal = host.journal()
         unfinished = journal is not None and journal.unfinished
-        if unfinished or a_plan(SECOND, a_host(folder)).has_changes:
-            assert apply_again(SECOND, folder).ending is RunEnding.DONE
+        if unfinished or a_plan(SECOND, host).has_changes:
+            assert apply_again(SECOND, host).ending is RunEnding.DONE
 
 
 @pytest.mark.parametrize("when", [When.HALF, When.AFTER])  # before an effect is after the one before it
-def test_a_killed_apply_run_again_reaches_the_same_end(tmp_path: Path, when: When) -> None:
-    undisturbed = settled(tmp_path / "undisturbed")
+def test_a_killed_apply_run_again_reaches_the_same_end(lab: Lab, tmp_path: Path, when: When) -> None:
+    undisturbed = lab.settled(tmp_path / "undisturbed")
     counting = CrashingDisk(0)
     with disk.use(counting):
-        assert apply_again(SECOND, undisturbed).ending is RunEnding.DONE
-    end = a_host(undisturbed).observe()
+        assert apply_again(SECOND, lab.host(undisturbed)).ending is RunEnding.DONE
+    end = lab.host(undisturbed).observe()
     assert len(counting.effects) > 50
 
-    start = settled(tmp_path / "start")
-    for at in range(1, len(counting.effects) + 1, STEP):
+    start = lab.settled(tmp_path / "start")
+    for at in range(1, len(counting.effects) + 1, lab.bench.stride):
         folder = tmp_path / str(at)
-        copy_files(start, folder)
+        copy_host(start, folder)
         with disk.use(CrashingDisk(at, when)), suppress(Crash):
-            apply_again(SECOND, folder)
+            apply_again(SECOND, lab.host(folder))
         with disk.use(CrashingDisk(0)):
-            go_on(folder)
-        assert a_host(folder).observe() == end, counting.effects[at - 1]
+            go_on(lab.host(folder))
+        assert lab.host(folder).observe() == end, counting.effects[at - 1]
+        forget_groups(folder)

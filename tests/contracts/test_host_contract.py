@@ -1,12 +1,8 @@
-"""What every host must do, whatever enforces its reservations; today the simulated one.
-
-A provider joins by a `Bench` in `BENCHES`: how to get an empty host of a description, and how to put machines of
-others on it.
-"""
+"""What every host must do, whatever enforces its reservations, and what those must do that are a Windows."""
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -16,7 +12,7 @@ import pytest
 
 from rarms_iac.diff.readings import NOTHING, readings
 from rarms_iac.model.changes import Address
-from rarms_iac.model.host import Fault, FaultEffect, Host, SchedulerType, SimulatedHost
+from rarms_iac.model.host import Fault, FaultEffect, SchedulerType, SimulatedHost
 from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
@@ -56,28 +52,16 @@ from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, H
 from rarms_iac.providers.simulated.content import empty
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from tests import builders
+from tests.contracts.benches import Bench, bench, windows_bench
 from tests.contracts.runs import a_run
+
+__all__ = ["bench", "windows_bench"]  # pytest finds fixtures by their names
 
 MIB = 2**20
 SCOPE = Scope(application="robot", plan="0123456789ab")
 VISION = Address(partition="vision")
 VALUES = {"Priority": RegistryValue(kind=ValueKind.DWORD, data=6)}
 RECORD = TaskRecord(application="robot", set="a" * 12, before=None)
-
-
-@dataclass(frozen=True)
-class Bench:
-    """A kind of host on the test bench: each call opens the same host anew, as a new process would."""
-
-    open: Callable[[Host, Path], StepwiseHost]
-
-
-BENCHES = {"simulated": Bench(lambda host, folder: SimulatedHostProvider(host, folder / ".rarms/hosts/onboard.json"))}
-
-
-@pytest.fixture(params=sorted(BENCHES))
-def bench(request: pytest.FixtureRequest) -> Bench:
-    return BENCHES[request.param]
 
 
 @dataclass(frozen=True)
@@ -95,6 +79,11 @@ class Room:
 @pytest.fixture
 def room(bench: Bench, tmp_path: Path) -> Room:
     return Room(bench, tmp_path)
+
+
+@pytest.fixture
+def windows(windows_bench: Bench, tmp_path: Path) -> Room:
+    return Room(windows_bench, tmp_path)
 
 
 def do(host: StepwiseHost, *operations: Operation) -> None:
@@ -145,16 +134,6 @@ def test_a_fresh_host_is_an_empty_machine_and_looking_makes_nothing(room: Room) 
     state = room.host().observe()
 
     assert (state.partitions, dict(state.serials)) == ((), {})
-    assert [task.name for task in state.tasks] == [
-        "Audio",
-        "Capture",
-        "DisplayPostProcessing",
-        "Distribution",
-        "Games",
-        "Playback",
-        "Pro Audio",
-        "Window Manager",
-    ]
     assert room.host().journal() is None
     assert room.host().read(VISION, SCOPE) == NOTHING
     assert list(room.folder.iterdir()) == []
@@ -173,8 +152,18 @@ def test_looking_changes_nothing(room: Room) -> None:
     assert files(room.folder) == before
 
 
-def test_the_shipped_classes_have_their_types(room: Room) -> None:
-    (playback,) = (task for task in room.host().observe().tasks if task.name == "Playback")
+def test_a_fresh_windows_has_the_shipped_classes_with_their_types(windows: Room) -> None:
+    assert [task.name for task in windows.host().observe().tasks] == [
+        "Audio",
+        "Capture",
+        "DisplayPostProcessing",
+        "Distribution",
+        "Games",
+        "Playback",
+        "Pro Audio",
+        "Window Manager",
+    ]
+    (playback,) = (task for task in windows.host().observe().tasks if task.name == "Playback")
 
     assert playback.values == {
         "Affinity": RegistryValue(kind=ValueKind.DWORD, data=0),
@@ -188,8 +177,8 @@ def test_the_shipped_classes_have_their_types(room: Room) -> None:
     }
 
 
-def test_the_host_is_as_it_is_described(room: Room) -> None:
-    facts = room.host(windows_build=19045, client=True, scheduler=SchedulerType.ROOT, smt=True).observe().facts
+def test_the_host_is_as_it_is_described(windows: Room) -> None:
+    facts = windows.host(windows_build=19045, client=True, scheduler=SchedulerType.ROOT, smt=True).observe().facts
 
     assert (facts.os_build, facts.client, facts.scheduler, facts.smt) == (19045, True, SchedulerType.ROOT, True)
     assert (facts.name, facts.logical_processors, facts.memory) == ("onboard", 2, 4096 * MIB)
@@ -227,10 +216,19 @@ def test_a_partition_is_made_marked_and_named_last(room: Room) -> None:
 def test_readings_are_those_of_the_observed_state(room: Room) -> None:
     host = room.host()
     do(host, *making(reserve=40), start())
+
+    state = host.observe()
+
+    for address in (VISION, Address(partition="nobody"), Address(task="games")):
+        assert host.read(address, SCOPE) == readings(state, address, SCOPE)
+    assert host.read(VISION, SCOPE)["reserve"] == 40
+
+
+def test_readings_of_task_classes_are_those_of_the_observed_state(windows: Room) -> None:
+    host = windows.host()
+    do(host, *making())
     do(host, WriteTaskClass(task="MotionControl", inside="vision", values=VALUES))
     addresses = [
-        VISION,
-        Address(partition="nobody"),
         Address(task="games"),
         Address(partition="vision", task="motioncontrol"),
         Address(partition="nobody", task="Games"),
@@ -240,7 +238,6 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
 
     for address in addresses:
         assert host.read(address, SCOPE) == readings(state, address, SCOPE)
-    assert host.read(VISION, SCOPE)["reserve"] == 40
     assert host.read(Address(partition="vision", task="MotionControl"), SCOPE)["value:Priority"] == "dword:6"
 
 
@@ -249,7 +246,7 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
     [
         (SetCpu(partition="vision", reserve=30, limit=90, weight=7), {"reserve": 30, "limit": 90, "weight": 7}),
         (SetProcessors(partition="vision", processors=1), {"processors": 1}),
-        (SetMemory(partition="vision", memory=32 * MIB, dynamic=True), {"memory": 32 * MIB, "dynamic_memory": True}),
+        (SetMemory(partition="vision", memory=32 * MIB), {"memory": 32 * MIB}),
         (
             SetActions(
                 partition="vision",
@@ -259,7 +256,6 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
             ),
             {"start_action": "start", "stop_action": "shut_down", "checkpoints": "disabled"},
         ),
-        (SetSecureBoot(partition="vision", secure_boot="off"), {"secure_boot": "off"}),
         (StartPartition(partition="vision"), {"running": True, "state": "running"}),
         (StopPartition(partition="vision", grace_ms=120_000), {"running": False, "state": "off"}),
         (RenamePartition(partition="vision", name="eyes"), {"name": "eyes", "mark": "robot/vision"}),
@@ -286,8 +282,28 @@ def test_an_operation_does_what_it_says_and_nothing_else(
     assert host.read(Address(partition="speech"), SCOPE) == other
 
 
-def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_it(room: Room) -> None:
-    host = room.host()
+@pytest.mark.parametrize(
+    ("operation", "expected"),
+    [
+        (SetMemory(partition="vision", memory=32 * MIB, dynamic=True), {"memory": 32 * MIB, "dynamic_memory": True}),
+        (SetSecureBoot(partition="vision", secure_boot="off"), {"secure_boot": "off"}),
+    ],
+    ids=lambda value: value.kind if hasattr(value, "kind") else "",
+)
+def test_what_only_a_virtual_machine_has_is_set(
+    windows: Room, operation: Operation, expected: Mapping[str, bool | int | str]
+) -> None:
+    host = windows.host()
+    do(host, *making())
+    before = host.read(VISION, SCOPE)
+
+    do(host, operation)
+
+    assert windows.host().read(VISION, SCOPE) == {**before, **expected}
+
+
+def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_it(windows: Room) -> None:
+    host = windows.host()
     do(
         host,
         CreatePartition(partition="vision", generation=2, memory=512 * MIB, image="D:\\robot.vhdx", vm_path="D:\\vms"),
@@ -304,14 +320,14 @@ def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_i
     assert host.read(at, SCOPE) == {"exists": True, "parent": "D:\\robot.vhdx", "used": False}
     do(host, removal)
 
-    assert room.host().observe().disks == ()
+    assert windows.host().observe().disks == ()
     assert host.read(at, SCOPE) == {"exists": False}
     with pytest.raises(HostRefused, match="there is no disk"):
         do(host, removal)
 
 
-def test_a_task_class_is_written_recorded_forgotten_and_removed(room: Room) -> None:
-    host = room.host()
+def test_a_task_class_is_written_recorded_forgotten_and_removed(windows: Room) -> None:
+    host = windows.host()
     before = host.observe()
     address = Address(task="MotionControl")
 
@@ -335,8 +351,8 @@ def _responsiveness(percent: int) -> WriteTaskClass:
     return WriteTaskClass(task=SYSTEM_RESPONSIVENESS, inside="", values={SYSTEM_RESPONSIVENESS: value})
 
 
-def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: Room) -> None:
-    host = room.host()
+def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(windows: Room) -> None:
+    host = windows.host()
     before = host.observe()
     address, twenty = Address(responsiveness=True), RegistryValue(kind=ValueKind.DWORD, data=20)
     assert before.responsiveness == Responsiveness(value=twenty)
@@ -364,8 +380,8 @@ def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: R
     assert host.observe() == before
 
 
-def test_a_shipped_class_that_is_written_keeps_its_key(room: Room) -> None:
-    host = room.host()
+def test_a_shipped_class_that_is_written_keeps_its_key(windows: Room) -> None:
+    host = windows.host()
 
     do(host, WriteTaskClass(task="pro audio", inside="", values=VALUES))
 
@@ -373,8 +389,8 @@ def test_a_shipped_class_that_is_written_keeps_its_key(room: Room) -> None:
     assert len(host.observe().tasks) == 8
 
 
-def test_each_guest_has_its_own_classes(room: Room) -> None:
-    host = room.host()
+def test_each_guest_has_its_own_classes(windows: Room) -> None:
+    host = windows.host()
     do(host, *making("vision"), *making("speech"))
 
     do(host, RemoveTaskClass(task="Games", inside="vision"))
@@ -464,8 +480,8 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
         (RemovePartition(partition="vision"), "only a machine that is off can be removed"),
     ],
 )
-def test_what_needs_a_machine_that_is_off(room: Room, operation: Operation, message: str) -> None:
-    host = room.host()
+def test_what_needs_a_machine_that_is_off(windows: Room, operation: Operation, message: str) -> None:
+    host = windows.host()
     do(host, *making(), start())
 
     with refused(host, f"is running, and .*{message}"):
@@ -474,8 +490,8 @@ def test_what_needs_a_machine_that_is_off(room: Room, operation: Operation, mess
     do(host, StopPartition(partition="vision", grace_ms=120_000), operation)
 
 
-def test_the_startup_memory_of_a_running_dynamic_machine(room: Room) -> None:
-    host = room.host()
+def test_the_startup_memory_of_a_running_dynamic_machine(windows: Room) -> None:
+    host = windows.host()
     do(host, *making(dynamic=True), start())
 
     with refused(host, "startup memory of a dynamic machine"):
@@ -493,8 +509,8 @@ def test_the_startup_memory_of_a_running_dynamic_machine(room: Room) -> None:
         ({"guest_windows_build": 9600}, False),
     ],
 )
-def test_the_memory_of_a_running_static_machine(room: Room, described: dict[str, object], possible: bool) -> None:
-    host = room.host(**described)
+def test_the_memory_of_a_running_static_machine(windows: Room, described: dict[str, object], possible: bool) -> None:
+    host = windows.host(**described)
     do(host, *making(), start())
     operation = SetMemory(partition="vision", memory=256 * MIB)
 
@@ -525,6 +541,20 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
         (SetCpu(partition="vision", reserve=0, limit=101, weight=100), "reserve and limit are 0 to 100 %"),
         (SetCpu(partition="vision", reserve=0, limit=100, weight=0), "a weight is 1 to 10000"),
         (SetCpu(partition="vision", reserve=0, limit=100, weight=10_001), "a weight is 1 to 10000"),
+        (RenamePartition(partition="vision", name=""), "a machine's name has 1 to 100 characters"),
+    ],
+)
+def test_what_no_machine_can_have(room: Room, operation: Operation, message: str) -> None:
+    host = room.host()
+    do(host, *making())
+
+    with refused(host, message):
+        do(host, operation)
+
+
+@pytest.mark.parametrize(
+    ("operation", "message"),
+    [
         (SetProcessors(partition="vision", processors=0), "has 1 to 240 virtual processors"),
         (SetProcessors(partition="vision", processors=241), "has 1 to 240 virtual processors"),
         (SetMemory(partition="vision", memory=0), "at least 32 MiB, not 0 B"),
@@ -532,7 +562,6 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
             SetMemory(partition="vision", memory=33 * MIB),
             "a machine has an even number of MiB, at least 32 MiB, not 33 MiB",
         ),
-        (RenamePartition(partition="vision", name=""), "a machine's name has 1 to 100 characters"),
         (CreatePartition(partition="x", generation=3, memory=32 * MIB), "there is no generation 3"),
         (RemoveTaskClass(task="Nothing", inside=""), "there is no task class Nothing"),
         (WriteTaskClass(task="a\\b", inside="", values=VALUES), "a key's name has"),
@@ -547,16 +576,16 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
         (WriteTaskClass(task="x", inside="nobody", values=VALUES), "no machine stands for the partition nobody"),
     ],
 )
-def test_what_no_machine_can_have(room: Room, operation: Operation, message: str) -> None:
-    host = room.host()
+def test_what_no_virtual_machine_can_have(windows: Room, operation: Operation, message: str) -> None:
+    host = windows.host()
     do(host, *making())
 
     with refused(host, message):
         do(host, operation)
 
 
-def test_the_record_of_another_application_stays(room: Room) -> None:
-    host = room.host()
+def test_the_record_of_another_application_stays(windows: Room) -> None:
+    host = windows.host()
     do(host, WriteTaskRecord(task="x", inside="", record=replace(RECORD, application="kiosk")))
 
     with refused(host, "belongs to the application kiosk"):
@@ -576,8 +605,8 @@ def test_too_much_reserve_is_only_noticed_at_the_start(room: Room) -> None:
     do(host, SetCpu(partition="speech", reserve=100, limit=100, weight=100))
 
 
-def test_reserves_are_placed_whole_onto_processors(room: Room) -> None:
-    host = room.host()
+def test_reserves_are_placed_whole_onto_processors(windows: Room) -> None:
+    host = windows.host()
     for name in ("a", "b", "c"):
         do(host, *making(name, processors=1, reserve=60))
 
@@ -604,17 +633,17 @@ def test_memory_that_is_not_there_is_noticed_at_the_start(room: Room) -> None:
         do(host, start("speech"))
 
 
-def test_under_the_root_scheduler_reserves_are_stored_without_effect(room: Room) -> None:
-    host = room.host(scheduler=SchedulerType.ROOT)
+def test_under_the_root_scheduler_reserves_are_stored_without_effect(windows: Room) -> None:
+    host = windows.host(scheduler=SchedulerType.ROOT)
     do(host, *making("vision", reserve=100), *making("speech", reserve=100), start("vision"), start("speech"))
 
     assert [partition.settings.reserve for partition in host.observe().partitions] == [100, 100]
 
 
-def test_without_rights_nothing_is_seen_and_nothing_done(room: Room) -> None:
-    do(room.host(), *making())
-    before = files(room.folder)
-    host = room.host(administrator=False)
+def test_without_rights_nothing_is_seen_and_nothing_done(windows: Room) -> None:
+    do(windows.host(), *making())
+    before = files(windows.folder)
+    host = windows.host(administrator=False)
 
     state = host.observe()
 
@@ -623,7 +652,7 @@ def test_without_rights_nothing_is_seen_and_nothing_done(room: Room) -> None:
     for operation in (creation("speech"), start(), WriteTaskClass(task="x", inside="", values=VALUES)):
         with refused(host, "access to onboard is denied"):
             do(host, operation)
-    assert files(room.folder) == before
+    assert files(windows.folder) == before
 
 
 # Faults
@@ -634,20 +663,20 @@ def fault(effect: FaultEffect, *, at: str = "*", times: int | None = None, delay
     return {"faults": {"stubborn": fault}}
 
 
-def test_a_fault_refuses_so_often_across_processes(room: Room) -> None:
-    do(room.host(), *making())
+def test_a_fault_refuses_so_often_across_processes(windows: Room) -> None:
+    do(windows.host(), *making())
 
     for _ in range(2):
-        host = room.host(**fault(FaultEffect.REFUSE, times=2))
+        host = windows.host(**fault(FaultEffect.REFUSE, times=2))
         with refused(host, "the fault stubborn refuses start_partition"):
             do(host, start())
 
-    do(room.host(**fault(FaultEffect.REFUSE, times=2)), start())
-    assert room.host().read(VISION, SCOPE)["running"] is True
+    do(windows.host(**fault(FaultEffect.REFUSE, times=2)), start())
+    assert windows.host().read(VISION, SCOPE)["running"] is True
 
 
-def test_a_fault_fails_after_doing(room: Room) -> None:
-    host = room.host(**fault(FaultEffect.FAIL_AFTER))
+def test_a_fault_fails_after_doing(windows: Room) -> None:
+    host = windows.host(**fault(FaultEffect.FAIL_AFTER))
     do(host, *making())
 
     with pytest.raises(HostFailed, match="the fault stubborn makes start_partition fail"):
@@ -656,8 +685,8 @@ def test_a_fault_fails_after_doing(room: Room) -> None:
     assert host.read(VISION, SCOPE)["running"] is True
 
 
-def test_a_fault_strikes_only_where_it_is_asked_to(room: Room) -> None:
-    host = room.host(**fault(FaultEffect.REFUSE, at="partition/speech"))
+def test_a_fault_strikes_only_where_it_is_asked_to(windows: Room) -> None:
+    host = windows.host(**fault(FaultEffect.REFUSE, at="partition/speech"))
     do(host, *making("vision"), *making("speech"), start("vision"))
 
     with refused(host, "the fault stubborn"):

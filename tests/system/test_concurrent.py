@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.journal import Closing, Journal, PastRun, history_of
-from rarms_iac.providers.simulated.files import read_journal
+from rarms_iac.providers.journaled import read_journal
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Damaged

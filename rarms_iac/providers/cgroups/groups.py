@@ -4,13 +4,15 @@ Every group of rarms lies below one slice, which weighs more than everything bes
 test works below a slice of its own. Where a call says `OSError`, the kernel's own answer is passed on.
 """
 
+import errno
+import mmap
 import os
 import signal
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.running.start import ProcessPlace
@@ -25,6 +27,7 @@ _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, _MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
 _WAIT_SECONDS, _LOOK_SECONDS = 10.0, 0.005
+_PAGE = mmap.PAGESIZE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +81,10 @@ class GroupTree(ABC):
         """Read the values as they are in the kernel now. Raises FileNotFoundError where the group is not there."""
 
     @abstractmethod
+    def shown(self, values: GroupValues) -> GroupValues:
+        """Return what `read` answers once these values are written: the kernel rounds, and has its bounds."""
+
+    @abstractmethod
     def cpu_ms(self, name: str) -> float:
         """Return the processor time, in ms, that the group consumed since it was made. Raises OSError."""
 
@@ -93,6 +100,19 @@ class GroupTree(ABC):
     def _prepare_group(self, name: str) -> None:
         """Give a fresh group what it needs before a process may join."""
 
+    def ask_to_end(self, name: str, grace_ms: int) -> None:
+        """Ask the processes in the group to end (SIGTERM), and wait until they did or the grace is over.
+
+        Args:
+            name: of the group, which need not be there.
+            grace_ms: how long they may take; with 0 nobody is asked.
+        """
+        until = time.monotonic() + grace_ms / 1000
+        if grace_ms:
+            _signal(self.processes(name), signal.SIGTERM)
+        while time.monotonic() < until and self.processes(name):
+            time.sleep(_LOOK_SECONDS)
+
     def names(self) -> tuple[str, ...]:
         """Return the names of the groups below the slice, sorted."""
         slice_folder = self._slices["cpu"]
@@ -104,7 +124,7 @@ class GroupTree(ABC):
         """Make a group with the kernel's own values, and the slice above it; what is there stays. Raises OSError."""
         self._prepare_slice()
         for folder in self._folders:
-            (folder / name).mkdir(exist_ok=True)
+            _make_folder(folder / name)
         self._prepare_group(name)
 
     def remove(self, name: str) -> None:
@@ -116,9 +136,7 @@ class GroupTree(ABC):
         """
         until = time.monotonic() + _WAIT_SECONDS
         while running := self.processes(name):
-            for process in running:
-                with suppress(ProcessLookupError):
-                    os.kill(process, signal.SIGKILL)
+            _signal(running, signal.SIGKILL)
             _wait(until, f"{name}: {len(running)} processes do not end")
         for folder in reversed(self._folders):
             for group in _inner_first(folder / name):
@@ -153,8 +171,7 @@ class GroupTreeV1(GroupTree):
 
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
-        shares = min(max(2, round(values.shares_percent * 10)), _MOST_SHARES_V1)
-        _write(self._file("cpu", name, "cpu.shares"), str(shares))
+        _write(self._file("cpu", name, "cpu.shares"), str(_shares(values)))
         quota = self._file("cpu", name, "cpu.cfs_quota_us")
         if values.quota_percent is None:
             _write(quota, "-1")
@@ -176,9 +193,19 @@ class GroupTreeV1(GroupTree):
         return GroupValues(
             shares_percent=int(_read(self._file("cpu", name, "cpu.shares"))) / 10,
             quota_percent=None if quota < 0 else quota * 100 / period,
-            period_us=period,
+            period_us=LONGEST_PERIOD_US if quota < 0 else period,
             processors=None if processors == _read(self._slices["cpuset"] / "cpuset.cpus") else _numbers(processors),
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
+        )
+
+    def shown(self, values: GroupValues) -> GroupValues:
+        """See `GroupTree.shown`."""
+        return replace(
+            values,
+            shares_percent=_shares(values) / 10,
+            quota_percent=_rounded_quota(values),
+            period_us=LONGEST_PERIOD_US if values.quota_percent is None else values.period_us,
+            memory=_whole_pages(values.memory),
         )
 
     def cpu_ms(self, name: str) -> float:
@@ -191,7 +218,7 @@ class GroupTreeV1(GroupTree):
 
     def _prepare_slice(self) -> None:
         for folder in self._folders:
-            folder.mkdir(exist_ok=True)
+            _make_folder(folder)
         _fill_cpuset(self._slices["cpuset"])
         _write(self._slices["cpu"] / "cpu.shares", str(_MOST_SHARES_V1))
 
@@ -209,8 +236,9 @@ class GroupTreeV2(GroupTree):
 
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
-        weight = min(max(1, round(values.shares_percent)), _MOST_WEIGHT_V2)
-        _write(self._file("cpu", name, "cpu.weight"), str(weight))
+        if values.memory is not None and (used := self._unreclaimable(name)) > values.memory:
+            raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
+        _write(self._file("cpu", name, "cpu.weight"), str(_weight(values)))
         percent, period = values.quota_percent, values.period_us
         quota = "max" if percent is None else str(round(percent * period / 100))
         _write(self._file("cpu", name, "cpu.max"), f"{quota} {period}")
@@ -225,10 +253,23 @@ class GroupTreeV2(GroupTree):
         return GroupValues(
             shares_percent=float(_read(self._file("cpu", name, "cpu.weight"))),
             quota_percent=None if quota == "max" else int(quota) * 100 / int(period),
-            period_us=int(period),
+            period_us=LONGEST_PERIOD_US if quota == "max" else int(period),
             processors=_numbers(processors) or None,
             memory=None if memory == "max" else int(memory),
         )
+
+    def shown(self, values: GroupValues) -> GroupValues:
+        """See `GroupTree.shown`."""
+        return replace(
+            values,
+            shares_percent=float(_weight(values)),
+            quota_percent=_rounded_quota(values),
+            period_us=LONGEST_PERIOD_US if values.quota_percent is None else values.period_us,
+            memory=_whole_pages(values.memory),
+        )
+
+    def _unreclaimable(self, name: str) -> int:
+        return _entry(self._file("memory", name, "memory.stat"), "anon")
 
     def cpu_ms(self, name: str) -> float:
         """See `GroupTree.cpu_ms`."""
@@ -241,7 +282,7 @@ class GroupTreeV2(GroupTree):
     def _prepare_slice(self) -> None:
         folder = self._slices["cpu"]
         for parent in (folder.parent, folder):
-            parent.mkdir(exist_ok=True)
+            _make_folder(parent)
             _write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in _CONTROLLERS_V2))
         _write(folder / "cpu.weight", str(_MOST_WEIGHT_V2))
 
@@ -297,6 +338,30 @@ def _controllers(root: Path) -> frozenset[str]:
         return frozenset()
 
 
+def _signal(processes: tuple[int, ...], number: signal.Signals) -> None:
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
+
+
+def _shares(values: GroupValues) -> int:
+    return min(max(2, round(values.shares_percent * 10)), _MOST_SHARES_V1)
+
+
+def _weight(values: GroupValues) -> int:
+    return min(max(1, round(values.shares_percent)), _MOST_WEIGHT_V2)
+
+
+def _whole_pages(memory: int | None) -> int | None:
+    return None if memory is None else memory - memory % _PAGE
+
+
+def _rounded_quota(values: GroupValues) -> float | None:
+    if values.quota_percent is None:
+        return None
+    return round(values.quota_percent * values.period_us / 100) * 100 / values.period_us
+
+
 def _fill_cpuset(group: Path) -> None:
     """Give a group of version 1 its parent's processors and memory nodes, without which no process may join."""
     for file in ("cpuset.cpus", "cpuset.mems"):
@@ -311,6 +376,10 @@ def _inner_first(group: Path) -> Iterator[Path]:
             if entry.is_dir():
                 yield from _inner_first(entry)
         yield group
+
+
+def _make_folder(folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
 
 
 def _remove_folder(group: Path, until: float) -> None:

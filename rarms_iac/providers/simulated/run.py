@@ -1,28 +1,19 @@
 """The simulated host: a file that behaves like a Hyper-V host, with journal and lock beside it."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.host import Fault, FaultEffect, Host
-from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
 from rarms_iac.model.operations import CreatePartition, MachineOperation, Operation, RemoveDisk, TaskOperation
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
-from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused
+from rarms_iac.providers.interface import HostFailed, HostRefused
+from rarms_iac.providers.journaled import JournaledHost, fetch
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
-from rarms_iac.providers.simulated.files import (
-    append_record,
-    fetch,
-    read_journal,
-    read_serials,
-    read_unfinished,
-    start_journal,
-)
 from rarms_iac.providers.simulated.operations import (
     address_of,
     change_machine,
@@ -45,17 +36,14 @@ from rarms_iac.providers.simulated.parse import (
     write_content,
 )
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
-from rarms_iac.storage.append import Damaged
-from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.disk import make_room
-from rarms_iac.storage.lock import Locked, hold
 from rarms_iac.storage.replace import remove_leftovers
 from rarms_iac.storage.replace import replace as replace_file
 
 PARTITION_AGAIN = "look at the host again: rarms plan"
 
 
-class SimulatedHostProvider:
+class SimulatedHostProvider(JournaledHost):
     """A `StepwiseHost` that needs nothing installed.
 
     `path` is the host's file, `.rarms/hosts/<name>.json` beside the manifest; the journal lies beside it as
@@ -63,35 +51,19 @@ class SimulatedHostProvider:
     """
 
     def __init__(self, host: Host, path: Path, sleep: Callable[[float], None] = time.sleep) -> None:
+        super().__init__(host.name, path.with_name(f"{path.stem}.journal.jsonl"), path.with_name(f"{path.stem}.lock"))
         self._host = host
         self._path = path
-        self._journal_path = path.with_name(f"{path.stem}.journal.jsonl")
-        self._lock_path = path.with_name(f"{path.stem}.lock")
         self._sleep = sleep
         self._last_content: tuple[bytes, Content] | None = None  # by its bytes: read again, they cost nothing
         self._last_state: tuple[Content, State] | None = None  # by its content
 
-    @property
-    def name(self) -> str:
-        """The host's name in the manifest."""
-        return self._host.name
-
     def observe(self) -> State:
         """See the interface."""
-        with self._report_damage(self._journal_path):
-            serials = read_serials(self._journal_path)
-        return to_state(self.load(), self._host, serials)
+        return to_state(self.load(), self._host, self._serials())
 
-    @contextmanager
-    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """See the interface; also removes what killed writers left behind."""
-        with ExitStack() as held:
-            with self._report_failure(self._lock_path):
-                make_room(self._lock_path)
-                held.enter_context(hold(self._lock_path, owner, timeout_ms))
-                for path in (self._path, self._journal_path):
-                    remove_leftovers(path)
-            yield
+    def _recover(self) -> None:
+        remove_leftovers(self._path)
 
     def read(self, address: Address, scope: Scope) -> Readings:
         """See the interface."""
@@ -122,27 +94,6 @@ class SimulatedHostProvider:
             self._sleep(float(fault[1].delay) / 1000)
             return
         raise HostFailed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
-
-    def journal(self) -> Journal | None:
-        """See the interface."""
-        with self._report_damage(self._journal_path):
-            return read_journal(self._journal_path)
-
-    def unfinished(self) -> Journal | None:
-        """See the interface."""
-        with self._report_damage(self._journal_path):
-            return read_unfinished(self._journal_path)
-
-    def start_run(self, started: RunStarted) -> None:
-        """See the interface."""
-        with self._report_failure(self._journal_path):
-            make_room(self._journal_path)
-            start_journal(self._journal_path, started)
-
-    def record(self, record: JournalRecord) -> None:
-        """See the interface."""
-        with self._report_failure(self._journal_path):
-            append_record(self._journal_path, record)
 
     def load(self) -> Content:
         """Read what is on the host; an empty machine where there is no file.
@@ -245,31 +196,6 @@ class SimulatedHostProvider:
 
     def _refused(self, refusal: Refusal) -> HostRefused:
         return HostRefused(self.name, refusal.message, refusal.advice)
-
-    @contextmanager
-    def _report_damage(self, path: Path) -> Iterator[None]:
-        advice = f"restore {path} from a copy, or move it away to go on without it"
-        try:
-            yield
-        except Damaged as problem:
-            raise HostDamaged(
-                self.name, f"{path.name} is damaged in line {problem.line}: {problem.message}", advice
-            ) from None
-        except NotDecodable as problem:
-            raise HostDamaged(self.name, f"{path.name} is damaged: {problem}", advice) from None
-        except OSError as problem:
-            raise HostDamaged(self.name, f"{path.name} cannot be read: {problem.strerror or problem}", advice) from None
-
-    @contextmanager
-    def _report_failure(self, path: Path) -> Iterator[None]:
-        try:
-            yield
-        except Locked as locked:
-            raise HostLocked(self.name, locked.owner) from None
-        except OSError as problem:
-            raise HostFailed(
-                self.name, f"{path} cannot be written: {problem.strerror or problem}", "make room, or mend its rights"
-            ) from None
 
 
 def _with_strike(content: Content, fault: str) -> Content:

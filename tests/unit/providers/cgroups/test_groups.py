@@ -56,7 +56,7 @@ def test_the_kernel_holds_what_was_written(tree: GroupTree, values: GroupValues)
 
     tree.write("vision", values)
 
-    assert tree.read("vision") == values
+    assert tree.read("vision") == values == tree.shown(values)
 
 
 def test_values_of_a_larger_quota_give_way_to_those_of_a_smaller(tree: GroupTree) -> None:
@@ -65,7 +65,26 @@ def test_values_of_a_larger_quota_give_way_to_those_of_a_smaller(tree: GroupTree
 
     tree.write("vision", GroupValues(shares_percent=20))
 
-    assert tree.read("vision") == GroupValues(shares_percent=20, period_us=tree.read("vision").period_us)
+    assert tree.read("vision") == GroupValues(shares_percent=20)
+
+
+def test_what_the_kernel_rounds_is_known_beforehand(tree: GroupTree) -> None:
+    tree.make("vision")
+    values = GroupValues(shares_percent=0, quota_percent=33, period_us=7_777, memory=64 * MIB + 1)
+
+    tree.write("vision", values)
+
+    assert tree.read("vision") == tree.shown(values) != values
+
+
+def test_who_is_asked_to_end_may_do_so_in_the_grace(tree: GroupTree) -> None:
+    tree.make("vision")
+    process = _sleeper_in(tree, "vision")
+
+    tree.ask_to_end("vision", grace_ms=10_000)
+
+    assert process.wait(10) == -15
+    assert tree.processes("vision") == ()
 
 
 def test_a_group_is_named_while_it_is_there_and_the_slice_goes_with_the_last(tree: GroupTree) -> None:
@@ -108,7 +127,15 @@ def _plain_v2(root: Path, controllers: str = "cpuset cpu io memory pids") -> Pat
     (root / "cgroup.controllers").write_text(f"{controllers}\n")
     for folder in (root, root / "rarms", root / "rarms" / "vision"):
         folder.mkdir(exist_ok=True)
-        for file in ("cgroup.subtree_control", "cpu.weight", "cpu.max", "cpuset.cpus", "memory.max", "cgroup.procs"):
+        for file in (
+            "cgroup.subtree_control",
+            "cpu.weight",
+            "cpu.max",
+            "cpuset.cpus",
+            "memory.max",
+            "memory.stat",
+            "cgroup.procs",
+        ):
             (folder / file).touch()
     return root
 
@@ -141,6 +168,17 @@ def test_version_2_reads_the_kernel_s_words_for_no_limit(tmp_path: Path) -> None
     assert tree.version == "v2"
     assert tree.read("vision") == GroupValues(shares_percent=100)
     assert (tree.cpu_ms("vision"), tree.throttled_ms("vision")) == (2.5, 1.5)
+
+
+def test_version_2_takes_no_memory_from_under_its_processes(tmp_path: Path) -> None:
+    tree = find_tree("rarms", "v2", _plain_v2(tmp_path))
+    assert isinstance(tree, GroupTree)
+    (tmp_path / "rarms" / "vision" / "memory.stat").write_text(f"anon {65 * MIB}\nfile 4096\n")
+
+    with pytest.raises(OSError, match="its processes use 68157440 bytes"):
+        tree.write("vision", GroupValues(shares_percent=70, memory=64 * MIB))
+
+    assert (tmp_path / "rarms" / "vision" / "cpu.weight").read_text() == ""
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:

@@ -1,0 +1,298 @@
+"""Definitions of partitions, and what the kernel's values say of them. Pure.
+
+A definition is one file of JSON, a setting a line, replaced as a whole. A partition runs where its definition tells
+the machine's latest start (`boot`) and its control group is there; before and after that it is only a definition.
+"""
+
+import json
+import math
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    RenamePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    WriteMark,
+)
+from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.state import (
+    Checkpoints,
+    Partition,
+    PartitionSettings,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+)
+from rarms_iac.providers.cgroups.groups import LONGEST_PERIOD_US, GroupValues
+from rarms_iac.providers.cgroups.machine import NAMESPACE
+from rarms_iac.providers.marks import MarkReading, erase_mark, mark_for, read_marks, write_mark
+from rarms_iac.storage.codec import decode, encode
+from rarms_iac.storage.digest import parse_json
+
+Format = Literal["rarms-partition/1"]
+LONGEST_NAME = 100
+GENERATION = 2
+"""Control groups have no generations; every Linux partition is of the usual one, so that none differs."""
+
+SettingOperation = SetProcessors | SetCpu | SetMemory | SetActions | RenamePartition | WriteMark | EraseMark
+"""Operations that change a definition."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupDefinition:
+    """A partition as it is to be whenever it runs."""
+
+    id: str
+    settings: PartitionSettings  # `running` is always false: `boot` and the kernel tell
+    notes: str = ""
+    group: str = ""  # of its control group below the slice; empty: it has none
+    boot: str = ""  # the machine's start since which the group is whole; empty: it is being made or removed
+    changing: bool = False  # the group is getting values that are not written here yet
+    format: Format = "rarms-partition/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunningGroup:
+    """A control group in the kernel: its values, and what those of its definition would be shown as."""
+
+    actual: GroupValues
+    wanted: GroupValues | None = None  # None: no definition knows it
+
+
+def write_definition(definition: GroupDefinition) -> bytes:
+    """The file of a definition."""
+    return (json.dumps(encode(definition), indent=1, sort_keys=True) + "\n").encode("ascii")
+
+
+def read_definition(data: bytes) -> GroupDefinition:
+    """The definition in a file.
+
+    Raises:
+        NotDecodable: it is not as it was written.
+    """
+    return decode(GroupDefinition, parse_json(data.decode("utf-8", "replace")))
+
+
+def new_definition(operation: CreatePartition, name: str, host: str, taken: Iterable[str]) -> GroupDefinition:
+    """A new partition, off, without reserve, under this name; its id is one that is not taken on the host."""
+    settings = PartitionSettings(
+        name=name,
+        generation=GENERATION,
+        processors=1,
+        reserve=0,
+        limit=100,
+        weight=100,
+        memory=operation.memory,
+        dynamic_memory=False,
+        start_action=StartAction.NOTHING,
+        stop_action=StopAction.SHUT_DOWN,
+        checkpoints=Checkpoints.DISABLED,
+        running=False,
+    )
+    known = frozenset(taken)
+    return GroupDefinition(
+        id=next(number for number in _ids(f"{host}/{name}") if number not in known), settings=settings
+    )
+
+
+def foreign_definition(group: str, host: str, boot: str, settings: PartitionSettings) -> GroupDefinition:
+    """What a group that no definition knows would be as a partition; its id is always the same."""
+    number = str(uuid.uuid5(NAMESPACE, f"{host}/group/{group}"))
+    return GroupDefinition(id=number, settings=settings, group=group, boot=boot)
+
+
+def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
+    """The definition after an operation on it."""
+    settings, machine = definition.settings, definition.id
+    match operation:
+        case SetProcessors(processors=processors):
+            settings = replace(settings, processors=processors)
+        case SetCpu(reserve=reserve, limit=limit, weight=weight, quota_period_us=period):
+            settings = replace(settings, reserve=reserve, limit=limit, weight=weight, quota_period_us=period)
+        case SetMemory(memory=memory, dynamic=dynamic):
+            settings = replace(settings, memory=memory, dynamic_memory=dynamic)
+        case SetActions(start=start):
+            settings = replace(settings, start_action=start or settings.start_action)
+        case RenamePartition(name=name):
+            settings = replace(settings, name=name)
+        case WriteMark(application=application, name=name, set=digest, stopped_by=stopped_by):
+            mark = mark_for(machine, application, name, digest, stopped_by)
+            return replace(definition, notes=write_mark(definition.notes, mark))
+        case EraseMark():
+            return replace(definition, notes=erase_mark(definition.notes))
+    return replace(definition, settings=settings)
+
+
+def out_of_range(settings: PartitionSettings) -> str:
+    """Describe what of the settings no control group can have; empty where all is possible."""
+    if not 0 < len(settings.name) <= LONGEST_NAME or "/" in settings.name or settings.name in {".", ".."}:
+        return f"a machine's name has 1 to {LONGEST_NAME} characters and no slash"
+    if settings.processors < 1:
+        return f"a partition has at least 1 processor, not {settings.processors}"
+    if not 0 <= settings.reserve <= 100 or not 0 <= settings.limit <= 100:
+        return f"reserve and limit are 0 to 100 %, not {settings.reserve} % and {settings.limit} %"
+    if settings.reserve > settings.limit:
+        return f"the reserve of {settings.reserve} % is above the limit of {settings.limit} %"
+    if settings.limit < 1:
+        return "with a limit of 0 % nothing in it would ever run"
+    if not 1 <= settings.weight <= 10_000:
+        return f"a weight is 1 to 10000, not {settings.weight}"
+    if settings.memory < 0:
+        return f"memory is no less than nothing, not {settings.memory} B"
+    return "a control group has no dynamic memory" if settings.dynamic_memory else ""
+
+
+def lack_of_memory(wanted: PartitionSettings, machine: str, state: State) -> str:
+    """Describe the memory that a partition of this id would have to have beside the others; empty: there is enough."""
+    taken = sum(other.settings.memory for other in _others_running(machine, state))
+    if taken + wanted.memory <= state.facts.memory:
+        return ""
+    free = show_bytes(max(0, state.facts.memory - taken))
+    return f"{wanted.name} needs {show_bytes(wanted.memory)}, and of {show_bytes(state.facts.memory)} {free} are free"
+
+
+def lack_of_reserve(wanted: PartitionSettings, machine: str, state: State) -> str:
+    """Describe why the processors cannot keep this reserve beside those of the partitions that run."""
+    available = state.facts.logical_processors
+    if not wanted.reserve:
+        return ""
+    if wanted.processors > available:
+        return (
+            f"{wanted.name} has {wanted.processors} virtual processors with a reserve, "
+            f"and there are {available} logical ones"
+        )
+    taken = sum(other.settings.reserve * other.settings.processors for other in _others_running(machine, state))
+    if taken + wanted.reserve * wanted.processors <= 100 * available:
+        return ""
+    return (
+        f"the reserve of {wanted.name}, {wanted.reserve} % of each of {wanted.processors} processors, "
+        f"does not fit {available} logical processors beside what runs"
+    )
+
+
+def _others_running(machine: str, state: State) -> list[Partition]:
+    return [other for other in state.partitions if other.id != machine and other.settings.running]
+
+
+def values_of(settings: PartitionSettings, processors: int) -> GroupValues:
+    """The values of a partition's control group.
+
+    Args:
+        settings: as defined.
+        processors: logical processors of the machine.
+    """
+    is_limited = settings.limit < 100 or settings.processors < processors
+    return GroupValues(
+        shares_percent=settings.reserve * settings.processors,
+        quota_percent=settings.limit * settings.processors if is_limited else None,
+        period_us=settings.quota_period_us or LONGEST_PERIOD_US,
+        memory=settings.memory or None,
+    )
+
+
+def to_partitions(
+    definitions: Iterable[GroupDefinition], running: Mapping[str, RunningGroup], boot: str, processors: int
+) -> tuple[Partition, ...]:
+    """The partitions by name, then id, with the marks that count.
+
+    Args:
+        definitions: of all partitions, those of unmanaged groups included.
+        running: by name of the group: those that are in the kernel.
+        boot: the machine's latest start.
+        processors: logical processors of the machine.
+    """
+    known = sorted(definitions, key=lambda definition: (definition.settings.name, definition.id))
+    judged = read_marks({definition.id: definition.notes for definition in known})
+    return tuple(_partition(definition, judged[definition.id], running, boot, processors) for definition in known)
+
+
+def is_running(definition: GroupDefinition, groups: Iterable[str], boot: str) -> bool:
+    """Whether the partition's control group is there and whole."""
+    return bool(definition.boot) and definition.boot == boot and definition.group in groups
+
+
+def _partition(
+    definition: GroupDefinition, judged: MarkReading, running: Mapping[str, RunningGroup], boot: str, processors: int
+) -> Partition:
+    settings, runs = definition.settings, is_running(definition, running, boot)
+    if runs:
+        group = running[definition.group]
+        # While values are being written, the partition is as it was; who holds the host brings it back to that.
+        observed = settings if definition.changing else observed_settings(settings, group, processors)
+        settings = replace(observed, running=True)
+    return Partition(
+        settings=settings,
+        id=definition.id,
+        state=RunState.RUNNING if runs else RunState.OFF,
+        mark=judged.mark,
+        other_notes=judged.other_notes,
+        foreign_mark=judged.foreign,
+    )
+
+
+def observed_settings(settings: PartitionSettings, group: RunningGroup, processors: int) -> PartitionSettings:
+    """The settings as the kernel has them: where a value is the defined one, its setting is, too.
+
+    Args:
+        settings: as defined; of an unmanaged group anything.
+        group: its values.
+        processors: logical processors of the machine.
+    """
+    actual, wanted = group.actual, group.wanted
+    if actual == wanted:
+        return settings
+    count = _processors(settings, group, processors)
+    reserve, limit = settings.reserve, settings.limit
+    if wanted is None or count != settings.processors or actual.shares_percent != wanted.shares_percent:
+        reserve = _percent(actual.shares_percent / count, reserve)
+    if wanted is None or count != settings.processors or actual.quota_percent != wanted.quota_percent:
+        limit = 100 if actual.quota_percent is None else _percent(actual.quota_percent / count, limit)
+    return replace(
+        settings,
+        processors=count,
+        reserve=reserve,
+        limit=limit,
+        quota_period_us=_period(settings, group),
+        memory=settings.memory if wanted is not None and actual.memory == wanted.memory else actual.memory or 0,
+    )
+
+
+def _processors(settings: PartitionSettings, group: RunningGroup, processors: int) -> int:
+    """How many of the machine's a group can use at the same time, by its set and its quota."""
+    actual, wanted = group.actual, group.wanted
+    of_set = processors if actual.processors is None else len(actual.processors)
+    is_limited = actual.quota_percent is not None
+    if wanted is not None and is_limited == (wanted.quota_percent is not None):
+        return min(settings.processors, of_set)
+    if wanted is None and actual.quota_percent is not None:
+        return min(of_set, max(1, math.ceil(actual.quota_percent / 100)))
+    return of_set
+
+
+def _period(settings: PartitionSettings, group: RunningGroup) -> int | None:
+    actual, wanted = group.actual, group.wanted
+    if actual.quota_percent is None:
+        return None
+    as_wanted = wanted is not None and wanted.quota_percent is not None and wanted.period_us == actual.period_us
+    return settings.quota_period_us if as_wanted else actual.period_us
+
+
+def _percent(actual: float, defined: int) -> int:
+    """Whole per cent, away from what is defined, so that no change is rounded out of sight."""
+    whole = math.floor(actual) if actual < defined else math.ceil(actual)
+    return min(max(whole, 0), 100)
+
+
+def _ids(seed: str) -> Iterator[str]:
+    number = uuid.uuid5(NAMESPACE, seed)
+    while True:
+        yield str(number)
+        number = uuid.uuid5(number, seed)

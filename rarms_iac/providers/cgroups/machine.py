@@ -1,0 +1,72 @@
+"""The machine below a Linux host's partitions: what rarms has to know of it, read from its own files."""
+
+import os
+import platform
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+
+from rarms_iac.model.host import Host, ProviderKind, SchedulerType
+from rarms_iac.model.state import HostFacts, Rights
+from rarms_iac.storage.reading import read_file
+
+NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
+"""Ids of partitions, and of machines that have none of their own, are made in it."""
+
+_MACHINE_ID = Path("/etc/machine-id")
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+_SMT = Path("/sys/devices/system/cpu/smt/active")
+_LIMIT = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinuxMachine:
+    """A machine and its latest start."""
+
+    id: str
+    computer_name: str
+    logical_processors: int
+    memory: int  # bytes
+    smt: bool
+    boot: str  # id of its latest start
+
+
+def this_machine() -> LinuxMachine:
+    """The machine that this process runs on.
+
+    Raises:
+        OSError: this Linux has no `/proc`.
+    """
+    name = platform.node()
+    return LinuxMachine(
+        id=_text(_MACHINE_ID) or uuid.uuid5(NAMESPACE, name).hex,
+        computer_name=name,
+        logical_processors=os.cpu_count() or 1,
+        memory=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        smt=_text(_SMT) == "1",
+        boot=read_file(_BOOT_ID, _LIMIT).decode("ascii").strip(),
+    )
+
+
+def facts_of(host: Host, machine: LinuxMachine) -> HostFacts:
+    """The facts of the host that decisions rest on."""
+    return HostFacts(
+        name=host.name,
+        id=machine.id,
+        provider=ProviderKind.LINUX,
+        computer_name=machine.computer_name,
+        os_build=0,
+        client=False,
+        scheduler=SchedulerType.NONE,
+        smt=machine.smt,
+        logical_processors=machine.logical_processors,
+        memory=machine.memory,
+        rights=Rights.PROVEN,  # without them nothing is observed (`run.py`)
+    )
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_file(path, _LIMIT).decode("ascii").strip()
+    except OSError:
+        return ""

@@ -1,0 +1,326 @@
+"""The Linux host: control groups in the kernel, definitions, lock and journal in a folder that only root reads."""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+
+from rarms_iac.diff.readings import readings, resolve
+from rarms_iac.model.changes import Address
+from rarms_iac.model.host import Host, LinuxHost
+from rarms_iac.model.operations import (
+    CreatePartition,
+    Operation,
+    RemoveDisk,
+    RemovePartition,
+    SetMemory,
+    SetSecureBoot,
+    StartPartition,
+    StopPartition,
+    TaskOperation,
+)
+from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.state import State
+from rarms_iac.providers.cgroups.content import (
+    GroupDefinition,
+    RunningGroup,
+    SettingOperation,
+    changed,
+    foreign_definition,
+    is_running,
+    lack_of_memory,
+    lack_of_reserve,
+    new_definition,
+    observed_settings,
+    out_of_range,
+    read_definition,
+    to_partitions,
+    values_of,
+    write_definition,
+)
+from rarms_iac.providers.cgroups.groups import GroupTree, MissingFeatures, find_tree
+from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
+from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused
+from rarms_iac.providers.journaled import JournaledHost
+from rarms_iac.storage import disk
+from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.reading import read_file
+from rarms_iac.storage.replace import remove_leftovers
+from rarms_iac.storage.replace import replace as replace_file
+
+GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
+"""Operations on a partition that exists."""
+
+STATE_FOLDER = Path("/var/lib/rarms")
+PLAN_AGAIN = "look at the host again: rarms plan"
+_DEFINITION_LIMIT = 2**20
+
+
+class LinuxHostProvider(JournaledHost):
+    """A `StepwiseHost` whose partitions are control groups of this machine.
+
+    What it keeps lies in `<state folder>/<slice>/`: `<id>.json` a partition, `journal.jsonl` and `lock`.
+    """
+
+    def __init__(
+        self,
+        host: Host,
+        state_folder: Path = STATE_FOLDER,
+        tree: GroupTree | None = None,
+        machine: LinuxMachine | None = None,
+    ) -> None:
+        """Prepare; nothing is read before the first call.
+
+        Args:
+            host: as the manifest describes it.
+            state_folder: what all slices of this machine keep lies below it.
+            tree: the control groups; None: the kernel's, below the slice of the manifest.
+            machine: None: this one.
+        """
+        settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
+        self._settings = settings
+        self._folder = state_folder / settings.slice
+        super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock")
+        self._host = host
+        self._known_tree = tree
+        self._known_machine = machine
+
+    @property
+    def tree(self) -> GroupTree:
+        """The control groups below the host's slice.
+
+        Raises:
+            HostRefused: this machine, or this user, lacks something that they need; the message names all of it.
+        """
+        if self._known_tree is None:
+            found = find_tree(self._settings.slice, self._settings.control_groups)
+            if isinstance(found, MissingFeatures):
+                raise HostRefused(
+                    self.name,
+                    f"control groups need what is missing here: {'; '.join(found.names)}",
+                    "run as root on the machine itself, with the controllers mounted (docs/linux.md)",
+                )
+            self._known_tree = found
+        return self._known_tree
+
+    @property
+    def machine(self) -> LinuxMachine:
+        """The machine below."""
+        if self._known_machine is None:
+            self._known_machine = this_machine()
+        return self._known_machine
+
+    def observe(self) -> State:
+        """See the interface."""
+        return self._look()[0]
+
+    def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
+        """The state, and by id what each partition is made of."""
+        tree, machine = self.tree, self.machine
+        definitions = self._definitions()
+        running = self._running(tree, definitions)
+        known = [*definitions, *self._foreign(running, definitions)]
+        state = State(
+            facts=facts_of(self._host, machine),
+            partitions=to_partitions(known, running, machine.boot, machine.logical_processors),
+            serials=self._serials(),
+        )
+        return state, {definition.id: definition for definition in known}
+
+    def read(self, address: Address, scope: Scope) -> Readings:
+        """See the interface."""
+        return readings(self.observe(), address, scope)
+
+    def execute(self, operation: Operation, scope: Scope) -> None:
+        """See the interface. The definition is replaced last, so that a kill before leaves the partition as it was."""
+        state, known = self._look()
+        match operation:
+            case CreatePartition():
+                self._create(operation, state, scope)
+            case RemoveDisk() | SetSecureBoot():
+                raise self._refused(f"a control group has no such thing ({operation})")
+            case _ if isinstance(operation, TaskOperation):
+                raise self._refused(f"the multimedia class scheduler is of Windows ({operation})")
+            case _:
+                definition = known[self._only(operation, state, scope)]
+                self._change(definition, operation, state)
+
+    def _create(self, operation: CreatePartition, state: State, scope: Scope) -> None:
+        if resolve(state.partitions, operation.partition, scope):
+            raise self._refused(f"there is a partition {operation.partition} already")
+        taken = [partition.id for partition in state.partitions]
+        definition = new_definition(operation, scope.pending(operation.partition), state.facts.id, taken)
+        if problem := out_of_range(definition.settings):
+            raise self._refused(f"{operation.partition} cannot be made: {problem}")
+        self._save(definition)
+
+    def _change(self, definition: GroupDefinition, operation: GroupOperation, state: State) -> None:
+        match operation:
+            case StartPartition():
+                self._start(definition, state)
+            case StopPartition(grace_ms=grace):
+                self._stop(definition, grace)
+            case RemovePartition():
+                if self._runs(definition):
+                    raise self._refused(
+                        f"{definition.settings.name} is running, and only a machine that is off can be removed"
+                    )
+                with self._report_failure(self._folder):
+                    disk.current().remove(self._file(definition))
+                    disk.current().flush_folder(self._folder)
+            case _:
+                after = changed(definition, operation)
+                problem = out_of_range(after.settings)
+                if isinstance(operation, SetMemory) and self._runs(definition):
+                    problem = problem or lack_of_memory(after.settings, definition.id, state)
+                if problem:
+                    raise self._refused(f"{definition.settings.name}: {problem}")
+                self._redefine(definition, after)
+
+    def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
+        """Give a partition other settings: the kernel first where its group is there, then the definition."""
+        same = values_of(before.settings, self._processors) == values_of(after.settings, self._processors)
+        if same or not self._runs(before):
+            self._save(after)
+            return
+        self._save(replace(before, changing=True))
+        try:
+            self.tree.write(before.group, values_of(after.settings, self._processors))
+        except OSError as problem:
+            self._restore(replace(before, changing=True))
+            raise self._refused(f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}") from None
+        self._save(after)
+
+    def _start(self, definition: GroupDefinition, state: State) -> None:
+        if self._runs(definition):
+            return
+        settings = definition.settings
+        for lack in (lack_of_memory, lack_of_reserve):
+            if problem := lack(settings, definition.id, state):
+                raise self._refused(problem)
+        group = self._free_name(definition)
+        begun = replace(definition, group=group, boot="")
+        self._save(begun)
+        with self._kernel_errors(settings.name):
+            self.tree.make(group)
+            self.tree.write(group, values_of(settings, self._processors))
+        self._save(replace(begun, boot=self.machine.boot))
+
+    def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
+        if not self._runs(definition):
+            return
+        with self._kernel_errors(definition.settings.name):
+            self.tree.ask_to_end(definition.group, grace_ms)
+            self._save(replace(definition, boot=""))
+            self.tree.remove(definition.group)
+        self._save(replace(definition, group="", boot=""))
+
+    def _recover(self) -> None:
+        """Take back what a killed run left half done: the definitions tell what was whole."""
+        if self._folder.stat().st_mode & 0o077:
+            self._folder.chmod(0o700)
+        for definition in self._definitions():
+            remove_leftovers(self._file(definition))
+            if definition.group and not definition.boot:
+                self.tree.remove(definition.group)
+                self._save(replace(definition, group=""))
+            elif definition.changing:
+                self._restore(definition)
+
+    def _restore(self, definition: GroupDefinition) -> None:
+        if self._runs(definition):
+            with suppress(OSError):  # what it had once it can have again, unless its processes took more meanwhile
+                self.tree.write(definition.group, values_of(definition.settings, self._processors))
+        self._save(replace(definition, changing=False))
+
+    def _free_name(self, definition: GroupDefinition) -> str:
+        name = definition.settings.name
+        return name if name not in self.tree.names() else f"{name}.{definition.id[:8]}"
+
+    def _runs(self, definition: GroupDefinition) -> bool:
+        return is_running(definition, self.tree.names(), self.machine.boot)
+
+    @property
+    def _processors(self) -> int:
+        return self.machine.logical_processors
+
+    def _running(self, tree: GroupTree, definitions: list[GroupDefinition]) -> dict[str, RunningGroup]:
+        """The groups in the kernel, with what those of partitions would be as defined."""
+        wanted = {
+            definition.group: tree.shown(values_of(definition.settings, self._processors)) for definition in definitions
+        }
+        found: dict[str, RunningGroup] = {}
+        for name in tree.names():
+            with suppress(FileNotFoundError):  # it went just now
+                found[name] = RunningGroup(actual=tree.read(name), wanted=wanted.get(name))
+        return found
+
+    def _foreign(
+        self, running: dict[str, RunningGroup], definitions: list[GroupDefinition]
+    ) -> Iterator[GroupDefinition]:
+        """The groups below the slice that somebody else made, as partitions that nobody manages."""
+        boot, host = self.machine.boot, self.machine.id
+        known = {definition.group for definition in definitions if definition.boot in {"", boot}}
+        for name, group in running.items():
+            if name not in known:
+                pattern = new_definition(CreatePartition(partition=name, generation=2, memory=0), name, host, ())
+                settings = observed_settings(pattern.settings, replace(group, wanted=None), self._processors)
+                yield foreign_definition(name, host, boot, settings)
+
+    def _only(self, operation: GroupOperation, state: State, scope: Scope) -> str:
+        """The id of the one partition that the operation's name stands for."""
+        found = resolve(state.partitions, operation.partition, scope, operation.machine)
+        if len(found) != 1:
+            count = f"{len(found)} machines stand" if found else "no machine stands"
+            raise self._refused(f"{count} for the partition {operation.partition}")
+        return found[0].id
+
+    def _definitions(self) -> list[GroupDefinition]:
+        """All definitions, by their ids.
+
+        Raises:
+            HostDamaged: one cannot be read, or others than this user may write them.
+        """
+        if not self._folder.is_dir():
+            return []
+        self._refuse_strangers()
+        return [self._load(path) for path in sorted(self._folder.glob("*.json"))]
+
+    def _refuse_strangers(self) -> None:
+        """What somebody else planted must not be finished with the rights of root."""
+        status = self._folder.stat()
+        if status.st_uid not in {0, os.geteuid()} or status.st_mode & 0o022:
+            raise HostDamaged(
+                self.name,
+                f"others than root may write to {self._folder}: what lies there is not believed",
+                f"look at what lies there, then `chown root` and `chmod 700 {self._folder}`",
+            )
+
+    def _load(self, path: Path) -> GroupDefinition:
+        with self._report_damage(path):
+            definition = read_definition(read_file(path, _DEFINITION_LIMIT))
+            if f"{definition.id}.json" != path.name:
+                raise NotDecodable("id", "the file has another name")
+            return definition
+
+    def _save(self, definition: GroupDefinition) -> None:
+        path = self._file(definition)
+        with self._report_failure(path):
+            disk.make_room(path)
+            replace_file(path, write_definition(definition))
+
+    def _file(self, definition: GroupDefinition) -> Path:
+        return self._folder / f"{definition.id}.json"
+
+    @contextmanager
+    def _kernel_errors(self, partition: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as problem:
+            raise HostFailed(
+                self.name, f"{partition}: the kernel refuses: {problem.strerror or problem}", PLAN_AGAIN
+            ) from None
+
+    def _refused(self, message: str) -> HostRefused:
+        return HostRefused(self.name, message, PLAN_AGAIN)

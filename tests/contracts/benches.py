@@ -1,0 +1,133 @@
+"""The hosts that every contract is run against: the simulated one, and Linux with the kernel of this machine.
+
+A provider joins by a `Bench` in `BENCHES`. Control groups are made below a slice that only the test has, and removed
+after it; where they cannot be made, those tests are skipped.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.host import Host, LinuxHost, ProviderKind
+from rarms_iac.providers.cgroups import groups
+from rarms_iac.providers.cgroups.groups import CONTROL_GROUPS, GroupTree, find_tree
+from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.run import LinuxHostProvider
+from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.storage import disk
+from tests.crashing import CrashingDisk
+from tests.effort import LONG
+from tests.files import copy_files
+from tests.needs import reason_to_skip, require
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A kind of host: each call opens the same host anew, as a new process would."""
+
+    open: Callable[[Host, Path], StepwiseHost]
+    needs: tuple[str, ...] = ()
+    stride: int = 1  # each of so many effects is tried as the place of a crash
+    is_windows: bool = False  # it has registries, disks, secure boot, and a description of the machine
+
+
+def slice_of(folder: Path) -> str:
+    """The slice below which the host of this folder makes its control groups."""
+    return f"rarms-test-{os.getpid()}-{hashlib.sha256(str(folder).encode()).hexdigest()[:8]}"
+
+
+def groups_of(folder: Path) -> GroupTree:
+    """The control groups of the host of this folder."""
+    tree = find_tree(slice_of(folder))
+    assert isinstance(tree, GroupTree), tree
+    return tree
+
+
+def open_simulated(host: Host, folder: Path) -> SimulatedHostProvider:
+    return SimulatedHostProvider(host, folder / ".rarms/hosts/onboard.json")
+
+
+def open_linux(host: Host, folder: Path, boot: str = "") -> LinuxHostProvider:
+    """This machine, with the processors and the memory that the manifest tells; `boot`: another start of it."""
+    machine = this_machine()
+    machine = replace(
+        machine, logical_processors=host.logical_processors, memory=int(host.memory), boot=boot or machine.boot
+    )
+    described = replace(host, provider=ProviderKind.LINUX, settings=LinuxHost())
+    return LinuxHostProvider(described, folder, groups_of(folder), machine)
+
+
+BENCHES = {
+    "linux": Bench(open_linux, needs=("control-groups",), stride=1 if LONG else 7),
+    "simulated": Bench(open_simulated, stride=5 if sys.platform == "win32" and not LONG else 1, is_windows=True),
+}
+WINDOWS = {name: bench for name, bench in BENCHES.items() if bench.is_windows}
+
+
+def copy_host(source: Path, target: Path) -> None:
+    """Copy what a host keeps in a folder, and its control groups where it has any, for the host of another folder."""
+    copy_files(source, target)
+    if not reason_to_skip("control-groups"):
+        originals, copies = groups_of(source), groups_of(target)
+        for name in originals.names():
+            copies.make(name)
+            copies.write(name, originals.read(name))
+
+
+@contextmanager
+def kernel_effects_on_disk() -> Iterator[None]:
+    """Inside, each effect on control groups is also one of the disk in use, so that a crash may come before it."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("_write", "_make_folder", "_remove_folder"):
+            patch.setattr(groups, name, _counted(name, getattr(groups, name)))
+        yield
+
+
+def _counted(name: str, effect: Callable[..., None]) -> Callable[..., None]:
+    def counted(path: Path, *rest: object) -> None:
+        in_use = disk.current()
+        if isinstance(in_use, CrashingDisk):
+            in_use.meet(f"{name} {path}")
+        effect(path, *rest)
+
+    return counted
+
+
+def opened_bench(name: str) -> Iterator[Bench]:
+    """The bench of this name for one test; what it made in the kernel is removed."""
+    require(*BENCHES[name].needs)
+    yield BENCHES[name]
+    for path in CONTROL_GROUPS.rglob(f"rarms-test-{os.getpid()}-*"):
+        _remove_slice(path.name)
+
+
+def forget_groups(folder: Path) -> None:
+    """Remove the control groups of the host of this folder, where it has any."""
+    if not reason_to_skip("control-groups"):
+        _remove_slice(slice_of(folder))
+
+
+def _remove_slice(name: str) -> None:
+    tree = find_tree(name)
+    assert isinstance(tree, GroupTree), tree
+    for group in tree.names():
+        tree.remove(group)
+
+
+@pytest.fixture(params=sorted(BENCHES))
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Each kind of host."""
+    yield from opened_bench(request.param)
+
+
+@pytest.fixture(params=sorted(WINDOWS))
+def windows_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Each kind of host that is a Windows, or behaves like one."""
+    yield from opened_bench(request.param)
