@@ -429,8 +429,8 @@ def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None
     assert 'Did you mean "onboard"?' in answer.err
 
 
-def test_a_provider_that_cannot_be_reached_is_told_honestly(robot: Robot) -> None:
-    robot.edit("provider: simulated", "provider: linux")
+def test_a_host_that_cannot_be_reached_is_told_honestly(robot: Robot) -> None:
+    robot.edit("provider: simulated", "provider: linux\n    connect: { ssh: robot@cell }")
 
     answer = robot.run("plan")
 

@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.cli.running import Ran, rarms
 
-PROVIDER = "provider: simulated  # needs nothing installed; or hyperv (linux is not built yet)"
+PROVIDER = "provider: simulated  # needs nothing installed; or hyperv, or linux"
 ACCEPTED = """\
 policy:
   accept:
