@@ -4,12 +4,11 @@
 step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`
-(the digest, with the word of who stopped it),
-`secure_boot` (a template, or `off`), `quota_period_us` (0: nothing limits it), `snapshots` (how many checkpoints were taken), `disks` (how many it has). For a
-disk: `exists`, `parent`, `used` (a machine has it, or a disk that grows out of it). For a task class: `exists`,
-`values` (their names), `value:<name>` as `<kind>:<data>`, `record` (`<application>` or empty), `set`. The names stand
-in lower case in `values`, as Windows does not tell their case apart. For SystemResponsiveness the same as for a task
-class with that one value.
+(the digest, with the word of who stopped it), `secure_boot` (a template, or `off`), `quota_period_us` (0: it has no
+limit), `snapshots` (how many checkpoints were taken), `disks` (how many it has). For a disk: `exists`, `parent`, `used`
+(a machine has it, or a disk that grows out of it). For a task class: `exists`, `values` (their names), `value:<name>`
+as `<kind>:<data>`, `record` (`<application>` or empty), `set`. The names stand in lower case in `values`, as Windows
+does not tell their case apart. For SystemResponsiveness the same as for a task class with that one value.
 """
 
 from collections.abc import Iterable, Mapping
