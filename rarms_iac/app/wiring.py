@@ -77,12 +77,18 @@ def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None
     Returns:
         The host; None: this version cannot measure on hosts of its provider.
     """
-    if host.provider is not ProviderKind.SIMULATED:
-        return None
-    from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
-    from rarms_iac.providers.simulated.scheduling.simulation import simulate
+    match host.provider:
+        case ProviderKind.SIMULATED:
+            from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
+            from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
-    return SimulatedMeasuringHost(host, Path(folder) / state_path, simulate)
+            return SimulatedMeasuringHost(host, Path(folder) / state_path, simulate)
+        case ProviderKind.LINUX if host.connect is None:
+            from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
+
+            return LinuxMeasuringHost(host, Path(folder).resolve())
+        case _:
+            return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 from rarms_iac.model.measurement import Bench, Sample, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.system import Component, Interference
+from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.interface import StepwiseHost
 
 
@@ -21,6 +22,7 @@ class PartitionWork:
     partition: str  # as its mark calls it (P1, P2, vision); empty: the host's own operating system
     components: tuple[Component, ...] = ()
     load: Interference | None = None
+    classes: tuple[ClassValues, ...] = ()  # of the components' tasks, where they go with the processes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,8 +17,15 @@ from rarms_iac.running.supervisor import OutputLine, ProcessEnded, Supervisor
 
 HERE = Path(__file__).resolve().parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
-BUSY_LOOP = "while True: pass"
-"""A loop that never waits: one of a busy-loop program's (BLP)."""
+BUSY_LOOP = """\
+import os
+if hasattr(os, "sched_setaffinity"):
+    processors = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, [processors[{n} % len(processors)]])
+while True: pass
+"""
+"""A loop that never waits, one of a busy-loop program's (BLP), on a processor of its own as long as there are enough:
+were they moved about, a component would have a processor to itself for half a second, and then again would not."""
 
 STREAMS = "rarms streams"
 """What `stream.html` writes to the browser's console when its video plays."""

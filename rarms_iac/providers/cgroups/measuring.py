@@ -1,0 +1,311 @@
+"""A Linux host as one that is measured on: real components and loads, each started inside its control group."""
+
+import os
+import platform
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+
+from rarms_iac.diff.readings import resolve
+from rarms_iac.model.host import Host, SchedulerType
+from rarms_iac.model.measurement import Bench, Sample, SettingEvidence, run_of
+from rarms_iac.model.mmcss import thread_priority
+from rarms_iac.model.operations import Operation, WriteTaskClass
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.system import Component, Interference
+from rarms_iac.planner.task_classes import ClassValues
+from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
+from rarms_iac.providers.interface import HostFailed, HostRefused
+from rarms_iac.providers.measuring import PartitionWork, Work
+from rarms_iac.running.component import ComponentRun, run_in_parallel
+from rarms_iac.running.loads import InterferingLoad, check_load
+from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, order_of
+
+MEMORY_MS = 100.0
+"""How long the kernel lets what happened decide what happens: its longest quota period. Its load averages, by which a
+group's share is spread over the processors, halve every 32 ms. Seen here: beside two busy loops, two more have their
+share within two points in each window that begins 50 ms or more after their start."""
+
+AHEAD = 1
+"""The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the slice outweighs what is outside."""
+
+ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
+INTERFERENCE = "interference"
+"""What messages call the load."""
+
+_STAT, _PRESSURE, _PROCESSORS = Path("/proc/stat"), Path("/proc/pressure/cpu"), Path("/proc/cpuinfo")
+_STOLEN = 8
+"""The column of `/proc/stat` that counts what the machine below took."""
+
+
+class LinuxMeasuringHost(LinuxHostProvider):
+    """A `MeasuringHost` of real processes on this machine, in real time."""
+
+    def __init__(
+        self, host: Host, base: Path, state_folder: Path = STATE_FOLDER, tree: GroupTree | None = None
+    ) -> None:
+        """Prepare; nothing is read before the first call.
+
+        Args:
+            host: as the manifest describes it.
+            base: the manifest's folder, from which components start.
+            state_folder: as of `LinuxHostProvider`.
+            tree: as of `LinuxHostProvider`.
+        """
+        super().__init__(host, state_folder, tree)
+        self._context = StartContext(base=base)
+
+    def bench(self) -> Bench:
+        """See the interface."""
+        facts = self.observe().facts
+        return Bench(
+            provider=facts.provider,
+            processor=_processor_model(),
+            logical_processors=facts.logical_processors,
+            smt=facts.smt,
+            scheduler=SchedulerType.NONE,
+            guest_image="",
+            os_build=0,
+        )
+
+    @property
+    def scheduler_memory_ms(self) -> float:
+        """See the interface."""
+        return MEMORY_MS
+
+    def obstacle(self, subject: Component | Interference) -> str:
+        """See the interface."""
+        try:
+            if not isinstance(subject, Component):
+                check_load(INTERFERENCE, subject, self._context)
+            elif subject.run is None:
+                return "it has no `run`"
+            else:
+                order_of(subject.name, subject.run, self._context)
+        except CannotStart as problem:
+            return problem.message
+        return ""
+
+    def execute(self, operation: Operation, scope: Scope) -> None:
+        """See the interface. A task class is no thing of this host: its values go with each process."""
+        if not isinstance(operation, WriteTaskClass):
+            super().execute(operation, scope)
+
+    @contextmanager
+    def run(self, work: Work) -> Iterator["RealWork"]:
+        """See the interface."""
+        groups = {
+            part.partition: self._running_group(part.partition, work.application, real_time=bool(part.classes))
+            for part in work.partitions
+            if part.partition
+        }
+        with ExitStack() as ends:
+            with self.reported():
+                ends.enter_context(_ahead(self.name))
+                loads = [
+                    ends.enter_context(InterferingLoad(INTERFERENCE, part.load, self._inside(part, groups)))
+                    for part in work.partitions
+                    if part.load is not None
+                ]
+                runs = [run for part in work.partitions for run in self._component_runs(part, groups)]
+            started = time.perf_counter()
+            read = ends.enter_context(run_in_parallel(runs))
+            yield RealWork(host=self, work=work, groups=groups, runs=runs, loads=loads, read=read, started=started)
+
+    @contextmanager
+    def reported(self) -> Iterator[None]:
+        """Make host errors of what goes wrong with processes."""
+        try:
+            yield
+        except CannotStart as problem:
+            raise HostRefused(self.name, f"{problem}", "try it alone: rarms run") from problem
+        except RunningError as problem:
+            raise HostFailed(self.name, f"{problem}", "measure again: what is recorded is kept") from problem
+
+    def _component_runs(self, part: PartitionWork, groups: Mapping[str, str]) -> Iterator[ComponentRun]:
+        """The components of a partition, which go on until they are ended: how often one may fail, others judge."""
+        for component in part.components:
+            run = replace(run_of(component), until=ENDLESS, failures=10**9)
+            yield ComponentRun(component.name, run, self._inside(part, groups, class_words(component, part.classes)))
+
+    def _inside(self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()) -> StartContext:
+        place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
+        return replace(self._context, inside=replace(place, words=words))
+
+    def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
+        """The control group of a partition that runs, with a budget for task classes where some are to run there."""
+        state, definitions = self._look()
+        found = resolve(state.partitions, partition, Scope(application=application, plan=""))
+        running = [managed for managed in found if managed.settings.running]
+        if len(running) != 1:
+            message = f"no partition {partition} of {application} runs"
+            raise HostRefused(self.name, message, "rarms plan shows what is wanted")
+        group = definitions[running[0].id].group
+        if real_time:
+            self.tree.allow_real_time(group, running[0].settings.reserve)
+        return group
+
+
+def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[str, ...]:
+    """Return the words before a component's own: the real-time priority and the processors of its task class.
+
+    Args:
+        component: its `task` names the class, in any case.
+        classes: as the planner decided them for the partition.
+    """
+    for values in classes:
+        if component.task is not None and values.name.lower() == component.task.lower():
+            priority = thread_priority(values.category, values.priority, values.background_priority)
+            words = ("chrt", "--fifo", str(priority))
+            return ("taskset", f"{values.affinity:x}", *words) if values.affinity else words
+    return ()
+
+
+@dataclass(slots=True, kw_only=True)
+class RealWork:
+    """A `RunningWork` of processes; times are those of `time.perf_counter`."""
+
+    host: LinuxMeasuringHost
+    work: Work
+    groups: Mapping[str, str]  # by partition
+    runs: Sequence[ComponentRun]
+    loads: Sequence[InterferingLoad]
+    read: Iterator[tuple[str, Sample]]
+    started: float
+    _counts_from: float = 0.0
+    _missing: dict[str, int] = field(default_factory=dict)
+    _before: SettingEvidence = field(default_factory=SettingEvidence)  # the host's counters when it began to count
+    _group_alone: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for part in self.work.partitions:
+            if part.partition and len(part.components) == 1 and part.load is None:
+                group = self.groups[part.partition]
+                self._group_alone[part.components[0].name] = group, self.host.tree.cpu_ms(group)
+
+    def samples(self) -> Iterator[tuple[str, Sample]]:
+        """See the interface."""
+        runs = {run.component: run for run in self.runs}
+        times = [float(until.time) for until in self.work.until.values() if isinstance(until, Elapsed)]
+        least = max(self.work.least_ms, *times, 0.0)
+        self.count_from_now()
+        with self.host.reported():
+            for name, sample in self.read:
+                for load in self.loads:
+                    load.check()
+                if name in self._missing:
+                    self._missing[name] -= 1
+                yield name, replace(sample, began_ms=sample.began_ms + 1000 * (runs[name].began - self.started))
+                enough = all(missing <= 0 for missing in self._missing.values())
+                if enough and self.elapsed_ms() >= self._counts_from + least:
+                    return
+
+    def count_from_now(self) -> None:
+        """See the interface."""
+        self._counts_from = self.elapsed_ms()
+        self._before = self._counters()
+        self._missing = {
+            name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
+        }
+
+    def elapsed_ms(self) -> float:
+        """See the interface."""
+        return 1000 * (time.perf_counter() - self.started)
+
+    def cpu_ms(self, component: str) -> float | None:
+        """See the interface: of its group where it is alone in it, else of its processes, in clock ticks."""
+        if component in self._group_alone:
+            group, before = self._group_alone[component]
+            return self.host.tree.cpu_ms(group) - before
+        process = next((run.process for run in self.runs if run.component == component), None)
+        return None if process is None else consumed_ms(process)
+
+    def evidence(self) -> SettingEvidence:
+        """See the interface."""
+        return self._counters().since(self._before)
+
+    def _counters(self) -> SettingEvidence:
+        """What the kernel counted until now."""
+        return SettingEvidence(
+            elapsed_ms=self.elapsed_ms(),
+            cpu_ms={name: self.host.tree.cpu_ms(group) for name, group in self.groups.items()},
+            stolen_ms=_in_ms(_kernel_text(_STAT).split()[_STOLEN]),
+            waiting_ms=_waiting_ms(),
+        )
+
+
+@contextmanager
+def _ahead(host: str) -> Iterator[None]:
+    """Have this thread, and the threads and supervisors that it starts, run before everything ordinary.
+
+    The slice with the load in it outweighs what is outside: rarms would read samples a second late, and see them so.
+    """
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(AHEAD))
+    except PermissionError as problem:
+        raise HostRefused(
+            host,
+            "rarms may not take a real-time priority, without which the load delays its clock",
+            "run as root; under control groups v1 from a group with a budget (cpu.rt_runtime_us), such as the root",
+        ) from problem
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
+
+
+def consumed_ms(process: int) -> float:
+    """Return the processor time, in ms, of all that a process started, in whole ticks of the kernel's clock.
+
+    Args:
+        process: its id; what it consumed itself does not count.
+    """
+    total, below = _times(process)[1], _children(process)
+    while below:
+        child = below.pop()
+        total += sum(_times(child))
+        below += _children(child)
+    return _in_ms(total)
+
+
+def _times(process: int) -> tuple[int, int]:
+    """In ticks: what the process consumed, and what its children had when they ended; (0, 0) where it is gone."""
+    fields = _kernel_text(Path(f"/proc/{process}/stat")).rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12]), int(fields[13]) + int(fields[14])) if fields else (0, 0)
+
+
+def _children(process: int) -> list[int]:
+    threads = Path(f"/proc/{process}/task")
+    try:
+        return [int(child) for thread in threads.iterdir() for child in _kernel_text(thread / "children").split()]
+    except OSError:
+        return []
+
+
+def _waiting_ms() -> float | None:
+    """How long something waited for a processor (PSI), since the machine's start; None: this kernel does not count."""
+    line = _kernel_text(_PRESSURE).partition("\n")[0]
+    return float(line.rpartition("total=")[2]) / 1000 if line.startswith("some") else None
+
+
+def _in_ms(ticks: float | str) -> float:
+    return float(ticks) * 1000 / os.sysconf("SC_CLK_TCK")
+
+
+def _processor_model() -> str:
+    lines = (line.partition(":") for line in _kernel_text(_PROCESSORS).splitlines())
+    return next((value.strip() for name, _, value in lines if name.strip() == "model name"), platform.machine())
+
+
+def _kernel_text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8", errors="replace")
+    except OSError:  # the process is gone, or this kernel has no such file
+        return ""
