@@ -45,6 +45,10 @@ MEASURED = {
 """What `rarms measure` found of each, to a per cent or two: enough to plan with."""
 
 
+ELSEWHERE = {"delivery-robot-linux", "hyperv-cell", "over-full"}
+"""They cannot be applied to a simulated host, or do not fit: other tests, or `make demo-linux`, apply them."""
+
+
 def loaded(example: str, *overlays: str) -> Loaded:
     folder = MANIFESTS / example
     return load(
@@ -53,7 +57,15 @@ def loaded(example: str, *overlays: str) -> Loaded:
 
 
 def test_the_examples_that_were_promised_are_there() -> None:
-    assert {"delivery-robot", "over-full", "two-hosts", "fleet", "hyperv-cell", "partitions"} <= set(EXAMPLES)
+    assert {
+        "delivery-robot",
+        "delivery-robot-linux",
+        "over-full",
+        "two-hosts",
+        "fleet",
+        "hyperv-cell",
+        "partitions",
+    } <= set(EXAMPLES)
     index = (MANIFESTS / "README.md").read_text(encoding="utf-8")
     assert all(f"({example}/rarms.yaml)" in index for example in EXAMPLES)
 
@@ -140,7 +152,7 @@ def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path)
 @pytest.mark.parametrize(
     ("example", "overlays"),
     [
-        *((example, ()) for example in EXAMPLES if example not in {"hyperv-cell", "over-full"}),
+        *((example, ()) for example in EXAMPLES if example not in ELSEWHERE),
         ("fleet", ("robot-1.yaml",)),
         ("fleet", ("robot-7.yaml",)),
     ],

@@ -3,7 +3,7 @@
 import heapq
 import random
 
-SIZE = 64
+SIZE = 48
 MOVES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 TURN = 2  # a turn takes as long as two cells
 Cell = tuple[int, int]
@@ -12,8 +12,8 @@ _chance = random.Random(3)  # noqa: S311 - the same maps every time
 
 
 def obstacles() -> frozenset[Cell]:
-    """A floor with furniture: about every fifth cell is taken, the corners are free."""
-    taken = {(_chance.randrange(SIZE), _chance.randrange(SIZE)) for _ in range(SIZE * SIZE // 5)}
+    """A floor with furniture: about every eighth cell is taken, the corners are free."""
+    taken = {(_chance.randrange(SIZE), _chance.randrange(SIZE)) for _ in range(SIZE * SIZE // 8)}
     return frozenset(taken - {(0, 0), (SIZE - 1, SIZE - 1)})
 
 
