@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from enum import Enum
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, Sources, first_of_each_kind
 
 IN_THE_WAY = Finding(code="RARMS176", severity=Severity.ERROR, summary="A file is in the way")
 DECLINED = Finding(code="RARMS174", severity=Severity.NOTE, summary="Nothing was changed")
@@ -29,7 +29,7 @@ class UseCaseError(Exception):
 
     Attributes:
         outcome: what kind of end it is; the command line makes an exit code of it.
-        diagnostics: the reasons, at least one.
+        diagnostics: the reasons, at least one; the first of each kind.
         sources: the manifest's files that the reasons point into, by the names that places use.
     """
 
@@ -41,7 +41,7 @@ class UseCaseError(Exception):
     ) -> None:
         super().__init__("; ".join(diagnostic.summary for diagnostic in diagnostics))
         self.outcome = outcome
-        self.diagnostics = tuple(diagnostics)
+        self.diagnostics = first_of_each_kind(diagnostics)
         self.sources = sources or {}
 
 

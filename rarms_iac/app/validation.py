@@ -2,8 +2,9 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
@@ -12,7 +13,7 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES
-from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Severity, first_of_each_kind, in_order
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
 
 _KEY = re.compile(rb"^([A-Za-z_]+)[ \t]*:", re.MULTILINE)
@@ -50,14 +51,18 @@ def validate(sources: Sequence[ManifestSource]) -> Validation:
         sources: as `sources_in` finds them. Beside them only files below a manifest's folder are read.
 
     Returns:
-        The findings of all, each once, in the order of their places.
+        The findings of all, each once, in the order of their places; the first of each kind.
     """
     checked = [validate_manifest(source) for source in sources]
     return Validation(
-        findings=in_order(tuple(dict.fromkeys(finding for each in checked for finding in each.findings))),
-        accepted=tuple(dict.fromkeys(finding for each in checked for finding in each.accepted)),
+        findings=first_of_each_kind(in_order(_each_once(each.findings for each in checked))),
+        accepted=first_of_each_kind(_each_once(each.accepted for each in checked)),
         sources={file: lines for each in checked for file, lines in each.sources.items()},
     )
+
+
+def _each_once(findings: Iterable[Sequence[Diagnostic]]) -> tuple[Diagnostic, ...]:
+    return tuple(dict.fromkeys(chain.from_iterable(findings)))
 
 
 def validate_manifest(source: ManifestSource) -> Validation:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from datetime import date
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
 from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
@@ -61,6 +61,9 @@ def apply_acceptances(
         today: a day in UTC.
         codes: the codes that this run can find. An acceptance of another code is not called unused: it
             may be meant for another command. None: every code.
+
+    Returns:
+        The first of each kind of those to show, in order, and of those that are accepted.
     """
     valid = {acceptance.code: acceptance for acceptance in policy.accept.values() if is_in_force(acceptance, today)}
     accepted = tuple(diagnostic for diagnostic in diagnostics if _covers(valid.get(diagnostic.code), diagnostic))
@@ -69,7 +72,7 @@ def apply_acceptances(
     for acceptance in valid.values():
         if codes is None or acceptance.code in codes:
             shown += _unused(acceptance, used, places)
-    return in_order(shown), accepted
+    return first_of_each_kind(in_order(shown)), first_of_each_kind(accepted)
 
 
 def is_in_force(acceptance: Acceptance, today: date) -> bool:

@@ -1,7 +1,8 @@
 """Findings: what a user can cause, told once and rendered anywhere."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -112,6 +113,37 @@ def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[
         return file, line, column, diagnostic.code, diagnostic.address, diagnostic.detail
 
     return tuple(sorted(diagnostics, key=key))
+
+
+MOST_OF_A_KIND = 1_000
+"""Findings of one kind that are shown."""
+
+
+def first_of_each_kind(diagnostics: "Sequence[Diagnostic]") -> "tuple[Diagnostic, ...]":
+    """The findings that are shown: so many of one kind come from a program, and nobody reads more.
+
+    Args:
+        diagnostics: in the order in which they are shown.
+
+    Returns:
+        Of each kind (code and summary) the first `MOST_OF_A_KIND`, and one without a place that says how many follow.
+        Asked again for these, the same.
+    """
+    totals = Counter((diagnostic.code, diagnostic.summary) for diagnostic in diagnostics)
+    if all(total <= MOST_OF_A_KIND + 1 for total in totals.values()):
+        return tuple(diagnostics)
+    shown: list[Diagnostic] = []
+    numbers = Counter[tuple[str, str]]()
+    for diagnostic in diagnostics:
+        kind = diagnostic.code, diagnostic.summary
+        numbers[kind] += 1
+        if numbers[kind] <= MOST_OF_A_KIND:
+            shown.append(diagnostic)
+        elif numbers[kind] == totals[kind]:
+            following = f"{totals[kind] - MOST_OF_A_KIND:,} more of this kind follow."
+            advice = "Correct those that are shown."
+            shown.append(replace(diagnostic, detail=following, advice=advice, place=None, address="", related=()))
+    return tuple(shown)
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:

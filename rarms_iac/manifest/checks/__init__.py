@@ -76,10 +76,6 @@ CODES = frozenset(finding.code for finding in (*CHECKS, *ABOUT_ACCEPTANCES))
 """The codes that `run_checks` can give: an acceptance of another code may yet be needed by another command."""
 
 
-MOST_OF_A_KIND = 1_000
-"""Findings of one kind that are shown; so many come from a program that writes manifests, and nobody reads more."""
-
-
 def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic, ...]:
     """Report everything that is wrong or odd about what the manifest means, in order.
 
@@ -89,16 +85,13 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
         today: the day in UTC that acceptances expire against.
 
     Returns:
-        Of each kind the first `MOST_OF_A_KIND`, and one more that says how many follow.
+        All of them.
     """
 
     def findings() -> Iterator[Diagnostic]:
         for finding, check in CHECKS.items():
-            violations = list(check(system))
-            for violation in violations[:MOST_OF_A_KIND]:
+            for violation in check(system):
                 yield violation.as_diagnostic(finding, places)
-            if following := len(violations[MOST_OF_A_KIND:]):
-                yield finding.at(None, f"{following:,} more of this kind follow.", "Correct those that are shown.")
         yield from check_acceptances(system.policy, places, today)
 
     return in_order(tuple(findings()))

@@ -4,15 +4,21 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.app.declared_hosts import LOOKED_AT
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import Validation, sources_in, validate
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Severity, first_of_each_kind
+from rarms_iac.model.system import Acceptance, Policy
+from tests.builders import PathPlaces
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"
 HOST = "hosts:\n  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 5 %, memory: 1 GiB } }\n"
@@ -197,3 +203,33 @@ def test_the_solver_is_not_imported(tmp_path: Path) -> None:
     )
 
     assert (done.returncode, done.stdout) == (0, "No findings.\n")
+
+
+def test_of_very_many_findings_of_a_kind_the_first_are_shown_and_the_rest_is_counted(tmp_path: Path) -> None:
+    names = ", ".join(f"nobody-{number:05}" for number in range(MOST_OF_A_KIND + 234))
+    file = manifest(tmp_path, component("vision", more=f", apart: [{names}]"))
+    source = replace(SOURCE, manifest=str(file))
+
+    validated_findings = validated(file).findings
+    with pytest.raises(UseCaseError) as refused:
+        load_manifest(source)
+
+    for findings in (validated_findings, refused.value.diagnostics):
+        unknown = [finding for finding in findings if finding.code == "RARMS042"]
+        assert len(unknown) == MOST_OF_A_KIND + 1
+        assert [finding.detail for finding in unknown if finding.place is None] == ["234 more of this kind follow."]
+        assert first_of_each_kind(findings) == findings
+
+
+def test_an_acceptance_is_held_against_all_findings_before_the_rest_is_only_counted() -> None:
+    kind = Finding(code="RARMS159", severity=Severity.WARNING, summary="A warning")
+    hosts = [f"host/{number:05}" for number in range(2 * MOST_OF_A_KIND)]
+    policy = Policy(accept={"RARMS159": Acceptance(code="RARMS159", at=(hosts[-1],), reason="known", until=None)})
+
+    shown, accepted = apply_acceptances(
+        [kind.at(None, "", "", address=host) for host in hosts], policy, PathPlaces(), SOURCE.today
+    )
+
+    assert [finding.address for finding in accepted] == [hosts[-1]]
+    assert {finding.code for finding in shown} == {"RARMS159"}
+    assert [finding.detail for finding in shown if not finding.address] == ["999 more of this kind follow."]

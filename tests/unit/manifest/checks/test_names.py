@@ -4,8 +4,7 @@ from unittest.mock import patch
 
 import pytest
 
-from rarms_iac.manifest.checks import MOST_OF_A_KIND, run_checks
-from rarms_iac.manifest.checks.names import UNKNOWN_NAME
+from rarms_iac.manifest.checks import run_checks
 from rarms_iac.model.system import (
     Policy,
     RunsOn,
@@ -124,13 +123,3 @@ def test_a_name_that_a_journal_could_not_count_by_is_refused(name: str) -> None:
 
     assert "RARMS167" in [code for code, _ in found(named)]
     assert "RARMS167" not in [code for code, _ in found(system)]
-
-
-def test_of_very_many_findings_of_a_kind_the_first_are_shown_and_the_rest_is_counted() -> None:
-    names = [f"nobody-{number:05}" for number in range(MOST_OF_A_KIND + 234)]
-
-    findings = run_checks(a_system(components=[a_component(apart=names)]), PathPlaces(), date(2026, 1, 1))
-    unknown = [finding for finding in findings if finding.code == UNKNOWN_NAME.code]
-
-    assert len(unknown) == MOST_OF_A_KIND + 1
-    assert [finding.detail for finding in unknown if finding.place is None] == ["234 more of this kind follow."]
