@@ -216,6 +216,7 @@ def applied_layouts(
                 partitions=partitions,
                 reserves={name: float(processors) for name, processors in reserves.items()},
                 on_host=on_host,
+                tasks=system.tasks,
             )
     return layouts
 

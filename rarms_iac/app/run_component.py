@@ -1,4 +1,4 @@
-"""Components that run on this machine without any reservation, one after the other or together.
+"""Components that run on this machine, one after the other or together: in their partitions where those are here.
 
 Begin at `run_components`: it shows whether the manifest's `run` is right, before anything is measured.
 """
@@ -13,17 +13,23 @@ from typing import Protocol
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.wiring import place_on
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
 from rarms_iac.model.wording import counted
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.task_classes import classes_of
+from rarms_iac.providers.interface import HostError
+from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.running.start import CannotStart, RunningError, StartContext
+from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext
 from rarms_iac.statistics.estimates import estimate
 
 
@@ -117,6 +123,14 @@ class RunRequest:
 class SampleReporter(Protocol):
     """Hears what components show while they run; must not raise."""
 
+    def placed(self, message: str) -> None:
+        """Take note of where a component is about to run.
+
+        Args:
+            message: in words; a component that nothing could reserve for has none.
+        """
+        ...
+
     def sample(self, component: str, number: int, sample: Sample) -> None:
         """Take note of a sample as soon as it is read.
 
@@ -139,6 +153,13 @@ class SampleReporter(Protocol):
 
 class SilentSamples:
     """A reporter that tells nobody."""
+
+    def placed(self, message: str) -> None:
+        """Do nothing.
+
+        Args:
+            message: goes nowhere.
+        """
 
     def sample(self, component: str, number: int, sample: Sample) -> None:
         """Do nothing.
@@ -184,10 +205,12 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     system, chosen = manifest.system, _chosen(manifest, request)
     base = Path(manifest.folder).resolve()
     results: list[ComponentRunResult] = []
+    listener = reporter or SilentSamples()
+    places = {component.name: _place_of(manifest, component, listener) for component, _ in chosen}
     try:
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
-                results += _run_group(group, StartContext(base=base), load, reporter or SilentSamples())
+                results += _run_group(group, base, places, load, listener)
     except (LoadEnded, CannotStart) as problem:
         name = problem.load if isinstance(problem, LoadEnded) else problem.component
         of_load = isinstance(problem, LoadEnded) or name not in system.components
@@ -196,11 +219,15 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     except RunningError as problem:
         finding = CANNOT_START.at(None, f"{problem}.", "Somebody ended it from outside: run it again.")
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
-    findings = tuple(finding for result in results for finding in _findings(result, manifest))
+    findings = tuple(
+        finding
+        for result in results
+        for finding in _findings(result, manifest, reserved=bool(places[result.component.name].join))
+    )
     return RunOutcome(results=tuple(results), findings=findings)
 
 
-def _findings(result: ComponentRunResult, manifest: Manifest) -> Iterator[Diagnostic]:
+def _findings(result: ComponentRunResult, manifest: Manifest, *, reserved: bool) -> Iterator[Diagnostic]:
     """Report what is wrong with a run."""
     name, places = result.component.name, manifest.places
     address = f"component/{name}"
@@ -216,7 +243,7 @@ def _findings(result: ComponentRunResult, manifest: Manifest) -> Iterator[Diagno
             address=address,
         )
         return
-    for index in result.missed:
+    for index in () if reserved else result.missed:
         yield MISSED_UNRESERVED.at(
             places.key("components", name, "apt", index),
             f'"{name}" misses its {index} on this machine although nothing takes processor time from it but what '
@@ -256,13 +283,42 @@ def _load(system: System, request: RunRequest, base: Path) -> Iterator[Interferi
         yield running
 
 
+def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter) -> ProcessPlace:
+    """Its partition on this machine and its task class; without one, beside everything else, and that is told.
+
+    A manifest without a Linux host has no partition for processes of this machine.
+    """
+    system, reasons = manifest.system, []
+    group = next((group for group in groups_of(system) if component in group.members), None)
+    hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
+    if group is None or not hosts:
+        return ProcessPlace()
+    classes = classes_of(group.members, system.tasks, group.name, manifest.places).classes
+    part = PartitionWork(partition=group.name, components=(component,), classes=classes)
+    for host in hosts:
+        try:
+            place = place_on(host, part, system.application.name)
+        except HostError as problem:
+            reasons.append(str(problem))
+            continue
+        task = f" ({' '.join(place.words)})" if place.words else ""
+        reporter.placed(f"{component.name} runs in its partition {group.name} on {host.name}{task}.")
+        return place
+    reporter.placed(f"{component.name} runs without a reservation, beside everything else: {'; '.join(reasons)}.")
+    return ProcessPlace()
+
+
 def _run_group(
     group: Sequence[tuple[Component, Run]],
-    context: StartContext,
+    base: Path,
+    places: Mapping[str, ProcessPlace],
     load: InterferingLoad | None,
     reporter: SampleReporter,
 ) -> list[ComponentRunResult]:
-    runs = [ComponentRun(component.name, run, context) for component, run in group]
+    runs = [
+        ComponentRun(component.name, run, StartContext(base=base, inside=places[component.name]))
+        for component, run in group
+    ]
     numbers = {run.component: 0 for run in runs}
     with run_in_parallel(runs) as samples:
         for name, sample in samples:

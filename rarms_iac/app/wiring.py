@@ -14,7 +14,8 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.providers.interface import HostFailed, LiveHost
-from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
+from rarms_iac.running.start import ProcessPlace
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
 
@@ -89,6 +90,25 @@ def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None
             return LinuxMeasuringHost(host, Path(folder).resolve())
         case _:
             return None
+
+
+def place_on(host: Host, partition: PartitionWork, application: str) -> ProcessPlace:
+    """Find where the processes of a component belong on this machine, a Linux host.
+
+    Args:
+        host: as the manifest describes it.
+        partition: the name, one component, and the task classes of all members.
+        application: whose partition it is.
+
+    Returns:
+        The control group, and the words of the component's task class.
+
+    Raises:
+        HostError: the partition is not there or does not run, or control groups cannot be read or used.
+    """
+    from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
+
+    return LinuxMeasuringHost(host, Path()).place(partition, application)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,6 @@ from typing import Protocol
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
 from rarms_iac.measuring.partitions import (
-    Classes,
     MeasuringBudget,
     PartitionShape,
     memory_for_load,
@@ -30,7 +29,7 @@ from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting, Setting
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.sample_columns import columns_of
 from rarms_iac.model.system import Component
-from rarms_iac.planner.task_classes import classes_of, registry_values
+from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
 from rarms_iac.statistics.errors import next_look
 from rarms_iac.storage.datalog.columns import as_recorded
@@ -340,15 +339,14 @@ def _make_bench(experiment: Experiment, context: MeasuringContext, ends: ExitSta
     budget = context.budget()
     memory = memory_for_load(budget, experiment.setup)
     shapes = shapes_of_test_partitions(experiment.setup, budget.capacity.logical_processors, memory)
-    classes = _task_classes(experiment)
+    classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
     ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
     return _TestBench(budget=budget, shapes=shapes)
 
 
-def _task_classes(experiment: Experiment) -> Classes:
+def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
     """The task classes that the members name, as a plan would set them in a partition of just these."""
-    decided = classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
-    return {class_values.name: registry_values(class_values) for class_values in decided}
+    return classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
 
 
 def _run_setting(
@@ -427,7 +425,7 @@ def _work(experiment: Experiment, context: MeasuringContext, reserve: int) -> Wo
     return Work(
         application=experiment.application,
         partitions=(
-            PartitionWork(partition=P1, components=experiment.members),
+            PartitionWork(partition=P1, components=experiment.members, classes=_task_classes(experiment)),
             PartitionWork(partition=P2, load=experiment.load),
             *context.others,
         ),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import assert_never
 
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.loop import watch
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
@@ -30,7 +31,8 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.quantities import LEAST_MEMORY
 from rarms_iac.model.run import SampleCount
-from rarms_iac.model.system import Component, Interference
+from rarms_iac.model.system import Component, Interference, TaskRequest
+from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge_each
@@ -46,6 +48,7 @@ class AppliedLayout:
     partitions: Mapping[str, tuple[Component, ...]]  # by name
     reserves: Mapping[str, float] = field(default_factory=dict)  # LPs of each that has a reserve, by name
     on_host: tuple[Component, ...] = ()  # in the host's own operating system
+    tasks: Mapping[str, TaskRequest] = field(default_factory=dict)  # what the manifest fixes of task classes
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -162,7 +165,12 @@ def prove(
 def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settling: Settling) -> Work:
     """All that is applied, each component for as long as its `run.until` says, and the load in P2."""
     partitions = [
-        PartitionWork(partition=name, components=members) for name, members in sorted(layout.partitions.items())
+        PartitionWork(
+            partition=name,
+            components=members,
+            classes=classes_of(members, layout.tasks, name, FirstLine(file="")).classes,
+        )
+        for name, members in sorted(layout.partitions.items())
     ]
     if layout.on_host:
         partitions.append(PartitionWork(partition="", components=layout.on_host))

@@ -145,6 +145,10 @@ class FailureReporter(SilentSamples):
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
 
+    def placed(self, message: str) -> None:
+        """Say it beside the samples."""
+        self._screen.talk(message)
+
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Show the last lines."""
         if result.failed and last_words.strip():

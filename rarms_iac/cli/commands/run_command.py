@@ -32,9 +32,11 @@ def command(
     together: bool,
     as_json: bool,
 ) -> ExitCode:
-    """Run components on this machine as the manifest says, without any reservation, and show each sample.
+    """Run components on this machine as the manifest says, and show each sample.
 
-    That is how to see whether a component's `run` is right, before anything is measured. Failed samples are shown
+    Where the manifest has this machine as a Linux host, and a component's partition is applied and runs, the component
+    starts in it and in its task class; otherwise it has no reservation, and that is said. So one sees whether a
+    component's `run` is right, before anything is measured. Failed samples are shown
     with their reason; at the end stands what the samples come to beside the APT. Exit code 4 where a component has
     more failed samples than its `run.failures` allows, 1 where it cannot be started. Without names: every component
     that says how it is run.

@@ -26,8 +26,10 @@ _CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: with it a 
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, _MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
-_REAL_TIME = 85
-"""Per cent of each processor that real-time processes of all groups of rarms may have (version 1)."""
+_REAL_TIME = 90
+"""The most, in per cent of each processor, that real-time processes of a group get (version 1): 95 are there for all."""
+
+_RUNTIME = "cpu.rt_runtime_us"
 
 _WAIT_SECONDS, _LOOK_SECONDS = 10.0, 0.005
 _PAGE = mmap.PAGESIZE
@@ -154,8 +156,8 @@ class GroupTree(ABC):
     def allow_real_time(self, name: str, percent: float) -> None:
         """Let real-time processes of a group run for a part of each processor's time, where the kernel asks for it.
 
-        A kernel with budgets (version 1) starts none in a group without one. It takes no more than 95 % for all groups
-        of the machine; those below the slice have 85 % together, in pieces of 100 ms.
+        A kernel with budgets (version 1) starts none in a group without one, and gives all groups of the machine 95 %
+        together. A budget is counted in pieces of 100 ms.
 
         Args:
             name: of the group.
@@ -164,13 +166,14 @@ class GroupTree(ABC):
         Raises:
             OSError: other groups have budgets that leave too little.
         """
-        for folder, share in (
-            (self._slices["cpu"], _REAL_TIME),
-            (self._slices["cpu"] / name, min(percent, _REAL_TIME)),
-        ):
-            if (folder / "cpu.rt_runtime_us").is_file():
-                _write(folder / "cpu.rt_period_us", str(LONGEST_PERIOD_US))
-                _write(folder / "cpu.rt_runtime_us", str(round(share * LONGEST_PERIOD_US / 100)))
+        folder = self._slices["cpu"]
+        if not (folder / name / _RUNTIME).is_file():
+            return
+        others = sum(_budget_us(folder / group) for group in self.names() if group != name)
+        wanted = round(min(percent, _REAL_TIME) * LONGEST_PERIOD_US / 100)
+        for group, budget in ((folder, others + max(wanted, _budget_us(folder / name))), (folder / name, wanted)):
+            _write(group / "cpu.rt_period_us", str(LONGEST_PERIOD_US))
+            _write(group / _RUNTIME, str(budget))
 
     def processes(self, name: str) -> tuple[int, ...]:
         """Return the ids of the processes in the group and below it, ascending; none where the group is not there."""
@@ -422,6 +425,11 @@ def _wait(until: float, message: str) -> None:
     if time.monotonic() > until:
         raise TimeoutError(message)
     time.sleep(_LOOK_SECONDS)
+
+
+def _budget_us(group: Path) -> int:
+    """The real-time budget in a piece of 100 ms."""
+    return int(_read(group / _RUNTIME)) * LONGEST_PERIOD_US // int(_read(group / "cpu.rt_period_us"))
 
 
 def _list(values: GroupValues) -> str:

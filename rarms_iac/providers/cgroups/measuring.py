@@ -138,6 +138,21 @@ class LinuxMeasuringHost(LinuxHostProvider):
         place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
         return replace(self._context, inside=replace(place, words=words))
 
+    def place(self, part: PartitionWork, application: str) -> ProcessPlace:
+        """Return where the processes of a component belong: in the control group of its partition, in its task class.
+
+        Args:
+            part: the partition's name in the manifest, one component, and the task classes of all members.
+            application: whose partition it is.
+
+        Raises:
+            HostRefused: the partition is not there or does not run.
+        """
+        (component,) = part.components
+        words = class_words(component, part.classes)
+        group = self._running_group(part.partition, application, real_time=bool(words))
+        return replace(self.tree.place(group), words=words)
+
     def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
         """The control group of a partition that runs, with a budget for task classes where some are to run there."""
         state, definitions = self._look()
@@ -148,7 +163,12 @@ class LinuxMeasuringHost(LinuxHostProvider):
             raise HostRefused(self.name, message, "rarms plan shows what is wanted")
         group = definitions[running[0].id].group
         if real_time:
-            self.tree.allow_real_time(group, running[0].settings.reserve)
+            try:
+                self.tree.allow_real_time(group, running[0].settings.reserve)
+            except OSError as problem:
+                message = f"{partition} gets no budget for its task classes: {problem.strerror}"
+                advice = "take real-time budgets (cpu.rt_runtime_us) from other control groups"
+                raise HostRefused(self.name, message, advice) from problem
         return group
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,8 +11,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from rarms_iac.providers.cgroups.run import STATE_FOLDER
 from rarms_iac.storage.shipped import shipped
 from scripts.output_schema import output_schema
+from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 from tests.unit.running.programs import same_everywhere
@@ -164,3 +167,42 @@ def test_ctrl_c_ends_the_component_and_the_command(tmp_path: Path) -> None:
     pid = int((tmp_path / "pid").read_text(encoding="ascii"))
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+WHERE = """
+import json, os, time
+groups = open("/proc/self/cgroup").read()
+with open("where.json", "w") as file:
+    json.dump([groups, os.sched_getscheduler(0), os.sched_getparam(0).sched_priority], file)
+while True:
+    print(json.dumps({"ms": 2}), flush=True)
+    time.sleep(0.001)
+"""
+
+
+@pytest.mark.needs("control-groups")
+def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(tmp_path: Path) -> None:
+    """And without, as long as it is not applied; what it left behind is gone with it."""
+    manifest(tmp_path, vision=WHERE)
+    file, slice_name = tmp_path / "rarms.yaml", slice_of(tmp_path)
+    text = file.read_text(encoding="utf-8").replace("criticality: 10", "criticality: 10\n    task: MotionControl")
+    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_name} }}, "
+    file.write_text(text.replace("onboard: {", linux), encoding="utf-8")
+    seen = tmp_path / "where.json"
+    try:
+        before = rarms("run", "-f", str(tmp_path), "--samples", "2")
+        outside = json.loads(seen.read_text(encoding="utf-8"))
+        assert rarms("apply", "-f", str(tmp_path), "--auto-approve").code == 0
+        after = rarms("run", "-f", str(tmp_path), "--samples", "2")
+        inside = json.loads(seen.read_text(encoding="utf-8"))
+        left_over = groups_of(tmp_path).processes("vision")
+    finally:
+        forget_groups(tmp_path)
+        shutil.rmtree(STATE_FOLDER / slice_name, ignore_errors=True)
+
+    assert "vision runs without a reservation, beside everything else: onboard: no partition vision" in before.err
+    assert after.err.startswith("vision runs in its partition vision on onboard (chrt --fifo 23).")
+    assert slice_name not in outside[0]
+    assert f"/{slice_name}/vision" in inside[0]
+    assert (outside[1], inside[1], inside[2]) == (os.SCHED_OTHER, os.SCHED_FIFO, 23)
+    assert left_over == ()

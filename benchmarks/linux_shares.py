@@ -1,0 +1,82 @@
+"""Processor time consumed beside what is reserved, on control groups of this machine: `-m benchmarks.linux_shares`.
+
+Two groups with a busy loop on each processor want everything: P1 with the reserve, P2 with the rest. Under `share` the
+weights divide; under `quota` P1 has a limit besides. Needs root. Figures are points of the host; the median of the runs
+counts, and what both groups together did not get is printed, since on a busy machine that is the error.
+"""
+
+import os
+import statistics
+import sys
+import time
+from pathlib import Path
+
+from rarms_iac.model.system import BusyLoop
+from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues, find_tree
+from rarms_iac.running.loads import InterferingLoad
+from rarms_iac.running.start import StartContext
+
+RESERVES = (5, 20, 35, 50, 65, 80, 95)
+RUNS = 5
+SETTLE_S, RUN_S = 0.5, 2.0
+PERIOD_US = 20_000
+GOALS = {"share": 1.0, "quota": 0.5}
+"""The most, in points of the host, that the median may be away from the reserve."""
+
+
+def main() -> int:
+    """Print a line for each reserve and mechanism; 1 where a goal is missed."""
+    tree = find_tree(f"rarms-benchmark-{os.getpid()}")
+    if not isinstance(tree, GroupTree):
+        print(f"Control groups lack: {'; '.join(tree.names)}")
+        return 1
+    here = StartContext(base=Path())
+    missed = 0
+    print(f"{os.cpu_count()} processors, control groups {tree.version}, medians of {RUNS} runs of {RUN_S:g} s")
+    try:
+        for name in ("p1", "p2"):
+            tree.make(name)
+        contexts = [StartContext(base=here.base, inside=tree.place(name)) for name in ("p1", "p2")]
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        with InterferingLoad("p1", BusyLoop(), contexts[0]), InterferingLoad("p2", BusyLoop(), contexts[1]):
+            for mechanism, goal in GOALS.items():
+                for reserve in RESERVES:
+                    consumed, lost = measured(tree, mechanism, reserve)
+                    error = consumed - reserve
+                    missed += abs(error) > goal
+                    verdict = "ok" if abs(error) <= goal else f"more than {goal:g}"
+                    print(
+                        f"{mechanism}  {reserve:3} %  got {consumed:6.2f} %  {error:+5.2f} points  {verdict}"
+                        f"  (neither got {lost:.2f} %)",
+                        flush=True,
+                    )
+    finally:
+        for name in tree.names():
+            tree.remove(name)
+    return int(missed > 0)
+
+
+def measured(tree: GroupTree, mechanism: str, reserve: int) -> tuple[float, float]:
+    """The medians of what P1 consumed and of what neither group did, in per cent of the host."""
+    processors = os.cpu_count() or 1
+    quota = reserve * processors if mechanism == "quota" else None
+    tree.write("p1", GroupValues(shares_percent=reserve * processors, quota_percent=quota, period_us=PERIOD_US))
+    tree.write("p2", GroupValues(shares_percent=(100 - reserve) * processors))
+    if quota is not None:  # what a limit holds back must not be lack of weight
+        tree.write("p1", GroupValues(shares_percent=2000 * processors, quota_percent=quota, period_us=PERIOD_US))
+    runs = [one_run(tree, processors) for _ in range(RUNS)]
+    return tuple(statistics.median(column) for column in zip(*runs, strict=True))  # type: ignore[return-value]  # two
+
+
+def one_run(tree: GroupTree, processors: int) -> tuple[float, float]:
+    """What P1 consumed, and what neither group did, in per cent of the host."""
+    time.sleep(SETTLE_S)
+    before, started = [tree.cpu_ms(name) for name in ("p1", "p2")], time.perf_counter()
+    time.sleep(RUN_S)
+    whole = 1000 * (time.perf_counter() - started) * processors
+    p1, p2 = (100 * (tree.cpu_ms(name) - was) / whole for name, was in zip(("p1", "p2"), before, strict=True))
+    return p1, 100 - p1 - p2
+
+
+if __name__ == "__main__":
+    sys.exit(main())
