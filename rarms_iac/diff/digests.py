@@ -10,6 +10,9 @@ from rarms_iac.model.changes import RESPONSIVENESS
 from rarms_iac.model.state import HostFacts, Partition, State, TaskClass
 from rarms_iac.storage.digest import digest, short
 
+NO_PERIOD = ("quota_period_us", 0)
+"""The reading that only limited partitions of Linux have: the digests of all others do not tell it."""
+
 
 def part_digests(state: State, application: str) -> Mapping[str, str]:
     """Digest each part of the state that a plan rests on.
@@ -30,7 +33,7 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
         if partition.mark is not None and partition.mark.application == application:
             attached = sorted(disk.path for disk in state.disks if disk.machine == partition.id)
             parts[f"partition/{partition.mark.name}"] = {
-                **partition_readings(partition),
+                **{name: value for name, value in partition_readings(partition).items() if (name, value) != NO_PERIOD},
                 "disks": attached,
                 "takes": partition.claim.processors,
             }

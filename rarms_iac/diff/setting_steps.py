@@ -22,7 +22,7 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import plain, show_bytes
+from rarms_iac.model.quantities import plain, show_bytes, show_period
 from rarms_iac.model.state import SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
@@ -156,6 +156,8 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     fields = _FIELDS[facet]
     if facet is Facet.ACTIONS and not builder.new:
         fields = tuple(name for name in fields if getattr(old, name) != getattr(new, name))
+    if facet is Facet.CPU and (old.quota_period_us or new.quota_period_us):
+        fields = (*fields, "quota_period_us")
     settings: dict[str, Any] = {name: getattr(new, name) for name in fields}
     needs_state = facet in {Facet.PROCESSORS, Facet.SECURE_BOOT} or (
         facet is Facet.MEMORY and builder.now.state is RunState.OFF
@@ -178,7 +180,14 @@ def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tu
         case Facet.PROCESSORS:
             return SetProcessors(partition=partition, processors=to.processors, machine=machine)
         case Facet.CPU:
-            return SetCpu(partition=partition, reserve=to.reserve, limit=to.limit, weight=to.weight, machine=machine)
+            return SetCpu(
+                partition=partition,
+                reserve=to.reserve,
+                limit=to.limit,
+                weight=to.weight,
+                quota_period_us=to.quota_period_us,
+                machine=machine,
+            )
         case Facet.MEMORY:
             return SetMemory(partition=partition, memory=to.memory, dynamic=to.dynamic_memory, machine=machine)
         case Facet.ACTIONS:
@@ -202,11 +211,14 @@ def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings) -> str:
             return f"processors {old.processors} -> {to.processors}"
         case Facet.CPU:
             words = ((word, getattr(old, word), getattr(to, word)) for word in ("reserve", "limit", "weight"))
-            return ", ".join(
+            changes = [
                 f"{word} {before} -> {after}{'' if word == 'weight' else ' %'}"
                 for word, before, after in words
                 if before != after
-            )
+            ]
+            if old.quota_period_us != to.quota_period_us:
+                changes.append(f"period {show_period(old.quota_period_us)} -> {show_period(to.quota_period_us)}")
+            return ", ".join(changes)
         case Facet.MEMORY:
             static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
             return f"memory {show_bytes(old.memory)} -> {show_bytes(to.memory)}{static}"

@@ -10,12 +10,12 @@ has the name of the class, and no task class of the manifest may have that name 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.state import Checkpoints, RegistryValue, StartAction, StopAction, StoppedBy, TaskRecord
+from rarms_iac.model.quantities import show_bytes, show_period
+from rarms_iac.model.state import SPARSE, Checkpoints, RegistryValue, StartAction, StopAction, StoppedBy, TaskRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,12 +127,13 @@ class SetCpu:
     reserve: int
     limit: int
     weight: int
-    quota_period_us: int | None = None
+    quota_period_us: int | None = field(default=None, metadata=SPARSE)
     machine: str = ""
     kind: Literal["set_cpu"] = "set_cpu"
 
     def __str__(self) -> str:
-        return f"reserve {self.reserve} %, limit {self.limit} %, weight {self.weight}"
+        period = f", counted every {show_period(self.quota_period_us)}" if self.quota_period_us else ""
+        return f"reserve {self.reserve} %, limit {self.limit} %{period}, weight {self.weight}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -164,6 +164,11 @@ def show_bytes(value: int) -> str:
     return f"{value} B"
 
 
+def show_period(microseconds: int | None) -> str:
+    """A period in milliseconds, `8.8 ms`; `none` where there is none."""
+    return f"{plain(Fraction(microseconds, 1000))} ms" if microseconds else "none"
+
+
 LEAST_MEMORY = 32 * 2**20
 """Bytes below which Hyper-V takes no machine."""
 

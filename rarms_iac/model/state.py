@@ -11,6 +11,9 @@ from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 
+SPARSE: Mapping[str, bool] = {"sparse": True}
+"""Of a field that is not written where it is None (`storage.codec`)."""
+
 
 class Rights(StrEnum):
     """Whether the caller may change the host; without them an empty list of machines proves nothing (windows.md 5)."""
@@ -103,7 +106,8 @@ class PartitionSettings:
     checkpoints: Checkpoints
     running: bool
     secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or nobody could look
-    quota_period_us: int | None = None  # how often its limit is counted anew; None: nothing limits it, or no Linux
+    # On Linux, how often its limit is counted anew; None: nothing limits it.
+    quota_period_us: int | None = field(default=None, metadata=SPARSE)
 
 
 SECURE_BOOT_OFF = "off"

@@ -5,7 +5,8 @@ text, a tuple or frozenset an array, a mapping with text as keys an object in it
 the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it.
 Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`, with the path to it. Nothing is
 guessed and nothing is executed. A field that was renamed tells its former name (`metadata={"formerly": ...}`), which is
-read as well: a journal of an older rarms can be finished.
+read as well: a journal of an older rarms can be finished. A field that only some hosts have is not written where it is
+None (`metadata={"sparse": True}`), so that plans of all others keep their ids.
 """
 
 from collections.abc import Callable, Mapping
@@ -183,11 +184,12 @@ def _hints(cls: type) -> list[tuple[Field[Any], Any]]:
 
 def _encode_dataclass(cls: type) -> Encode:
     parts: list[tuple[str, Encode]] = []  # filled below: a type may contain itself
+    written = frozenset(field.name for field in fields(cls) if "sparse" not in field.metadata)
 
     def write(value: Any) -> Json:
         if not parts:
             parts.extend((field.name, _encoder(hint)) for field, hint in _hints(cls))
-        return {name: part(getattr(value, name)) for name, part in parts}
+        return {name: part(own) for name, part in parts if (own := getattr(value, name)) is not None or name in written}
 
     return write
 

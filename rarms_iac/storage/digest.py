@@ -121,7 +121,7 @@ def set_of_settings(settings: PartitionSettings) -> str:
     """12 hex digits of what a partition is to be.
 
     Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest; nor is
-    secure boot where nobody fixed it, nor a period where there is none.
+    secure boot where nobody fixed it.
 
     Args:
         settings: as rarms writes them to a host; secure boot only where the manifest fixes it.
@@ -132,9 +132,8 @@ def set_of_settings(settings: PartitionSettings) -> str:
     by_hand = settings.start_action is StartAction.NOTHING
     values = encode(replace(settings, running=False) if by_hand else settings)
     assert isinstance(values, dict), "settings are an object"
-    for name in ("secure_boot", "quota_period_us"):
-        if values[name] is None:
-            del values[name]
+    if settings.secure_boot is None:
+        del values["secure_boot"]
     return short(digest(values))
 
 
