@@ -18,6 +18,7 @@ MAY_READ = {
     "storage/shipped.py": "what rarms ships, as it was installed",
     "powershell/cmdlets.py": "a table inside the package",
     "providers/cgroups/groups.py": "files of the kernel",
+    "providers/cgroups/processes.py": "files of the kernel",
     "running/supervisor_process.py": "files of the kernel",
 }
 """Who opens files, and why: there is one reader, two writers, and files of the kernel in their provider."""

@@ -27,7 +27,7 @@ _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, _MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
 _REAL_TIME = 90
-"""The most, in per cent of each processor, that real-time processes of a group get (version 1): 95 are there for all."""
+"""The most, in per cent of each processor, that real-time processes of a group get (version 1); all together get 95."""
 
 _RUNTIME = "cpu.rt_runtime_us"
 

@@ -20,6 +20,7 @@ from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.system import Component, Interference
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms, kernel_text
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import PartitionWork, Work
@@ -255,7 +256,7 @@ class RealWork:
         return SettingEvidence(
             elapsed_ms=self.elapsed_ms(),
             cpu_ms={name: self.host.tree.cpu_ms(group) for name, group in self.groups.items()},
-            stolen_ms=_in_ms(_kernel_text(_STAT).split()[_STOLEN]),
+            stolen_ms=in_ms(kernel_text(_STAT).split()[_STOLEN]),
             waiting_ms=_waiting_ms(),
         )
 
@@ -281,51 +282,12 @@ def _ahead(host: str) -> Iterator[None]:
         os.sched_setscheduler(0, *before)
 
 
-def consumed_ms(process: int) -> float:
-    """Return the processor time, in ms, of all that a process started, in whole ticks of the kernel's clock.
-
-    Args:
-        process: its id; what it consumed itself does not count.
-    """
-    total, below = _times(process)[1], _children(process)
-    while below:
-        child = below.pop()
-        total += sum(_times(child))
-        below += _children(child)
-    return _in_ms(total)
-
-
-def _times(process: int) -> tuple[int, int]:
-    """In ticks: what the process consumed, and what its children had when they ended; (0, 0) where it is gone."""
-    fields = _kernel_text(Path(f"/proc/{process}/stat")).rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12]), int(fields[13]) + int(fields[14])) if fields else (0, 0)
-
-
-def _children(process: int) -> list[int]:
-    threads = Path(f"/proc/{process}/task")
-    try:
-        return [int(child) for thread in threads.iterdir() for child in _kernel_text(thread / "children").split()]
-    except OSError:
-        return []
-
-
 def _waiting_ms() -> float | None:
     """How long something waited for a processor (PSI), since the machine's start; None: this kernel does not count."""
-    line = _kernel_text(_PRESSURE).partition("\n")[0]
+    line = kernel_text(_PRESSURE).partition("\n")[0]
     return float(line.rpartition("total=")[2]) / 1000 if line.startswith("some") else None
 
 
-def _in_ms(ticks: float | str) -> float:
-    return float(ticks) * 1000 / os.sysconf("SC_CLK_TCK")
-
-
 def _processor_model() -> str:
-    lines = (line.partition(":") for line in _kernel_text(_PROCESSORS).splitlines())
+    lines = (line.partition(":") for line in kernel_text(_PROCESSORS).splitlines())
     return next((value.strip() for name, _, value in lines if name.strip() == "model name"), platform.machine())
-
-
-def _kernel_text(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8", errors="replace")
-    except OSError:  # the process is gone, or this kernel has no such file
-        return ""

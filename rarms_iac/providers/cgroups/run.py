@@ -8,6 +8,8 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
+from rarms_iac.model.condition import HostCondition
+from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -41,7 +43,8 @@ from rarms_iac.providers.cgroups.content import (
 )
 from rarms_iac.providers.cgroups.groups import GroupTree, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
-from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused
+from rarms_iac.providers.cgroups.processes import orphans
+from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused, ObservedHost
 from rarms_iac.providers.journaled import JournaledHost
 from rarms_iac.storage import disk
 from rarms_iac.storage.codec import NotDecodable
@@ -52,6 +55,9 @@ from rarms_iac.storage.replace import replace as replace_file
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
 
+ORPHANS = Finding(
+    code="RARMS168", severity=Severity.NOTE, summary="Processes run in a partition that rarms did not start"
+)
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = "look at the host again: rarms plan"
 _DEFINITION_LIMIT = 2**20
@@ -114,6 +120,19 @@ class LinuxHostProvider(JournaledHost):
     def observe(self) -> State:
         """See the interface."""
         return self._look()[0]
+
+    def examined(self) -> ObservedHost:
+        """See `ExaminableHost`: processes that nobody ends with their component are named."""
+        state, definitions = self._look()
+        found = []
+        for partition in state.partitions:
+            alone = orphans(self.tree.processes(definitions[partition.id].group)) if partition.settings.running else ()
+            if alone:
+                names = ", ".join(f"{process} ({name})" for process, name in alone)
+                message = f"In {partition.settings.name} run processes that no rarms started or ends: {names}."
+                advice = "End them, where a component left them behind: they use the partition's processor time."
+                found.append(ORPHANS.at(None, message, advice, address=f"partition/{partition.settings.name}"))
+        return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         """The state, and by id what each partition is made of."""

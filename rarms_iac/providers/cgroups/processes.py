@@ -1,0 +1,101 @@
+"""The processes of this machine as `/proc` shows them: what they consumed, and who stands beside them."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+_SUPERVISOR = "supervisor_process.py"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessStat:
+    """What `/proc/<id>/stat` says of a process."""
+
+    name: str
+    parent: int
+    ticks: int  # of processor time that it consumed itself
+    ticks_of_children: int  # that its children had consumed when they ended
+
+
+def read_process(process: int) -> ProcessStat | None:
+    """Read a process; None where it is gone.
+
+    Args:
+        process: its id.
+    """
+    before, _, after = kernel_text(Path(f"/proc/{process}/stat")).rpartition(")")
+    fields = after.split()
+    if len(fields) < 15:
+        return None
+    user, system, user_of_children, system_of_children = map(int, fields[11:15])
+    return ProcessStat(
+        name=before.partition("(")[2],
+        parent=int(fields[1]),
+        ticks=user + system,
+        ticks_of_children=user_of_children + system_of_children,
+    )
+
+
+def consumed_ms(process: int) -> float:
+    """Return the processor time, in ms, of all that a process started, in whole ticks of the kernel's clock.
+
+    Args:
+        process: its id; what it consumed itself does not count.
+    """
+    stat, below = read_process(process), _children(process)
+    total = stat.ticks_of_children if stat else 0
+    while below:
+        child = below.pop()
+        if (stat := read_process(child)) is not None:
+            total += stat.ticks + stat.ticks_of_children
+        below += _children(child)
+    return in_ms(total)
+
+
+def orphans(processes: Iterable[int]) -> tuple[tuple[int, str], ...]:
+    """Return those beside which no supervisor of rarms stands, with their names: nobody ends them with a component.
+
+    Args:
+        processes: ids of those in a control group.
+    """
+    found = ((process, read_process(process)) for process in processes)
+    return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent))
+
+
+def _is_supervised(process: int) -> bool:
+    while process > 1:
+        if _SUPERVISOR in kernel_text(Path(f"/proc/{process}/cmdline")):
+            return True
+        stat = read_process(process)
+        process = stat.parent if stat else 0
+    return False
+
+
+def _children(process: int) -> list[int]:
+    threads = Path(f"/proc/{process}/task")
+    try:
+        return [int(child) for thread in threads.iterdir() for child in kernel_text(thread / "children").split()]
+    except OSError:
+        return []
+
+
+def in_ms(ticks: float | str) -> float:
+    """Return a time in ticks of the kernel's clock as milliseconds.
+
+    Args:
+        ticks: as a file of the kernel has it.
+    """
+    return float(ticks) * 1000 / os.sysconf("SC_CLK_TCK")
+
+
+def kernel_text(file: Path) -> str:
+    """Return a file of the kernel; empty where the process is gone, or this kernel has no such file.
+
+    Args:
+        file: below `/proc`.
+    """
+    try:
+        return file.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
