@@ -65,7 +65,7 @@ EYES = a_component(
 EARS = a_component("ears", run=program(0.001, 0.019), simulation=a_simulation(work="1 ms", varies="10 %"))
 
 
-@pytest.fixture(params=[simulated, pytest.param(linux, marks=pytest.mark.needs("control-groups"))])
+@pytest.fixture(params=[simulated, pytest.param(linux, marks=[pytest.mark.needs("control-groups"), pytest.mark.alone])])
 def host(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[MeasuringHost]:
     made = request.param(tmp_path)
     assert isinstance(made, MeasuringHost)
@@ -176,6 +176,7 @@ def test_whoever_asks_for_more_in_p1_gets_exactly_cr_on_each_processor_that_it_u
 
 
 @pytest.mark.needs("control-groups")
+@pytest.mark.alone
 @pytest.mark.parametrize("reserve", [10, 60])
 def test_real_processes_share_a_machine_as_p1_and_p2_reserve_it(tmp_path: Path, reserve: int) -> None:
     """Of what both got: others use this machine, too. Tried three times, as a setting is."""
@@ -196,6 +197,7 @@ def test_real_processes_share_a_machine_as_p1_and_p2_reserve_it(tmp_path: Path, 
 
 
 @pytest.mark.needs("control-groups")
+@pytest.mark.alone
 def test_nothing_of_real_work_stays_and_each_process_ran_in_its_group(tmp_path: Path) -> None:
     host, groups = linux(tmp_path), groups_of(tmp_path)
     with ready(host):
@@ -212,6 +214,7 @@ def test_nothing_of_real_work_stays_and_each_process_ran_in_its_group(tmp_path: 
 
 
 @pytest.mark.needs("control-groups")
+@pytest.mark.alone
 def test_a_real_host_names_what_it_cannot_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     host = linux(tmp_path)
 
@@ -226,6 +229,7 @@ def test_a_real_host_names_what_it_cannot_run(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.needs("control-groups")
+@pytest.mark.alone
 def test_a_component_that_cannot_start_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
     host = linux(tmp_path)
     missing = a_component("eyes", run=a_run(command=("no-such-program",)))

@@ -181,6 +181,7 @@ while True:
 
 
 @pytest.mark.needs("control-groups")
+@pytest.mark.alone
 def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(tmp_path: Path) -> None:
     """And without, as long as it is not applied; what it left behind is gone with it."""
     manifest(tmp_path, vision=WHERE)
