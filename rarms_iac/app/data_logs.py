@@ -11,9 +11,9 @@ from pathlib import Path
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import DEFAULT_MANIFEST
 from rarms_iac.measuring.setup import experiment_of, interference_of
-from rarms_iac.model.host import Host, HypervHost
+from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.measurement import run_of
+from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT, run_of
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System
 from rarms_iac.planner import findings
@@ -82,6 +82,7 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
         setup=experiment.setup,
         load=experiment.load,
         tasks=system.tasks,
+        confinement=GROUP_CONFINEMENT if host.provider is ProviderKind.LINUX else CONFINEMENT,
     )
 
 

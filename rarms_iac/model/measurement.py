@@ -21,7 +21,10 @@ P2_WEIGHT = 10_000
 """The highest weight that Hyper-V and control groups know: what P1's own processors leave idle goes to P2."""
 
 CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
-"""How P1 is held to CR while it is measured, on every provider: a condition of a data log (docs/data-logs.md)."""
+"""How P1 is held to CR while it is measured: a condition of a data log (docs/data-logs.md)."""
+
+GROUP_CONFINEMENT = "control groups P1 and P2 weigh what they reserve, and P2 reserves all the rest"
+"""The same on Linux, where weight beside a reserve has no meaning."""
 
 
 LARGEST_SAMPLE = 1e12

@@ -43,6 +43,9 @@ STRESS_NG = "stress-ng"
 STRESSING = "dispatching hogs"
 """What stress-ng writes to standard error when its workers begin."""
 
+STRESSING_TIME = "365d"
+"""Longer than anything is measured. 0 is no end for most stressors, but `timer` ends then after some seconds."""
+
 SETTLING_S = 60.0
 """How long all instances may take to be running: ten browsers at once are slow to start."""
 
@@ -146,7 +149,7 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int) ->
         case Stress(stressor=stressor, workers=workers):
             program = find_program(name, STRESS_NG, (STRESS_NG,))
             count = str(workers or processors)
-            own = (f"--{stressor}", count, "--timeout", "0", "--temp-path", str(scratch))  # 0: until it is ended
+            own = (f"--{stressor}", count, "--timeout", STRESSING_TIME, "--temp-path", str(scratch))
             return (*several, "1", STRESSING, program, *own)
         case CommandLoad(command=command, instances=instances):
             return (*several, str(instances), "", *command)

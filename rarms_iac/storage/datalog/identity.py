@@ -40,6 +40,7 @@ class LogSubject:
     setup: EnvironmentSetup
     load: Interference
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
+    confinement: str = CONFINEMENT  # how P1 is held to CR there
 
 
 def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
@@ -98,7 +99,7 @@ def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     yield "memory", show_bytes(setup.memory)
     yield "limit", f"{setup.limit} %"
     yield "weight", str(setup.weight)
-    yield "confinement", CONFINEMENT
+    yield "confinement", subject.confinement
     yield from parts_of(f"interference.{setup.interference}", subject.load)
 
 

@@ -17,6 +17,7 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
     shapes_of_test_partitions,
 )
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Scope
@@ -178,6 +179,13 @@ def test_p2_takes_the_memory_that_is_left_and_none_is_too_little() -> None:
     assert memory_for_load(room, a_setup()) == 512 * MIB
     assert memory_for_load(room, a_setup(ram="2944 MiB")) == 128 * MIB
     assert highest_reserve(room, a_setup(ram="3072 MiB")) == 0
+
+
+def test_p2_of_a_linux_host_takes_all_the_memory_that_is_left() -> None:
+    host = a_host(provider=ProviderKind.LINUX)
+    budget = host_budget(host, State(facts=facts(), partitions=()), "robot")
+
+    assert memory_for_load(budget, a_setup(ram="1 GiB")) == budget.capacity.memory - 1024 * MIB
 
 
 def test_whatever_runs_is_in_the_way_and_test_partitions_are_not() -> None:
