@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
+
 from rarms_iac.storage.lock import hold
 from tests.needs import CHECKOUT
 from tests.standin import powershell
@@ -178,6 +180,14 @@ def _free_port() -> int:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         return int(listener.getsockname()[1])
+
+
+@pytest.fixture
+def pwsh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`pwsh` on the PATH, as the stand-in whose host lies in the folder that it is started in."""
+    standin = f'exec "{sys.executable}" -m tests.standin.powershell "$folder" "$@"'
+    write_script(tmp_path / "bin" / "pwsh", f'folder="$PWD" && cd "{CHECKOUT}" && {standin}')
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
 
 
 def write_script(path: Path, does: str) -> None:

@@ -6,8 +6,6 @@ A usual run takes some of the points of each command; `make test-long` takes all
 """
 
 import json
-import os
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
@@ -22,12 +20,13 @@ from tests.disturbing import ON_START, START, Disturbance, End, disturb, disturb
 from tests.effort import LONG
 from tests.files import copy_files
 from tests.measured_cell import MANIFEST
-from tests.needs import CHECKOUT
 from tests.recorded_hosts import document
 from tests.standin import powershell
-from tests.standin.remote import write_script
+from tests.standin.remote import pwsh
 from tests.twin.observing import host_from
 from tests.unit.cli.running import rarms
+
+__all__ = ["pwsh"]
 
 pytestmark = pytest.mark.needs("posix")
 
@@ -150,14 +149,6 @@ hosts: { onboard: { provider: hyperv, logical_processors: 8, memory: 16 GiB } }
 components: { vision: { criticality: 30, memory: 512 MiB, cpu: { reserve: 20 % } } }
 """
 WAITING = ("--auto-approve", "--lock-timeout", "60s")  # for a script that outlives the rarms that started it
-
-
-@pytest.fixture
-def pwsh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stand-in for PowerShell whose host lies in the folder that it is started in."""
-    standin = f'exec "{sys.executable}" -m tests.standin.powershell "$folder" "$@"'
-    write_script(tmp_path / "bin" / "pwsh", f'folder="$PWD" && cd "{CHECKOUT}" && {standin}')
-    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
 
 
 @pytest.mark.usefixtures("pwsh")

@@ -15,7 +15,7 @@ FINDINGS = re.compile(r"(?:note|warning)\[.*?\n1 warning, 1 note\.\n\n", re.DOTA
 
 def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (shown,) = re.findall(r"\$ rarms plan\n(.*?)```", readme, re.DOTALL)
+    (shown,) = re.findall(r"\$ rarms plan[^\n]*\n(.*?)```", readme, re.DOTALL)
     robot = (ROOT / "manifests" / "delivery-robot" / "rarms.yaml").read_text(encoding="utf-8")
 
     with chdir(tmp_path):

@@ -1,0 +1,195 @@
+"""The commands of README.md and docs: each is run where its page has it, and each option is one that there is.
+
+In a block of `console` a line that begins with `$` is for any system and is run here, the page's others before it; it
+ends with 0, or as its remark says. A line that begins with `PS>` is for PowerShell on Windows: it is looked whether our
+script has those parameters.
+"""
+
+import os
+import re
+import shlex
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import chdir
+from pathlib import Path
+
+import click
+import pytest
+
+from rarms_iac.cli.group import root_group
+from rarms_iac.cli.table import COMMANDS
+from rarms_iac.storage.shipped import shipped_text
+from tests.files import copy_files
+from tests.needs import CHECKOUT
+from tests.recorded_hosts import document
+from tests.standin import powershell
+from tests.standin.remote import pwsh
+from tests.twin.observing import host_from
+from tests.unit.cli.running import rarms
+
+__all__ = ["pwsh"]
+
+DOCS = CHECKOUT / "docs"
+PAGES = [CHECKOUT / "README.md", *sorted(DOCS.glob("*.md"))]
+FINDING_PAGES = sorted((DOCS / "findings").glob("*.md"))
+BLOCK = re.compile(r"^ *```console\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"^ *\$ (.*?)(?:\s+# (?:ends with (\d+))?.*)?$", re.MULTILINE)
+WINDOWS = re.compile(r"^ *PS> (.*)$", re.MULTILINE)
+RECOMMENDED = re.compile(r"`(rarms [a-z][^`]*)`")
+
+ELSEWHERE = {
+    "make": "tests/system/test_make.py",
+    "pipx": "tests/system/test_wheel.py",
+    "rarms plan --snapshot cell=host.json": "tests/unit/cli/test_hyperv_snapshots.py",
+}
+"""Programs, and a command that needs a host with a guest, and the tests that run what they stand for."""
+
+CELL = """\
+schema: rarms/v1
+application: { name: cell }
+hosts:
+  cell: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 5 %, memory: 1 GiB } }
+components:
+  vision: { criticality: 30, memory: 512 MiB, cpu: { reserve: 20 % } }
+"""
+ON_HYPERV = CELL.replace("cell: { logical", "cell: { provider: hyperv, logical")
+
+
+def in_an_empty_folder() -> None:
+    """The page begins with nothing."""
+
+
+def beside_a_measured_robot() -> None:
+    copy_files(CHECKOUT / "manifests" / "delivery-robot", Path())
+    assert rarms("measure").code == 0
+    assert rarms("apply", "--auto-approve").code == 0
+    assert rarms("select", "face-detection", "--at", "120 ms").code == 0
+
+
+def beside_a_cell() -> None:
+    for folder in ("", "cell", "../base"):
+        Path(folder).mkdir(exist_ok=True)
+        Path(folder, "rarms.yaml").write_text(CELL, encoding="utf-8", newline="\n")
+
+
+def beside_the_examples() -> None:
+    copy_files(CHECKOUT / "manifests", Path("manifests"))
+    copy_files(CHECKOUT / "manifests" / "hyperv-cell", Path())
+    shutil.copy(CHECKOUT / "tests" / "recorded" / "hyperv" / "inside-a-guest.json", "torch.json")
+
+
+def beside_a_hyperv_host() -> None:
+    Path("rarms.yaml").write_text(ON_HYPERV, encoding="utf-8", newline="\n")
+    powershell.save(Path(), host_from(document("empty-host")))
+
+
+PREPARED: Mapping[str, Callable[[], None]] = {
+    "README.md": beside_a_measured_robot,
+    "hyperv.md": beside_the_examples,
+    "pull-requests.md": beside_a_cell,
+    "scripts.md": beside_a_hyperv_host,
+    "tutorial.md": in_an_empty_folder,
+}
+"""What lies there before a page's first command."""
+
+
+def blocks(page: Path) -> str:
+    return "\n".join(BLOCK.findall(page.read_text(encoding="utf-8")))
+
+
+def commands_of(page: Path) -> list[tuple[str, int]]:
+    """The commands of a page that are for any system, and how each ends."""
+    return [(command, int(code or 0)) for command, code in COMMAND.findall(blocks(page))]
+
+
+def test_every_page_with_commands_is_run() -> None:
+    with_commands = {page.name for page in PAGES if any(word.startswith("rarms ") for word, _ in commands_of(page))}
+    commands = [command for page in PAGES for command, _ in commands_of(page)]
+
+    assert with_commands == set(PREPARED)
+    assert {shlex.split(command)[0] for command in commands} == {"rarms", "cd", "mkdir", "make", "pipx"}
+    assert all(any(command.startswith(start) for command in commands) for start in ELSEWHERE)
+    assert all((CHECKOUT / test).is_file() for test in ELSEWHERE.values())
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.usefixtures("pwsh")
+@pytest.mark.parametrize("name", PREPARED)
+def test_each_command_of_a_page_ends_as_it_says(tmp_path: Path, name: str) -> None:
+    (page,) = (page for page in PAGES if page.name == name)
+    expected = [(command, code) for command, code in commands_of(page) if not command.startswith(tuple(ELSEWHERE))]
+    ended: list[tuple[str, int]] = []
+    folder = tmp_path / "work"
+    folder.mkdir()
+
+    with chdir(folder):
+        PREPARED[name]()
+        for command, _ in expected:
+            program, *words = shlex.split(command)
+            if program == "cd":
+                os.chdir(words[0])
+            elif program == "mkdir":
+                Path(words[-1]).mkdir(parents=True)
+            else:
+                assert program == "rarms"
+            ended.append((command, rarms(*words).code if program == "rarms" else 0))
+
+    assert ended
+    assert ended == expected
+
+
+def shown_commands() -> Iterator[tuple[str, str]]:
+    """Every command of a page, also within a sentence, but for those with a gap."""
+    for page in (*PAGES, *FINDING_PAGES):
+        text = page.read_text(encoding="utf-8")
+        shown = [command for command, _ in COMMAND.findall("\n".join(BLOCK.findall(text)))]
+        for command in [*shown, *(" ".join(found.split()) for found in RECOMMENDED.findall(text))]:
+            if command.startswith("rarms ") and "..." not in command:
+                yield page.name, command
+
+
+def unknown_option(command: str) -> str:
+    """What the command line does not know of a command; empty where it knows all."""
+    words = shlex.split(re.split(r" [<>|] ", command)[0])[1:]
+    group = root_group()
+    context = click.Context(group, info_name="rarms")
+    known = group.get_command(context, words[0])
+    if known is None:
+        return "" if words[0].startswith("-") else f"no command {words[0]}"
+    try:
+        known.make_parser(click.Context(known, info_name=words[0], parent=context)).parse_args(words[1:])
+    except click.BadOptionUsage:
+        return ""  # a sentence names the option alone, without its value
+    except click.UsageError as error:
+        return error.format_message()
+    return ""
+
+
+def test_every_option_that_a_page_names_is_one_of_its_command() -> None:
+    shown = list(shown_commands())
+
+    assert len(shown) > 200
+    assert {shlex.split(command)[1] for _, command in shown} <= {*COMMANDS, "--help", "--version"}
+    assert [(page, command, unknown) for page, command in shown if (unknown := unknown_option(command))] == []
+
+
+def test_what_a_page_has_for_windows_names_parameters_of_our_scripts() -> None:
+    (parameters,) = re.findall(r"^param\((.*)\)", shipped_text("templates/powershell/script.ps1.j2"), re.MULTILINE)
+    known = {"observe.ps1": set[str](), "cell.ps1": {"WhatIf", "Confirm", *re.findall(r"\$(\w+)", parameters)}}
+    commands = [command for page in PAGES for command in WINDOWS.findall(blocks(page))]
+    runs = [command.partition(" -File ")[2].split() for command in commands if " -File " in command]
+
+    assert len(runs) >= 3
+    for script, *options in runs:
+        assert {option[1:] for option in options if option.startswith("-")} <= known[script], script
+
+
+def test_every_picture_of_a_page_is_there() -> None:
+    pictures = [
+        (page, picture)
+        for page in PAGES
+        for picture in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8"))
+    ]
+
+    assert pictures
+    assert [(page.name, picture) for page, picture in pictures if not (page.parent / picture).is_file()] == []
