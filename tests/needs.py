@@ -109,6 +109,7 @@ NEEDS: dict[str, Need] = {
     "robot": Need(missing=_no_robot, obtainable=_on_linux),
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
+    "shellcheck": Need(missing=_program("shellcheck"), obtainable=_on_linux),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
     "stress-ng": Need(missing=_program("stress-ng"), obtainable=_on_linux),
     "venv": Need(missing=_no_venv, obtainable=_on_posix),

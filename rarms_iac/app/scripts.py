@@ -7,15 +7,17 @@ from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, read_input_file, refuse_plan_file, write_file
+from rarms_iac.app.wiring import shell_scripts
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.powershell.difference import ScriptDifference, difference
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.outline import Outline, outline
-from rarms_iac.powershell.render import render_observe, script_name
+from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 
@@ -47,6 +49,11 @@ class PlanScript:
         return ScriptKind.UNDO if self.undo else ScriptKind.APPLY
 
     @property
+    def is_shell(self) -> bool:
+        """Whether it is a Linux host's, which a shell runs; otherwise PowerShell does."""
+        return self.name.endswith(".sh")
+
+    @property
     def sha256(self) -> str:
         """The SHA-256 digest of the script's bytes, in hexadecimal."""
         return hashlib.sha256(self.text.encode("ascii")).hexdigest()
@@ -62,7 +69,7 @@ class ScriptSelection:
 
 
 def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
-    """Make every script of the plan; for other hosts, what a Hyper-V host would get of the same steps.
+    """Make every script of the plan; for simulated hosts, what a Hyper-V host would get of the same steps.
 
     Args:
         plan: the plan.
@@ -84,7 +91,10 @@ def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
         UseCaseError: one of them does not pass the inspection (failed).
     """
     wrong = [
-        problem for script in scripts for problem in inspect(script.text.encode("ascii"), script.kind, script.name)
+        problem
+        for script in scripts
+        if not script.is_shell
+        for problem in inspect(script.text.encode("ascii"), script.kind, script.name)
     ]
     if wrong:
         raise UseCaseError(Outcome.FAILED, wrong)
@@ -223,9 +233,11 @@ def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
         The steps that only one has, or that differ.
 
     Raises:
-        RequestError: the file is a plan without such a script.
+        RequestError: the file is a plan without such a script, or the script is a shell's.
         UseCaseError: it is neither, was edited, or does not pass the inspection.
     """
+    if script.is_shell:
+        raise RequestError(f"Steps of PowerShell scripts are compared; {script.name} is a shell script: use diff.")
     return difference(_outline_in(path, script), _outline_of(script))
 
 
@@ -284,14 +296,16 @@ def _outline_in(path: str, like: PlanScript) -> Outline:
 def _texts(part: HostPlan, plan: Plan) -> Mapping[str, str]:
     if part.scripts:
         return part.scripts
+    if part.facts.provider is ProviderKind.LINUX:
+        return shell_scripts(part, plan)
     return {name: text.decode("ascii") for name, text in scripts_of(part, plan).items()}
 
 
 def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:
-    begin = f"{script_name(part).removesuffix('.ps1')}.guest."
+    begin = f"{part.host.name}.guest."
     scripts = []
     for name, text in sorted(texts.items()):
-        undo = name.endswith(".undo.ps1")
+        undo = name.endswith((".undo.ps1", ".undo.sh"))
         guest = name.removeprefix(begin).split(".")[0] if name.startswith(begin) else ""
         scripts.append(PlanScript(name=name, host=part.host.name, guest=guest, undo=undo, text=text))
     return scripts

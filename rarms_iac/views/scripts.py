@@ -41,10 +41,19 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     lines = (_highlighted(plain) if colour else plain).split("\n")
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
+    records = _line_of_records(lines)
+    if records and not whole:
+        text = "the records of these steps for the journal; --whole shows them"
+        numbered[records:] = [f"{'':>{width}}  ... lines {records + 1} to {len(lines)}: {text}"]
     for piece in () if whole else reversed(split_script(plain + "\n").fixed):
         fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --whole shows it"
         numbered[piece.first - 1 : piece.last] = [f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}"]
     return "\n".join(numbered) + "\n"
+
+
+def _line_of_records(lines: Sequence[str]) -> int:
+    """The index of the line from which on a shell script holds what its journal gets; 0: it is none."""
+    return next((at for at, line in enumerate(lines) if line == "# --- records"), 0)
 
 
 def _highlighted(text: str) -> str:

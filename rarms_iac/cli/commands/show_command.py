@@ -33,7 +33,7 @@ from rarms_iac.views.scripts import difference_json, difference_text, left_out, 
 @rarms_command("show")
 @click.argument("plan_file", metavar="[PLAN]", required=False)
 @click.option("--verbose", "-v", is_flag=True, help="Show every attribute, reason and step, too.")
-@click.option("--script", is_flag=True, help="Show the scripts: a Hyper-V host's own, or what one would get.")
+@click.option("--script", is_flag=True, help="Show the scripts that do it: PowerShell, or a shell's for Linux.")
 @click.option("--guest", metavar="PARTITION", default="", help="With --script: the one for this partition's guest.")
 @click.option("--undo", is_flag=True, help="With --script: the one that takes it back.")
 @click.option("--whole", is_flag=True, help="With --script: also the runtime and the parts, which are fixed.")
@@ -177,5 +177,6 @@ def _show_transport(session: Session, form: ScriptForm) -> ExitCode:
 
 
 def _show_script(session: Session, heading: str, text: str, *, whole: bool) -> None:
-    numbered = script_text(text, colour=session.terminal.colour, whole=whole)
+    colour = session.terminal.colour and not heading.endswith(".sh")  # the colours are PowerShell's
+    numbered = script_text(text, colour=colour, whole=whole)
     session.terminal.data(f"{heading}\n{numbered}\n")

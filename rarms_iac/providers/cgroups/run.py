@@ -16,7 +16,9 @@ from rarms_iac.model.operations import (
     Operation,
     RemoveDisk,
     RemovePartition,
+    SetCpu,
     SetMemory,
+    SetProcessors,
     SetSecureBoot,
     StartPartition,
     StopPartition,
@@ -195,14 +197,16 @@ class LinuxHostProvider(JournaledHost):
                     problem = problem or lack_of_memory(after.settings, definition.id, state)
                 if problem:
                     raise self._refused(f"{definition.settings.name}: {problem}")
-                self._redefine(definition, after)
+                if isinstance(operation, SetProcessors | SetCpu | SetMemory) and self._runs(definition):
+                    self._redefine(definition, after)
+                else:
+                    self._save(after)
 
     def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
-        """Give a partition other settings: the kernel first where its group is there, then the definition."""
-        same = values_of(before.settings, self._processors) == values_of(after.settings, self._processors)
-        if same or not self._runs(before):
-            self._save(after)
-            return
+        """Give a partition that runs other settings: the kernel first, then the definition.
+
+        The kernel may have others than `before` says: somebody changed them by hand, and the plan takes that back.
+        """
         self._save(replace(before, changing=True))
         try:
             self.tree.write(before.group, values_of(after.settings, self._processors))

@@ -1,0 +1,479 @@
+# --- runtime: from here to the records the same bytes in every script.
+
+refuse() { # WHY: the host is not as the plan saw it
+    printf '%s\n' "$HOST: $1" >&2
+    exit 3
+}
+
+fail() { # WHY
+    printf '%s\n' "$HOST: $1" >&2
+    exit 1
+}
+
+# Files are replaced whole: a reader sees the old text or the new one, also after a crash.
+
+replace_file() { # FILE: its text comes from standard input
+    new="${1%/*}/.${1##*/}.$$-script.new"
+    cat >"$new"
+    sync "$new"
+    mv -f "$new" "$1"
+    sync "$FOLDER"
+}
+
+# A partition's definition: JSON with a setting a line, whose names occur once.
+
+load() {
+    definition=''
+    [ ! -f "$file" ] || definition=$(cat "$file")
+}
+
+save() {
+    printf '%s\n' "$definition" | replace_file "$file"
+}
+
+get() { # NAME: the setting as JSON, text without its quotes
+    printf '%s\n' "$definition" | sed -n "s/^ *\"$1\": \(.*[^,]\),\{0,1\}\$/\1/p" | sed 's/^"\(.*\)"$/\1/'
+}
+
+put() { # NAME JSON
+    definition=$(printf '%s\n' "$definition" | NAME=$1 VALUE=$2 awk '
+        match($0, "^ *\"" ENVIRON["NAME"] "\": ") { $0 = substr($0, 1, RLENGTH) ENVIRON["VALUE"] (/,$/ ? "," : "") }
+        { print }')
+}
+
+# The partition's control group, of version 1 or 2, and its values: shares, quota, period, memory.
+
+in_kernel() { # CONTROLLER FILE: the path of the group's file
+    case $VERSION in
+    v1) printf '%s' "$ROOT/$1/$SLICE/$group/$2" ;;
+    v2) printf '%s' "$ROOT/$SLICE/$group/$2" ;;
+    esac
+}
+
+folders() {
+    for controller in cpuset memory cpuacct cpu; do
+        dirname "$(in_kernel "$controller" any)"
+    done | awk '!seen[$0]++'
+}
+
+bounded() { # NUMBER LEAST MOST
+    if [ "$1" -lt "$2" ]; then echo "$2"; elif [ "$1" -gt "$3" ]; then echo "$3"; else echo "$1"; fi
+}
+
+defined_values() { # as the kernel will show them; -1: no quota, 0: no limit of memory
+    processors=$(get processors) limit=$(get limit) period=$(get quota_period_us) memory=$(get memory) quota=-1
+    [ "$period" != null ] || period=100000
+    if [ "$limit" -lt 100 ] || [ "$processors" -lt "$PROCESSORS" ]; then
+        quota=$(((2 * limit * processors * period + 100) / 200))
+    else
+        period=100000
+    fi
+    case $VERSION in
+    v1) shares=$(bounded $(($(get reserve) * processors * 10)) 2 262144) ;;
+    v2) shares=$(bounded $(($(get reserve) * processors)) 1 10000) ;;
+    esac
+    echo "$shares $quota $period $((memory - memory % PAGE))"
+}
+
+kernel_values() {
+    case $VERSION in
+    v1)
+        limits="$(cat "$(in_kernel cpu cpu.cfs_quota_us)") $(cat "$(in_kernel cpu cpu.cfs_period_us)")"
+        memory=$(sed 's/^[0-9]\{19\}$/0/' "$(in_kernel memory memory.limit_in_bytes)")
+        echo "$(cat "$(in_kernel cpu cpu.shares)") $(echo "$limits" | sed 's/^-1 .*/-1 100000/') $memory"
+        ;;
+    v2)
+        limits=$(sed 's/^max .*/-1 100000/' "$(in_kernel cpu cpu.max)")
+        memory=$(sed 's/^max$/0/' "$(in_kernel memory memory.max)")
+        echo "$(cat "$(in_kernel cpu cpu.weight)") $limits $memory"
+        ;;
+    esac
+}
+
+write_values() { # SHARES QUOTA PERIOD MEMORY
+    case $VERSION in
+    v1)
+        echo "$1" >"$(in_kernel cpu cpu.shares)"
+        echo -1 >"$(in_kernel cpu cpu.cfs_quota_us)" # the old quota may be more than the new period allows
+        [ "$2" = -1 ] || echo "$3" >"$(in_kernel cpu cpu.cfs_period_us)"
+        [ "$2" = -1 ] || echo "$2" >"$(in_kernel cpu cpu.cfs_quota_us)"
+        cat "$ROOT/cpuset/$SLICE/cpuset.cpus" >"$(in_kernel cpuset cpuset.cpus)"
+        echo "$4" | sed 's/^0$/-1/' >"$(in_kernel memory memory.limit_in_bytes)"
+        ;;
+    v2)
+        used=$(sed -n 's/^anon //p' "$(in_kernel memory memory.stat)")
+        [ "$4" = 0 ] || [ "$used" -le "$4" ] || fail "the processes of $partition use $used bytes, more than $4"
+        echo "$1" >"$(in_kernel cpu cpu.weight)"
+        echo "$2 $3" | sed 's/^-1/max/' >"$(in_kernel cpu cpu.max)"
+        echo >"$(in_kernel cpuset cpuset.cpus)"
+        echo "$4" | sed 's/^0$/max/' >"$(in_kernel memory memory.max)"
+        ;;
+    esac
+}
+
+make_group() { # below the slice, which weighs more than everything beside it
+    folders | while read -r folder; do
+        mkdir -p "$folder"
+    done
+    case $VERSION in
+    v1)
+        echo 262144 >"$ROOT/cpu/$SLICE/cpu.shares"
+        for values in cpuset.cpus cpuset.mems; do # without them no process may join
+            for folder in "$ROOT/cpuset/$SLICE" "$ROOT/cpuset/$SLICE/$group"; do
+                grep -q . "$folder/$values" || cat "${folder%/*}/$values" >"$folder/$values"
+            done
+        done
+        ;;
+    v2)
+        echo '+cpuset +memory +cpu' >"$ROOT/cgroup.subtree_control"
+        echo '+cpuset +memory +cpu' >"$ROOT/$SLICE/cgroup.subtree_control"
+        echo 10000 >"$ROOT/$SLICE/cpu.weight"
+        ;;
+    esac
+}
+
+processes() {
+    folders | while read -r folder; do
+        [ ! -d "$folder" ] || find "$folder" -name cgroup.procs -exec cat {} +
+    done | sort -u
+}
+
+remove_group() { # with its processes, and the slice where it is empty then
+    for _ in $(seq 50); do
+        processes | xargs -r kill -KILL 2>/dev/null || sleep 0.1
+        folders | while read -r folder; do
+            find "$folder" -depth -type d -exec rmdir {} \; 2>/dev/null || true
+            rmdir "${folder%/*}" 2>/dev/null || true
+        done
+        [ -n "$(folders | while read -r folder; do ls -d "$folder" 2>/dev/null || true; done)" ] || return 0
+        sleep 0.1
+    done
+    fail "the control group of $partition cannot be removed"
+}
+
+# What a step reads.
+
+use() { # PARTITION ID: what the next steps are about
+    partition=$1 id=$2 file=$FOLDER/$2.json
+    load
+}
+
+runs() {
+    group=$(get group)
+    [ -n "$group" ] && [ "$(get boot)" = "$BOOT" ] && [ -d "$(in_kernel cpu .)" ]
+}
+
+reading() { # NAME
+    case $1 in
+    exists) [ -f "$file" ] && echo true || echo false ;;
+    running) runs && echo true || echo false ;;
+    state) runs && echo running || echo off ;;
+    mark) get notes | sed -n "s/^rarms\/1 \([^ ]*\) vm=${id%%-*} set=.*/\1/p" ;;
+    set) get notes | sed -n "s/^rarms\/1 [^ ]* vm=${id%%-*} set=//p" ;;
+    quota_period_us) get "$1" | sed 's/^null$/0/' ;;
+    *) get "$1" | sed 's/^null$//' ;;
+    esac
+}
+
+deviations() { # SLACK LIST: prints what is not as the list of NAME=VALUE, a line each, has it
+    printf '%s\n' "$2" | {
+        while IFS= read -r word; do
+            name=${word%%=*} value=${word#*=} now=$(reading "$name")
+            case $name in
+            processors | reserve | limit | quota_period_us | memory) ! runs || {
+                put "$name" "$([ "$word" = quota_period_us=0 ] && echo null || echo "$value")"
+                now=$value
+            } ;;
+            esac
+            [ "$now" = "$value" ] || printf ' %s is %s, not %s.' "$name" "${now:-nothing}" "$value"
+        done
+        ! runs || echo "$(defined_values) $(kernel_values) $(get processors)" | awk -v slack="$1" -v version="$VERSION" '
+            function far(a, b, most) { return a - b > most || b - a > most || (a < 0) != (b < 0) }
+            far($1, $5, slack * $9 * (version == "v1" ? 10 : 1)) || far($2, $6, slack * $9 * $3 / 100) ||
+            $3 != $7 || $4 != $8 {
+                printf " its control group has %s, not %s.", $5 " " $6 " " $7 " " $8, $1 " " $2 " " $3 " " $4
+            }'
+    }
+}
+
+# What a step does.
+
+create_partition() { # NAME MEMORY: off, without reserve
+    if others=$(grep -lE "\"notes\": \"rarms/1 $APPLICATION/$partition vm=" "$FOLDER"/*.json 2>/dev/null); then
+        refuse "there is a partition $partition already: $others"
+    fi
+    definition=$(template "$id" "$1" "$2")
+    save
+}
+
+change() { # NAME JSON ...: the kernel first where the group is there, then the definition
+    old=$definition
+    while [ $# -gt 0 ]; do
+        put "$1" "$2"
+        shift 2
+    done
+    if runs; then
+        changed=$definition values=$(defined_values) definition=$old
+        put changing true
+        save
+        # shellcheck disable=SC2086 # four numbers
+        write_values $values
+        definition=$changed
+    fi
+    save
+}
+
+note() { # NAME JSON: what the kernel knows nothing of
+    put "$1" "$2"
+    save
+}
+
+set_processors() { change processors "$1"; }
+set_cpu() { change reserve "$1" limit "$2" weight "$3" quota_period_us "$4"; }
+set_memory() { change memory "$1"; }
+set_start() { note start_action "\"$1\""; }
+rename_partition() { note name "\"$1\""; }
+write_mark() { # APPLICATION/PARTITION SET: it names the id, so that a copy of the file does not count
+    note notes "\"rarms/1 $1 vm=${id%%-*} set=$2\""
+}
+erase_mark() { note notes '""'; }
+
+start_partition() {
+    ! runs || return 0
+    wanted=$(($(get reserve) * $(get processors))) memory=$(get memory) taken=0 memory_taken=0
+    for folder in "$(group='' in_kernel cpu '')"*/; do
+        [ -d "$folder" ] || continue
+        group=$(basename "$folder")
+        # shellcheck disable=SC2046 # four numbers
+        set -- $(kernel_values)
+        taken=$((taken + ($([ "$VERSION" = v1 ] && echo "$1 / 10" || echo "$1 - ($1 == 1)"))))
+        memory_taken=$((memory_taken + $4))
+    done
+    [ "$wanted" = 0 ] || [ $((taken + wanted)) -le $((100 * PROCESSORS)) ] ||
+        fail "$partition needs $wanted % of a processor, and $((100 * PROCESSORS - taken)) % are free"
+    [ $((memory_taken + memory)) -le "$MEMORY" ] ||
+        fail "$partition needs $memory bytes, and $((MEMORY - memory_taken)) are free"
+    group=$(get name)
+    [ ! -d "$(in_kernel cpu .)" ] || group=$group.${id%%-*}
+    put group "\"$group\""
+    put boot '""'
+    save
+    make_group
+    # shellcheck disable=SC2046 # four numbers
+    write_values $(defined_values)
+    put boot "\"$BOOT\""
+    save
+}
+
+stop_partition() { # GRACE: tenths of a second that its processes have to end
+    runs || return 0
+    [ "$1" = 0 ] || processes | xargs -r kill -TERM 2>/dev/null || true
+    for _ in $(seq "$1"); do
+        [ -n "$(processes)" ] || break
+        sleep 0.1
+    done
+    put boot '""'
+    save
+    remove_group
+    put group '""'
+    save
+}
+
+remove_partition() {
+    ! runs || fail "$partition runs, and only one that is off can be removed"
+    rm -f "$file"
+    sync "$FOLDER"
+}
+
+recover() { # take back what a killed run left half done: the definitions tell what was whole
+    rm -f "$FOLDER"/.*.new
+    for file in "$FOLDER"/*.json; do
+        [ -f "$file" ] || continue
+        load
+        partition=$(get name) group=$(get group)
+        if [ -n "$group" ] && [ -z "$(get boot)" ]; then
+            remove_group
+            put group '""'
+            save
+        elif [ "$(get changing)" = true ]; then
+            # shellcheck disable=SC2046 # four numbers
+            ! runs || write_values $(defined_values)
+            put changing false
+            save
+        fi
+    done
+}
+
+# The journal: a line a record, with its length and checksum; rarms finishes, undoes and tells a script's run.
+
+sealed() { # JSON OBJECT
+    printf '%s,"length":%s,"checksum":"%s"}\n' "${1%\}}" "${#1}" "$(printf '%s' "$1" | sha256sum | cut -c 1-64)"
+}
+
+record() { # JSON OBJECT
+    [ -n "$WHAT_IF" ] || {
+        sealed "$1" >>"$JOURNAL"
+        sync "$JOURNAL"
+    }
+}
+
+field() { # NAME: of the last run's first record, as text of JSON
+    printf '%s\n' "$first" | awk -v name="$1" 'match($0, "\"" name "\":\"([^\"\\\\]|\\\\.)*\"") {
+        print substr($0, RSTART + length(name) + 4, RLENGTH - length(name) - 5) }'
+}
+
+begin() { # STEPS HOST-PLAN SERIALS: the first record holds the whole run, so that anybody can finish it
+    history=$(printf '%s' "${first##*'"history":['}" | sed 's/].*//')
+    if [ -n "$first" ]; then
+        past="{\"run\":\"$(field run)\",\"plan\":\"$(field plan)\",\"application\":\"$(field application)\","
+        past="$past\"started_by\":\"$(field started_by)\",\"started_at\":\"$(field started_at)\","
+        history="${history:+$history,}$past\"closing\":${closing:+\"}${closing:-null}${closing:+\"}}"
+    fi
+    text="{\"run\":\"$KIND\",\"plan\":\"$PLAN\",\"application\":\"$APPLICATION\",\"started_by\":\"$OWNER\","
+    text="$text\"host_plan\":$2,\"steps\":[$1],\"serials\":{$3},"
+    text="$text\"started_at\":\"$(date -u '+%Y-%m-%d %H:%M:%S UTC')\",\"history\":[$history],\"kind\":\"run_started\"}"
+    [ -n "$WHAT_IF" ] || sealed "$text" | replace_file "$JOURNAL"
+}
+
+numbers() { # STATUS...: of the steps with one of these in the journal, each between blanks
+    for status; do
+        sed -n "s/^{\"number\":\([0-9]*\),\"status\":\"$status\".*/\1/p" "$JOURNAL"
+    done | tr '\n' ' ' | sed 's/^/ /'
+}
+
+step() { # NUMBER TITLE [gone=NUMBER] before NAME=VALUE... after NAME=VALUE... set FUNCTION ARGUMENT...
+    number=$1 title=$2 gone='' before='' after='' list='' row=$((row + 1))
+    shift 2
+    while [ "$1" != set ]; do
+        case $list$1 in
+        gone=*) gone=${1#gone=} ;;
+        before | after | beforeafter) list=$1 ;;
+        before*) before="$before${before:+$NEWLINE}$1" ;;
+        after*) after="$after${after:+$NEWLINE}$1" ;;
+        esac
+        shift
+    done
+    shift
+    if [ -n "$choosing" ]; then
+        case $touched in *" ${gone:-none} "*) ;; *" $number "*) chosen="$chosen$row " ;; esac
+        return 0
+    fi
+    case $chosen in *" $row "*) index=$((index + 1)) ;; *) return 0 ;; esac
+    case $finished in *" $index "*) return 0 ;; esac
+    load
+    status=unchanged
+    if [ -n "$WHAT_IF" ]; then
+        echo "would: $partition: $title"
+        return 0
+    elif [ -n "$(deviations 0 "$after")" ]; then
+        moved=$(deviations 1 "$before") # the plan has whole per cent of what somebody else wrote
+        [ -z "$moved" ] || refuse "$partition: $title:$moved It changed since the plan was made: take back what was done, or plan again."
+        echo "$partition: $title"
+        status=changed
+        record "{\"number\":$index,\"status\":\"begun\",\"kind\":\"step_recorded\"}"
+        "$@"
+        load
+        missed=$(deviations 0 "$after")
+        [ -z "$missed" ] || fail "$partition: $title:$missed Run it again, or take it back."
+    else # a step that a killed run began is its doing
+        case $begun in *" $index "*) status=changed ;; esac
+    fi
+    record "{\"number\":$index,\"status\":\"$status\",\"kind\":\"step_recorded\"}"
+}
+
+find_control_groups() {
+    for ROOT in /sys/fs/cgroup/unified /sys/fs/cgroup; do
+        offered=" $(cat "$ROOT/cgroup.controllers" 2>/dev/null || true) " VERSION=v2
+        case $CONTROL_GROUPS$offered in automatic*' cpu '* | v2*' cpu '*) return 0 ;; esac
+    done
+    VERSION=v1
+    for controller in cpuset memory cpuacct cpu; do
+        [ -w "$ROOT/$controller/cgroup.procs" ] || CONTROL_GROUPS=v2
+        [ "$CONTROL_GROUPS" != v2 ] ||
+            fail "control groups need the controller $controller, which is missing or not writable in $ROOT"
+    done
+}
+
+hold_host() { # until this shell ends
+    mkdir -p "$FOLDER"
+    chmod 700 "$FOLDER"
+    exec 9>>"$FOLDER/lock"
+    flock -w "$LOCK_TIMEOUT" 9 || refuse "held by $(cat "$FOLDER/lock")"
+    echo "$OWNER" >"$FOLDER/lock"
+    trap ': >"$FOLDER/lock"' EXIT
+}
+
+read_journal() { # without a last line that a crash tore
+    first='' last='' closing=''
+    [ -s "$JOURNAL" ] || return 0
+    last=$(tail -n 1 "$JOURNAL")
+    if [ "$(sealed "${last%',"length":'*}}")" != "$last" ]; then
+        sed '$d' "$JOURNAL" | replace_file "$JOURNAL"
+        last=$(tail -n 1 "$JOURNAL")
+    fi
+    first=$(head -n 1 "$JOURNAL")
+    closing=$(printf '%s\n' "$last" | sed -n 's/^{"closing":"\([a-z]*\)".*/\1/p')
+}
+
+choose_steps() { # those of this run: chosen, and of them finished and begun
+    run="$(field run) $(field plan) $(field application)" finished=' ' begun=' ' chosen=' ' row=0 index=-1
+    serials=${first##*'"serials":{'} serials=${serials%%\}*}
+    serial=$(printf '%s' "$serials" | tr ',' '\n' | sed -n "s/^\"$APPLICATION\"://p")
+    others=$(printf '%s' "$serials" | tr ',' '\n' | sed "/^\"$APPLICATION\":/d" | tr '\n' ',')
+    raised="$others\"$APPLICATION\":$((${serial:-0} + 1))"
+    if [ -n "$first" ] && [ -z "$closing" ]; then
+        [ "$run" = "$KIND $PLAN $APPLICATION" ] || [ "$KIND $run" = "undo apply $PLAN $APPLICATION" ] ||
+            refuse "the $run is unfinished: finish it with rarms apply, or take it back"
+    elif [ "$closing $run" = "done $KIND $PLAN $APPLICATION" ]; then
+        echo "$HOST: the $KIND of plan $PLAN was the last run there, and it is done: nothing is to do."
+        exit 0
+    fi
+    if [ "$run" = "$KIND $PLAN $APPLICATION" ] && [ -z "$closing" ]; then
+        own=${first##*',"steps":['}
+        for number in $(seq "$(step_records | wc -l)"); do
+            case $own in *"$(step_records | sed -n "${number}p")"*) chosen="$chosen$number " ;; esac
+        done
+        finished=$(numbers changed unchanged) begun=$(numbers begun)
+    elif [ "$KIND" = apply ]; then
+        [ "${serial:-0}" = "$SERIAL" ] || refuse "the plan was made before run $((${serial:-0})) of $APPLICATION: plan again"
+        chosen=" $(seq "$(step_records | wc -l)" | tr '\n' ' ')"
+        steps=$(step_records | paste -s -d , -)
+        begin "$steps" "$(host_plan_record before)$steps$(host_plan_record after)" "$raised"
+    else
+        [ "$run" = "apply $PLAN $APPLICATION" ] || refuse "the last run there is not the apply of plan $PLAN: $run"
+        touched=$(numbers begun changed) choosing=yes
+        plan
+        choosing='' row=0 host_plan=${first#*'"host_plan":'}
+        steps=$(step_records | awk -v chosen="$chosen" 'index(chosen, " " NR " ")' | paste -s -d , -)
+        begin "$steps" "${host_plan%',"steps":['*}" "$raised"
+    fi
+}
+
+main() {
+    WHAT_IF='' ABANDON='' LOCK_TIMEOUT=0 choosing=''
+    while [ $# -gt 0 ]; do
+        case $1 in
+        --what-if) WHAT_IF=yes ;;
+        --abandon) ABANDON=yes ;;
+        --lock-timeout) LOCK_TIMEOUT=$2 && shift ;;
+        *) sed -n '2,/^$/s/^# \{0,1\}//p' "$0" && exit 64 ;;
+        esac
+        shift
+    done
+    [ "$(id -u)" = 0 ] || fail "only root may change control groups"
+    [ "$(uname -n)" = "$COMPUTER" ] || refuse "this computer is $(uname -n), and the plan is for $COMPUTER"
+    [ "$(getconf _NPROCESSORS_ONLN)" = "$PROCESSORS" ] || refuse "it had $PROCESSORS logical processors"
+    find_control_groups
+    hold_host
+    [ -n "$WHAT_IF" ] || recover
+    read_journal
+    if [ -n "$ABANDON" ]; then
+        [ -n "$first" ] && [ -z "$closing" ] && record '{"closing":"abandoned","kind":"run_closed"}'
+        exit 0
+    fi
+    choose_steps
+    plan
+    record '{"closing":"done","kind":"run_closed"}'
+    echo "$HOST: the $KIND of plan $PLAN is done: $((index + 1)) steps."
+}
+# --- end of the runtime

@@ -1,0 +1,235 @@
+"""A shell script of a plan does what `rarms apply` does, on this kernel, and each knows the other's runs."""
+
+import os
+import shutil
+import stat
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.applying.execute import apply_plan
+from rarms_iac.applying.run_report import RunEnding, SilentRunReporter
+from rarms_iac.applying.undo import undo
+from rarms_iac.model.host import Host, LinuxHost, ProviderKind
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.quantities import Bytes
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Component, System
+from rarms_iac.providers.cgroups.groups import CONTROL_GROUPS, GroupTree, find_tree
+from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.run import LinuxHostProvider
+from rarms_iac.providers.cgroups.script import quote, render_shell_scripts
+from tests import builders
+from tests.contracts.test_apply_crashes import a_plan
+from tests.effort import LONG
+
+FIRST = (
+    builders.a_component("vision", reserve="40 %", memory="128 MiB"),
+    builders.a_component("speech", reserve="20 %", memory="64 MiB"),
+)
+SECOND = (
+    builders.a_component("vision", reserve="20 %", memory="96 MiB"),
+    builders.a_component("driving", reserve="40 %", processors=1, memory="64 MiB"),
+)
+EFFECTS = ("sync", "mv", "mkdir", "rmdir")
+"""The programs by which a script changes what outlives it, but for the kernel's files."""
+
+
+@dataclass(frozen=True)
+class Lab:
+    """A Linux host whose slice and folder only this test has."""
+
+    folder: Path
+    slice_name: str
+
+    def described(self) -> Host:
+        machine = this_machine()
+        return replace(
+            builders.a_host(),
+            provider=ProviderKind.LINUX,
+            settings=LinuxHost(slice=self.slice_name),
+            logical_processors=machine.logical_processors,
+            memory=Bytes(machine.memory),
+        )
+
+    def host(self) -> LinuxHostProvider:
+        return LinuxHostProvider(self.described(), self.folder / "state")
+
+    def plan(self, *components: Component) -> Plan:
+        return a_plan(builders.a_system(hosts=[self.described()], components=list(components)), self.host())
+
+    def apply(self, plan: Plan) -> None:
+        host = self.host()
+        with host.lock("ann@lab"):
+            report = apply_plan(plan, {host.name: host}, builders.ORIGIN, SilentRunReporter(), lambda: False)
+        assert report.ending is RunEnding.DONE, report.diagnostics
+
+    def undo(self) -> None:
+        host = self.host()
+        with host.lock("ann@lab"):
+            assert undo(host, builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
+
+    def run(self, plan: Plan, name: str = "onboard.sh", path: str = "") -> subprocess.CompletedProcess[str]:
+        scripts = render_shell_scripts(plan.hosts[0], plan, self.folder / "state")
+        (self.folder / name).write_text(scripts[name], encoding="ascii")
+        environment = {**os.environ, "PATH": f"{path}:{os.environ['PATH']}"} if path else None
+        words = ["sh", str(self.folder / name)]
+        return subprocess.run(words, env=environment, capture_output=True, text=True, start_new_session=True)
+
+    def settled(self) -> Plan:
+        """Forget everything, apply the first layout with rarms, and plan the second."""
+        self.forget()
+        self.apply(self.plan(*FIRST))
+        return self.plan(*SECOND)
+
+    def forget(self) -> None:
+        tree = find_tree(self.slice_name)
+        assert isinstance(tree, GroupTree), tree
+        for name in tree.names():
+            tree.remove(name)
+        shutil.rmtree(self.folder / "state", ignore_errors=True)
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[Lab]:
+    lab = Lab(tmp_path, f"rarms-test-{os.getpid()}-script")
+    yield lab
+    lab.forget()
+
+
+def _changed(state: State) -> State:
+    """Without the ids and marks that are new with every partition of a name."""
+    return replace(state, partitions=tuple(replace(partition, id="", mark=None) for partition in state.partitions))
+
+
+@pytest.mark.needs("control-groups")
+def test_a_script_does_what_apply_does_and_its_undo_what_undo_does(lab: Lab) -> None:
+    plan = lab.settled()
+    start = lab.host().observe()
+    lab.apply(plan)
+    applied = lab.host().observe()
+    lab.undo()
+    undone = lab.host().observe()
+    assert _changed(replace(undone, serials={})) == _changed(replace(start, serials={}))
+
+    assert lab.settled() == plan
+    done = lab.run(plan)
+
+    assert done.returncode == 0, done.stderr
+    assert lab.host().observe() == applied
+    assert not lab.plan(*SECOND).has_changes
+    assert lab.run(plan, "onboard.undo.sh").returncode == 0
+    assert lab.host().observe() == undone
+    assert not list(lab.folder.rglob("*.new"))
+
+
+@pytest.mark.needs("control-groups")
+def test_rarms_takes_back_what_a_script_did_and_a_script_what_rarms_did(lab: Lab) -> None:
+    plan = lab.settled()
+    start = _changed(replace(lab.host().observe(), serials={}))
+    assert lab.run(plan).returncode == 0
+    lab.undo()
+    assert _changed(replace(lab.host().observe(), serials={})) == start
+
+    plan = lab.settled()
+    lab.apply(plan)
+    assert lab.run(plan, "onboard.undo.sh").returncode == 0
+    assert _changed(replace(lab.host().observe(), serials={})) == start
+    journal = lab.host().journal()
+    assert journal is not None
+    assert [str(run.run) for run in journal.started.history] == ["apply", "apply"]
+
+
+@pytest.mark.needs("control-groups")
+def test_a_script_refuses_a_used_plan_a_host_that_moved_and_one_that_is_held(lab: Lab) -> None:
+    plan = lab.settled()
+    with lab.host().lock("bob@lab"):
+        held = lab.run(plan)
+    assert (held.returncode, held.stderr) == (3, "onboard: held by bob@lab\n")
+
+    shares = next(iter(CONTROL_GROUPS.glob(f"**/{lab.slice_name}/vision/cpu.[sw][he][ai][rg][eh]*")))
+    before = shares.read_text(encoding="ascii")
+    shares.write_text("77", encoding="ascii")
+    moved = lab.run(plan)
+    assert moved.returncode == 3
+    assert "vision" in moved.stderr
+    shares.write_text(before, encoding="ascii")
+    assert lab.run(plan).returncode == 0
+    assert "nothing is to do" in lab.run(plan).stdout
+    assert lab.run(plan, "onboard.undo.sh").returncode == 0
+
+    used = lab.run(plan)
+
+    assert (used.returncode, "plan again" in used.stderr) == (3, True)
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.parametrize("by_script", [True, False])
+def test_what_somebody_changed_by_hand_is_repaired(lab: Lab, by_script: bool) -> None:
+    lab.settled()
+    shares = next(iter(CONTROL_GROUPS.glob(f"**/{lab.slice_name}/vision/cpu.[sw][he][ai][rg][eh]*")))
+    shares.write_text("77", encoding="ascii")
+    plan = lab.plan(*FIRST)
+    assert plan.has_changes
+
+    if by_script:
+        assert lab.run(plan).returncode == 0
+    else:
+        lab.apply(plan)
+
+    assert not lab.plan(*FIRST).has_changes
+
+
+@pytest.mark.needs("control-groups")
+def test_a_script_killed_before_any_effect_and_run_again_ends_the_same(lab: Lab, tmp_path: Path) -> None:
+    plan = lab.settled()
+    lab.apply(plan)
+    end = lab.host().observe()
+    killers = tmp_path / "killers"
+    killers.mkdir()
+    for name in EFFECTS:
+        shim = killers / name
+        shim.write_text(
+            f'#!/bin/sh\nread -r left <"{killers}/left"\necho $((left - 1)) >"{killers}/left"\n'
+            f'[ "$left" -gt 1 ] || kill -KILL 0\nexec {shutil.which(name)} "$@"\n',
+            encoding="ascii",
+        )
+        shim.chmod(shim.stat().st_mode | stat.S_IXUSR)
+
+    effects = 0
+    while True:
+        effects += 1 if LONG else 23
+        assert lab.settled() == plan
+        (killers / "left").write_text(f"{effects}\n", encoding="ascii")
+        if lab.run(plan, path=str(killers)).returncode == 0:
+            break
+        again = lab.run(plan)
+        assert again.returncode == 0, (effects, again.stderr)
+        assert lab.host().observe() == end, effects
+    assert effects > 40
+
+
+@pytest.mark.needs("posix")
+@given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])))
+def test_any_text_is_one_word_of_a_shell_in_ascii(text: str) -> None:
+    word = quote(text)
+
+    assert word.isascii()
+    assert subprocess.run(["sh", "-c", f"printf '%s' {word}"], capture_output=True, check=True).stdout == text.encode()
+
+
+@pytest.mark.needs("linux", "shellcheck")
+def test_scripts_are_clean_for_shellcheck_and_for_dash(lab: Lab) -> None:
+    host = lab.described()
+    system: System = builders.a_system(hosts=[host], components=list(FIRST))
+    plan = a_plan(system, lab.host())
+    for name, text in render_shell_scripts(plan.hosts[0], plan, Path("/var/lib/rarms")).items():
+        (lab.folder / name).write_text(text, encoding="ascii")
+        for words in (["shellcheck", "--shell=sh"], ["dash", "-n"]):
+            checked = subprocess.run([*words, str(lab.folder / name)], capture_output=True, text=True)
+            assert (checked.returncode, checked.stdout + checked.stderr) == (0, "")
