@@ -35,7 +35,12 @@ get() { # NAME: the setting as JSON, text without its quotes
     printf '%s\n' "$definition" | sed -n "s/^ *\"$1\": \(.*[^,]\),\{0,1\}\$/\1/p" | sed 's/^"\(.*\)"$/\1/'
 }
 
-put() { # NAME JSON
+put() { # NAME JSON: the period stands behind the processors, or nowhere
+    if [ "$1" = quota_period_us ]; then
+        definition=$(printf '%s\n' "$definition" | sed '/^ *"quota_period_us": /d')
+        [ "$2" = null ] || put processors "$(get processors),$NEWLINE  \"$1\": $2"
+        return
+    fi
     definition=$(printf '%s\n' "$definition" | NAME=$1 VALUE=$2 awk '
         match($0, "^ *\"" ENVIRON["NAME"] "\": ") { $0 = substr($0, 1, RLENGTH) ENVIRON["VALUE"] (/,$/ ? "," : "") }
         { print }')
@@ -62,7 +67,7 @@ bounded() { # NUMBER LEAST MOST
 
 defined_values() { # as the kernel will show them; -1: no quota, 0: no limit of memory
     processors=$(get processors) limit=$(get limit) period=$(get quota_period_us) memory=$(get memory) quota=-1
-    [ "$period" != null ] || period=100000
+    period=${period:-100000}
     if [ "$limit" -lt 100 ] || [ "$processors" -lt "$PROCESSORS" ]; then
         quota=$(((2 * limit * processors * period + 100) / 200))
     else
@@ -170,7 +175,7 @@ reading() { # NAME
     state) runs && echo running || echo off ;;
     mark) get notes | sed -n "s/^rarms\/1 \([^ ]*\) vm=${id%%-*} set=.*/\1/p" ;;
     set) get notes | sed -n "s/^rarms\/1 [^ ]* vm=${id%%-*} set=//p" ;;
-    quota_period_us) get "$1" | sed 's/^null$/0/' ;;
+    quota_period_us) get "$1" | grep . || echo 0 ;;
     *) get "$1" | sed 's/^null$//' ;;
     esac
 }

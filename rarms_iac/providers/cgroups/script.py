@@ -118,7 +118,7 @@ def _render(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Sequence[_Scr
     facts = host_plan.facts
     before, after = _host_plan_record(host_plan) if kind is RunKind.APPLY else ("", "")
     return environment.from_string(shipped_text("templates/shell/script.sh.j2")).render(
-        head=list(_head(kind, host_plan, plan, steps)),
+        head=[f"# {line}".rstrip() for line in _head(kind, host_plan, plan, steps)],
         kind=kind.value,
         plan=plan.id,
         application=quote(plan.application),
