@@ -165,7 +165,7 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
             [
                 findings.CANNOT_MEASURE.at(
                     None,
-                    f"{', '.join(members)} may run on: {names}. None of them is a simulated host.",
+                    f"{', '.join(members)} may run on: {names}. None of them is simulated or this Linux machine.",
                     "Name another with --host, or measure on a simulated host of the same platform.",
                     address=f"component/{members[0]}",
                 )

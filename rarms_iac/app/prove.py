@@ -272,7 +272,7 @@ def _able(hosts: Hosts) -> tuple[str, ...]:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None
     )
     if not able:
-        message = f"None of these is a simulated host: {', '.join(hosts.chosen) or 'there are none'}."
+        message = f"Components can be run on none of these: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
         raise UseCaseError(Outcome.FAILED, [findings.CANNOT_MEASURE.at(None, message, advice)])
     return able

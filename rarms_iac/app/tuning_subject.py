@@ -234,9 +234,14 @@ def bench_of(hosts: Hosts) -> Host:
     for name in hosts.chosen:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
             return hosts.system.hosts[name]
-    message = f"None of {', '.join(hosts.chosen)} is a simulated host."
+    message = f"Components can be run on none of these: {', '.join(hosts.chosen)}."
     raise UseCaseError(
-        Outcome.FAILED, [CANNOT_MEASURE.at(None, message, "Tune on a simulated host of the same platform: --host.")]
+        Outcome.FAILED,
+        [
+            CANNOT_MEASURE.at(
+                None, message, "Tune on a Linux host itself, or on a simulated host of the same platform: --host."
+            )
+        ],
     )
 
 

@@ -1,5 +1,8 @@
 """What every host that is measured on keeps to; `host` is where another provider joins."""
 
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -8,7 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.partitions import running_test_partitions, set_reserves, shapes_of_test_partitions
+from rarms_iac.measuring.partitions import (
+    remove_test_partitions,
+    running_test_partitions,
+    set_reserves,
+    shapes_of_test_partitions,
+)
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup, Sample
 from rarms_iac.model.run import Elapsed, Field, Run, SampleCount, Samples
@@ -19,7 +27,8 @@ from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from tests.builders import a_component, a_host, a_run, a_simulation, memory, milliseconds
-from tests.contracts.benches import forget_groups, groups_of
+from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.needs import CHECKOUT
 
 JOBS = """\
 import json, os, sys, time
@@ -226,6 +235,42 @@ def test_a_real_host_names_what_it_cannot_run(tmp_path: Path, monkeypatch: pytes
     assert "no-such-program" in host.obstacle(CommandLoad(command=("no-such-program",)))
     monkeypatch.setenv("PATH", str(tmp_path))
     assert host.obstacle(Stress(stressor="timer")) == "there is no stress-ng on the PATH: stress-ng"
+
+
+KILLED = """\
+import sys
+from rarms_iac.providers.cgroups.groups import find_tree
+from tests.contracts.test_measuring_contract import *
+folder = Path(sys.argv[1])
+(folder / "jobs.py").write_text(JOBS, encoding="utf-8")
+host = LinuxMeasuringHost(a_host(provider=ProviderKind.LINUX), folder, folder / "state", find_tree(sys.argv[2]))
+with ready(host), host.run(some_work(EYES, eyes=SampleCount(samples=1_000_000))) as running:
+    for _ in running.samples():
+        print("running", flush=True)
+"""
+"""Another rarms that measures on the host of this test."""
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_nothing_runs_on_where_rarms_is_killed_and_the_next_run_removes_p1_and_p2(tmp_path: Path) -> None:
+    groups, words = groups_of(tmp_path), [sys.executable, "-c", KILLED, str(tmp_path), slice_of(tmp_path)]
+    with subprocess.Popen(words, cwd=CHECKOUT, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"running\n"
+        inside = {name: len(groups.processes(name)) for name in groups.names()}
+        other.kill()
+    until = time.perf_counter() + 20
+    while any(map(groups.processes, groups.names())) and time.perf_counter() < until:
+        time.sleep(0.02)
+    after = [groups.processes(name) for name in groups.names()]
+    removed = remove_test_partitions(linux(tmp_path))
+    forget_groups(tmp_path)
+
+    assert inside == {P1: 1, P2: 3}
+    assert after == [(), ()]
+    assert removed == (P1, P2)
+    assert groups.names() == ()
 
 
 @pytest.mark.needs("control-groups")

@@ -51,6 +51,7 @@ def test_a_process_is_known_by_its_name_and_parent() -> None:
 
 
 @pytest.mark.needs("control-groups")
+@pytest.mark.alone
 def test_the_doctor_names_what_a_killed_supervisor_left_in_a_partition(tmp_path: Path) -> None:
     host, groups = (
         LinuxMeasuringHost(a_host(provider=ProviderKind.LINUX), tmp_path, tmp_path / "state", groups_of(tmp_path)),
