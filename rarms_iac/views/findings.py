@@ -26,6 +26,8 @@ REACH = 400
 """Characters looked at on either side of the spot: a file of one line of megabytes is no reason to be slow."""
 ELLIPSIS = "..."
 TAB_STOP = 8
+SECRETS = frozenset({"RARMS090", "RARMS091"})
+"""Findings whose line of the file is not shown: the log of a workflow has more readers than the file."""
 
 
 def findings_text(
@@ -91,7 +93,7 @@ def _one_finding(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -
     location = ", ".join(_location(diagnostic))
     if location:
         yield paragraph(location, indent=INDENT)
-    if diagnostic.place is not None:
+    if diagnostic.place is not None and diagnostic.code not in SECRETS:
         yield from _excerpt(diagnostic.place, sources)
     yield from (paragraph(text, indent=INDENT) for text in (diagnostic.detail, diagnostic.advice) if text)
     for related in diagnostic.related:

@@ -1,12 +1,15 @@
 """Values of variables that a manifest only refers to are nowhere but in the environment of the component itself."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.views.finding_forms import OutputFormat
 from tests.measured_cell import MANIFEST
+from tests.recorded_hosts import recorded_bytes
 from tests.unit.cli.running import rarms
 
 SECRET = "pl4nted-5ecret"
@@ -43,6 +46,49 @@ ROUTE = (
     ("doctor", "--json"),
     ("run", "vision", "--samples", "1", "--json"),
 )
+
+
+IN_CLEAR = "Pl4nted!5ecret+x"
+
+
+@pytest.mark.parametrize("form", list(OutputFormat))
+def test_a_secret_that_the_manifest_contains_is_found_and_not_shown(tmp_path: Path, form: OutputFormat) -> None:
+    partition = f"partitions: {{ vision: {{ guest: {{ credential: '{IN_CLEAR}' }} }} }}\n"
+    variable = f"    run: {{ command: [vision], environment: {{ API_TOKEN: '{IN_CLEAR}' }} }}\n    simulation:"
+    Path(tmp_path, "rarms.yaml").write_text(MANIFEST.replace("    simulation:", variable, 1) + partition, "utf-8")
+
+    answer = rarms("validate", str(tmp_path), "--output", form)
+
+    assert {"RARMS090", "RARMS091"} <= set(re.findall(r"RARMS\d{3}", answer.out))
+    assert IN_CLEAR not in answer.out + answer.err
+
+
+GUEST = "partitions: { motion: { guest: { connect: { ssh: pl4nted@gu3st }, credential: cell/pl4nted } } }\n"
+ON_HYPERV = f"""\
+schema: rarms/v1
+application: {{ name: cell }}
+hosts: {{ onboard: {{ provider: hyperv, logical_processors: 8, memory: 16 GiB }} }}
+components: {{ motion: {{ criticality: 3, memory: 1 GiB, cpu: {{ reserve: 20 % }} }} }}
+{GUEST}"""
+
+
+def test_a_credential_and_a_guests_target_stay_in_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rarms.yaml").write_text(ON_HYPERV, encoding="utf-8")
+    Path("host.json").write_bytes(recorded_bytes("empty-host"))
+
+    planned = rarms("plan", "--snapshot", "host.json", "--out", "cell.plan")
+    answers = [
+        planned,
+        rarms("show", "cell.plan", "--json"),
+        rarms("show", "cell.plan", "--script", "--out", "scripts"),
+    ]
+
+    assert [answer.code for answer in answers] == [2, 0, 0], planned.err
+    assert not [answer for answer in answers if re.search("pl4nted|gu3st", answer.out + answer.err)]
+    made = [file for file in tmp_path.rglob("*") if file.is_file() and file.name != "rarms.yaml"]
+    assert len(made) >= 4
+    assert not [file for file in made if re.search(b"pl4nted|gu3st", file.read_bytes())]
 
 
 @pytest.mark.needs("linux")
