@@ -59,6 +59,7 @@ class SettingEvidence:
 
     elapsed_ms: float = 0.0
     cpu_ms: Mapping[str, float] = field(default_factory=dict)  # processor time by partition
+    throttled_ms: Mapping[str, float] = field(default_factory=dict)  # how long its quota held a partition back
     stolen_ms: float = 0.0  # of all processors, by the machine below this one
     waiting_ms: float | None = None  # how long something waited for a processor (PSI); None: not counted
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
@@ -76,7 +77,8 @@ class SettingEvidence:
         return replace(
             self,
             elapsed_ms=self.elapsed_ms - before.elapsed_ms,
-            cpu_ms={name: consumed - before.cpu_ms.get(name, 0.0) for name, consumed in self.cpu_ms.items()},
+            cpu_ms={name: time - before.cpu_ms.get(name, 0.0) for name, time in self.cpu_ms.items()},
+            throttled_ms={name: time - before.throttled_ms.get(name, 0.0) for name, time in self.throttled_ms.items()},
             stolen_ms=self.stolen_ms - before.stolen_ms,
             waiting_ms=(self.waiting_ms or 0.0) - (before.waiting_ms or 0.0) if waited else None,
         )

@@ -256,6 +256,7 @@ class RealWork:
         return SettingEvidence(
             elapsed_ms=self.elapsed_ms(),
             cpu_ms={name: self.host.tree.cpu_ms(group) for name, group in self.groups.items()},
+            throttled_ms={name: self.host.tree.throttled_ms(group) for name, group in self.groups.items()},
             stolen_ms=in_ms(kernel_text(_STAT).split()[_STOLEN]),
             waiting_ms=_waiting_ms(),
         )

@@ -100,7 +100,8 @@ def _rounded_evidence(evidence: SettingEvidence) -> SettingEvidence:
     return replace(
         evidence,
         elapsed_ms=round(evidence.elapsed_ms, DIGITS),
-        cpu_ms={name: round(consumed, DIGITS) for name, consumed in sorted(evidence.cpu_ms.items())},
+        cpu_ms={name: round(time, DIGITS) for name, time in sorted(evidence.cpu_ms.items())},
+        throttled_ms={name: round(time, DIGITS) for name, time in sorted(evidence.throttled_ms.items())},
         stolen_ms=round(evidence.stolen_ms, DIGITS),
         waiting_ms=None if evidence.waiting_ms is None else round(evidence.waiting_ms, DIGITS),
     )

@@ -31,9 +31,13 @@ def test_stolen_time_disturbs() -> None:
 
 
 def test_counters_give_what_was_counted_between_two_moments() -> None:
-    later = SettingEvidence(elapsed_ms=12_500, cpu_ms={P1: 12_250.0, P2: 8_000.0}, stolen_ms=110, waiting_ms=None)
+    later = SettingEvidence(
+        elapsed_ms=12_500, cpu_ms={P1: 12_250.0, P2: 8_000.0}, throttled_ms={P1: 7.0}, stolen_ms=110, waiting_ms=None
+    )
 
-    assert later.since(QUIET) == SettingEvidence(elapsed_ms=2500, cpu_ms={P1: 250.0, P2: 100.0}, stolen_ms=10)
+    assert later.since(QUIET) == SettingEvidence(
+        elapsed_ms=2500, cpu_ms={P1: 250.0, P2: 100.0}, throttled_ms={P1: 7.0}, stolen_ms=10
+    )
 
 
 @pytest.mark.parametrize("evidence", [None, QUIET, replace(SHORT_LOAD, waiting_ms=None, disturbances=("it slept",))])
