@@ -21,7 +21,7 @@ from typing import cast
 
 from benchmarks.components import walk
 from benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, SilentMeasuringReporter, measure
+from rarms_iac.measuring.loop import MeasuringContext, MeasuringReporter, SettingsLog, measure
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
@@ -120,7 +120,7 @@ class Recorded:
         self.all = (*self.all, setting)
 
 
-class LongRun(SilentMeasuringReporter):
+class LongRun(MeasuringReporter):
     """Watches a setting until it is decided whether its thresholds are met."""
 
     def __init__(self, component: Component) -> None:
@@ -159,7 +159,7 @@ class Bench:
     def measure(self, step: Measure) -> Setting:
         """The setting that a strategy asks for."""
         if step not in self.done:
-            [self.done[step]] = self.run(self.experiment, step, 1, SilentMeasuringReporter(), lambda: False)
+            [self.done[step]] = self.run(self.experiment, step, 1, MeasuringReporter(), lambda: False)
         return self.done[step]
 
     def run(
@@ -167,7 +167,7 @@ class Bench:
         experiment: Experiment,
         step: Measure,
         seed: int,
-        reporter: SilentMeasuringReporter,
+        reporter: MeasuringReporter,
         should_stop: Callable[[], bool],
     ) -> tuple[Setting, ...]:
         """Run it now; nothing where it was stopped."""

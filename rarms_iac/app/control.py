@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 from rarms_iac.applying.run_report import RunReporter, SilentRunReporter
-from rarms_iac.measuring.loop import MeasuringReporter, SilentMeasuringReporter
+from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 
 
@@ -81,7 +81,7 @@ class SilentListener:
     """A `Reporter` that keeps everything to itself."""
 
     steps: RunReporter = SilentRunReporter()
-    settings: MeasuringReporter = SilentMeasuringReporter()
+    settings: MeasuringReporter = MeasuringReporter()
 
     def message(self, text: str) -> None:
         """Do nothing.

@@ -56,8 +56,8 @@ class Strategy(Protocol):
         ...
 
 
-class MeasuringReporter(Protocol):
-    """Told what happens, as it happens; must not raise."""
+class MeasuringReporter:
+    """Told what happens, as it happens; must not raise. This one tells nobody."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
         """Measuring begins, or goes on after the settings that are recorded.
@@ -66,7 +66,6 @@ class MeasuringReporter(Protocol):
             experiment: what is measured.
             recorded: its settings so far.
         """
-        ...
 
     def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
         """The setting of this CR begins; it is the number-th, from 1.
@@ -76,7 +75,6 @@ class MeasuringReporter(Protocol):
             reserve: the CR in per cent of P1's own processors.
             number: of the setting, from 1.
         """
-        ...
 
     def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Some samples more were seen.
@@ -86,7 +84,6 @@ class MeasuringReporter(Protocol):
             reserve: the CR in per cent of P1's own processors.
             seen: by component, the series so far.
         """
-        ...
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
         """The setting is recorded.
@@ -95,7 +92,6 @@ class MeasuringReporter(Protocol):
             experiment: what is measured.
             setting: as it is recorded.
         """
-        ...
 
     def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
         """The setting of this CR was disturbed, and is measured once more.
@@ -105,33 +101,9 @@ class MeasuringReporter(Protocol):
             reserve: the CR in per cent of P1's own processors.
             reason: what disturbed it, in words.
         """
-        ...
 
     def experiment_ended(self) -> None:
         """There is nothing more to run."""
-        ...
-
-
-class SilentMeasuringReporter:
-    """A `MeasuringReporter` that does nothing."""
-
-    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
-        """See `MeasuringReporter`."""
-
-    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
-        """See `MeasuringReporter`."""
-
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
-        """See `MeasuringReporter`."""
-
-    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
-        """See `MeasuringReporter`."""
-
-    def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
-        """See `MeasuringReporter`."""
-
-    def experiment_ended(self) -> None:
-        """Nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

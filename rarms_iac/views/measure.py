@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, assert_never
 from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.report_model import FixedReservation
 from rarms_iac.measuring.findings import show_index
+from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic
@@ -294,7 +295,7 @@ BETWEEN_LINES = 30.0
 """Seconds from one line of progress to the next where nothing can be updated in place."""
 
 
-class MeasuringProgress:
+class MeasuringProgress(MeasuringReporter):
     """A `MeasuringReporter` that writes to a person.
 
     Args:

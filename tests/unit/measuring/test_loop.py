@@ -9,8 +9,8 @@ import pytest
 from rarms_iac.measuring.loop import (
     LoopResult,
     MeasuringContext,
+    MeasuringReporter,
     SettingsLog,
-    SilentMeasuringReporter,
     Strategy,
     measure,
 )
@@ -100,7 +100,7 @@ class Bench:
                 host=host,
                 budget=lambda: host_budget(a_host(), host.observe(), "robot"),
                 seed=seed,
-                reporter=SilentMeasuringReporter(),
+                reporter=MeasuringReporter(),
                 should_stop=should_stop,
             )
             return measure(self.experiment, strategy or self.search(), self.book(only), around)

@@ -15,8 +15,8 @@ from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.loop import (
     LoopResult,
     MeasuringContext,
+    MeasuringReporter,
     SettingsLog,
-    SilentMeasuringReporter,
     measure,
 )
 from rarms_iac.measuring.partitions import host_budget
@@ -83,7 +83,7 @@ def searched(
             host=host,
             budget=lambda: host_budget(a_host(), host.observe(), "robot"),
             seed=1,
-            reporter=SilentMeasuringReporter(),
+            reporter=MeasuringReporter(),
             should_stop=lambda: False,
         )
         return measure(experiment, Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), log, around)
