@@ -8,13 +8,16 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-lowest lint test-windows generated figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux test test-long test-lowest lint test-windows generated figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
 
 demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the simulated host
 	@scripts/demo
+
+demo-linux: $(RUNS) ## The same with real components on this Linux, as root; under five minutes
+	@scripts/demo-linux
 
 test: $(TESTS) ## All tests, with branch coverage
 	@scripts/test
