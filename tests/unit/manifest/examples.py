@@ -95,6 +95,7 @@ interference:
   busy: { kind: busy_loop, threads: 2 }
   browsers: { kind: browser, instances: 5 }
   disk: { kind: command, command: [fio, disk.fio], instances: 2 }
+  memory: { kind: stress, stressor: stream, workers: 2 }
 tasks:
   ObjectIdentification: { category: Medium, priority: 6 }
   Pro Audio: { category: Low, background_priority: 3, replace_shipped: true }

@@ -184,6 +184,7 @@ def test_the_rest() -> None:
         "busy": m.BusyLoop(threads=2),
         "browsers": m.Browser(instances=5),
         "disk": m.CommandLoad(command=("fio", "disk.fio"), instances=2),
+        "memory": m.Stress(stressor="stream", workers=2),
     }
     assert SYSTEM.tasks == {
         "ObjectIdentification": m.TaskRequest(name="ObjectIdentification", category=m.TaskCategory.MEDIUM, priority=6),
