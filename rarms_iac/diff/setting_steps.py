@@ -23,7 +23,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import plain, show_bytes, show_period
-from rarms_iac.model.state import SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import NO_GENERATION, SECURE_BOOT_OFF, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -154,7 +154,9 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
         The step; on an existing machine the actions of it are only those that differ.
     """
     fields = _FIELDS[facet]
-    if facet is Facet.ACTIONS and not builder.new:
+    if facet is Facet.ACTIONS and new.generation == NO_GENERATION:
+        fields = ("start_action",)  # a control group has no other
+    elif facet is Facet.ACTIONS and not builder.new:
         fields = tuple(name for name in fields if getattr(old, name) != getattr(new, name))
     if facet is Facet.CPU and (old.quota_period_us or new.quota_period_us):
         fields = (*fields, "quota_period_us")

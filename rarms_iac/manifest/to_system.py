@@ -130,8 +130,7 @@ def _settings(block: HostBlock) -> HostSettings:
         case ProviderKind.HYPERV:
             return _from_block(HypervHost, block.hyperv or HypervHostBlock())
         case ProviderKind.LINUX:
-            linux = block.linux or LinuxBlock()
-            return LinuxHost(slice=linux.slice, control_groups=linux.control_groups)
+            return _from_block(LinuxHost, block.linux or LinuxBlock())
         case _:
             assert_never(block.provider)
 
@@ -267,6 +266,7 @@ def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
         start=block.start,
         grace=(block.stop or PartitionStopBlock()).grace,
         hyperv=_from_block(HypervPartition, block.hyperv or HypervPartitionBlock()),
+        mechanism=block.linux.mechanism if block.linux else None,
         guest=_from_block(Guest, guest, connect=to_connect(guest.connect) if guest.connect else None),
     )
 

@@ -85,12 +85,21 @@ class HypervHost:
     secure_boot: str | None = None
 
 
+class Mechanism(StrEnum):
+    """How a Linux host keeps a reservation."""
+
+    AUTOMATIC = "automatic"  # rarms chooses, and says why
+    SHARE = "share"  # of the processors, counted against the shares of the others as soon as they are short
+    QUOTA = "quota"  # also a limit: no more than is reserved, even where processors are idle
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinuxHost:
-    """Where control groups are made."""
+    """Where control groups are made, and how they keep what is reserved unless a partition says otherwise."""
 
     slice: str = "rarms"
     control_groups: str = "automatic"  # automatic, v1 or v2
+    mechanism: Mechanism = Mechanism.AUTOMATIC
 
 
 HostSettings = SimulatedHost | HypervHost | LinuxHost

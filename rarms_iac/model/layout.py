@@ -40,6 +40,7 @@ class PlacedPartition:
     why_weight: str = ""
     sharing: CoreSharing = ANY_THREAD
     secure_boot: str | None = None  # as the manifest fixes it; None: as its machine has it
+    quota_period_us: int | None = None  # on Linux, how often its limit is counted anew; None: nothing limits it
 
     @property
     def claim(self) -> Claim:

@@ -15,7 +15,16 @@ from typing import Literal
 
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.quantities import show_bytes, show_period
-from rarms_iac.model.state import SPARSE, Checkpoints, RegistryValue, StartAction, StopAction, StoppedBy, TaskRecord
+from rarms_iac.model.state import (
+    NO_GENERATION,
+    SPARSE,
+    Checkpoints,
+    RegistryValue,
+    StartAction,
+    StopAction,
+    StoppedBy,
+    TaskRecord,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +41,8 @@ class CreatePartition:
     kind: Literal["create_partition"] = "create_partition"
 
     def __str__(self) -> str:
+        if self.generation == NO_GENERATION:
+            return f"make a control group with {show_bytes(self.memory)}"
         return f"make a machine of generation {self.generation} with {show_bytes(self.memory)}"
 
 

@@ -89,6 +89,10 @@ class Checkpoints(StrEnum):
     STANDARD = "standard"
 
 
+NO_GENERATION = 0
+"""The generation of what is no virtual machine: a control group."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionSettings:
     """All that rarms decides about a partition, in the provider's own units; a mark's `set` is its digest."""

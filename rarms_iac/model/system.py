@@ -10,7 +10,7 @@ from datetime import date
 from enum import StrEnum
 from fractions import Fraction
 
-from rarms_iac.model.host import Connect, Host
+from rarms_iac.model.host import Connect, Host, Mechanism
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
 from rarms_iac.model.run import Run
 
@@ -176,6 +176,7 @@ class PartitionRequest:
     grace: Milliseconds = GRACE  # for its guest to shut down, before it is turned off
     hyperv: HypervPartition = field(default_factory=HypervPartition)
     guest: Guest = field(default_factory=Guest)
+    mechanism: Mechanism | None = None  # on a Linux host; None: as the host's own `linux` block says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -130,6 +130,7 @@ def _wanted(partition: PlacedPartition, there: Partition | None, application: st
         stop_action=StopAction.SHUT_DOWN,
         checkpoints=Checkpoints.DISABLED,
         running=running,
+        quota_period_us=partition.quota_period_us,
         secure_boot=partition.secure_boot if there is None or there.settings.secure_boot else None,
     )
     wanted = _marked(settings, application, partition.name, there, partition.sharing)

@@ -16,11 +16,12 @@ from rarms_iac.model.quantities import (
     show_percent,
     show_processors,
 )
+from rarms_iac.model.state import NO_GENERATION
 from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.headroom import limit_of, weight_of
+from rarms_iac.planner.headroom import OPEN, limit_of, quota_period_us, shortest_apt_ms, weight_of
 from rarms_iac.planner.reservations import NotMeasured, ReservationSource
 
 
@@ -54,7 +55,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         advice = "Lower `processors`, or name a larger host."
         return Cause(address=f"partition/{group.name}", message=message, code=findings.TOO_WIDE.code, advice=advice)
     limit, why_limit = limit_of(group, host, processors, reserve)
-    weight, why_weight = weight_of(group)
+    weight, why_weight = weight_of(group, host)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory
     return PlacedPartition(
         name=group.name,
@@ -73,6 +74,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         reason=_reason(group, host, wanted, reserve, processors),
         making=_making(group, host),
         secure_boot=_fixed_secure_boot(group, host),
+        quota_period_us=_quota_period(group, host, limit, processors),
     )
 
 
@@ -107,7 +109,16 @@ def _processors(group: Group, host: Host) -> int:
     return own if own is not None else max(member.processors or host.logical_processors for member in group.members)
 
 
+def _quota_period(group: Group, host: Host, limit: int, processors: int) -> int | None:
+    """On Linux every limit below the whole host is a quota."""
+    if host.provider is not ProviderKind.LINUX or (limit == OPEN and processors >= host.logical_processors):
+        return None
+    return quota_period_us(shortest_apt_ms(group), limit * processors)
+
+
 def _generation(group: Group, host: Host) -> int:
+    if host.provider is ProviderKind.LINUX:
+        return NO_GENERATION
     own = group.request.hyperv.generation
     if own is not None:
         return own

@@ -10,8 +10,16 @@ from fractions import Fraction
 from typing import Literal, assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
-from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_processors
-from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RegistryValue, Responsiveness, TaskClass
+from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_period, show_processors
+from rarms_iac.model.state import (
+    NO_GENERATION,
+    HostFacts,
+    Partition,
+    PartitionSettings,
+    RegistryValue,
+    Responsiveness,
+    TaskClass,
+)
 from rarms_iac.model.system import Disruption
 
 FORCES_RESTART = "forces restart"
@@ -132,6 +140,8 @@ def _values(resource: Resource, facts: HostFacts) -> _AttributeTexts:
 
 
 def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
+    if settings.generation == NO_GENERATION:
+        return _settings_of_group(settings, facts)
     return {
         "name": (settings.name, ""),
         "processors": (str(settings.processors), ""),
@@ -145,6 +155,20 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
         "stop action": (settings.stop_action.value.replace("_", " "), ""),
         "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
         **({"secure boot": (settings.secure_boot, "")} if settings.secure_boot else {}),
+        "running": (_yes_or_no(settings.running), ""),
+    }
+
+
+def _settings_of_group(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
+    """All that a control group has."""
+    return {
+        "name": (settings.name, ""),
+        "processors": (str(settings.processors), ""),
+        "reserve": (show_percent(settings.reserve), _amount(settings, facts)),
+        "limit": (show_percent(settings.limit), ""),
+        "period": (show_period(settings.quota_period_us), "how often the limit is counted anew"),
+        "memory": (show_bytes(settings.memory) if settings.memory else "no limit", ""),
+        "start action": (settings.start_action.value.replace("_", " "), ""),
         "running": (_yes_or_no(settings.running), ""),
     }
 

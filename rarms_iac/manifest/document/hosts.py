@@ -18,7 +18,7 @@ from rarms_iac.manifest.document.fields import (
 )
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.model.host import FaultEffect, ProviderKind, SchedulerType
+from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 
 def _only_its_own_block() -> dict[str, Any]:
@@ -93,6 +93,13 @@ class HypervHostBlock(Block):
     )
 
 
+MechanismName = Annotated[Mechanism, Field(strict=False)]
+MECHANISM = (
+    "How a reservation is kept: `share` (weight against the others as soon as processors are short), `quota` (also a "
+    "limit, counted anew ten times within the shortest threshold), or `automatic` (`share`)."
+)
+
+
 class LinuxBlock(Block):
     """Where control groups are made."""
 
@@ -100,6 +107,7 @@ class LinuxBlock(Block):
     control_groups: Literal["automatic", "v1", "v2"] = optional(
         "The version of control groups: `automatic` takes v2 where it is there, else v1.", "automatic"
     )
+    mechanism: MechanismName = optional(MECHANISM, "automatic")
 
 
 class HostBlock(Block):

@@ -20,7 +20,7 @@ from rarms_iac.manifest.document.fields import (
     needed,
     optional,
 )
-from rarms_iac.manifest.document.hosts import ConnectBlock, HostBlock, SecureBoot
+from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
 from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
 from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST, broken_rules, with_rules
 from rarms_iac.model.names import TASK_PATTERN
@@ -120,6 +120,12 @@ class HypervPartitionBlock(Block):
     secure_boot: Maybe[SecureBoot] = optional("Secure boot of generation 2: `off`, or the template of its guest.")
 
 
+class LinuxPartitionBlock(Block):
+    """Settings of Linux; absent: those of the host's `linux` block."""
+
+    mechanism: Maybe[MechanismName] = optional(MECHANISM)
+
+
 class GuestBlock(Block):
     """How rarms reaches inside."""
 
@@ -155,6 +161,7 @@ class PartitionBlock(Block):
     )
     stop: Maybe[PartitionStopBlock] = optional("How it is stopped; absent: its guest has 120 s of grace.")
     hyperv: Maybe[HypervPartitionBlock] = optional("Settings of Hyper-V.")
+    linux: Maybe[LinuxPartitionBlock] = optional("Settings of Linux.")
     guest: Maybe[GuestBlock] = optional("How rarms reaches inside.")
 
 

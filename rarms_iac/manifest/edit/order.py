@@ -50,7 +50,7 @@ _HOST = _map(
         faults=_named(_map("operation at effect delay times", delay=QUANTITY)),
     ),
     hyperv=_map("generation switch image vm_path secure_boot"),
-    linux=_map("slice control_groups"),
+    linux=_map("slice control_groups mechanism"),
 )
 
 _RUN = _map(

@@ -23,6 +23,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import (
+    NO_GENERATION,
     Checkpoints,
     Partition,
     PartitionSettings,
@@ -31,17 +32,14 @@ from rarms_iac.model.state import (
     State,
     StopAction,
 )
-from rarms_iac.providers.cgroups.groups import LONGEST_PERIOD_US, GroupValues
-from rarms_iac.providers.cgroups.machine import NAMESPACE
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
+from rarms_iac.providers.cgroups.machine import NAMESPACE, LinuxMachine
 from rarms_iac.providers.marks import MarkReading, erase_mark, mark_for, read_marks, write_mark
 from rarms_iac.storage.codec import decode, encode
 from rarms_iac.storage.digest import parse_json
 
 Format = Literal["rarms-partition/1"]
 LONGEST_NAME = 100
-GENERATION = 2
-"""Control groups have no generations; every Linux partition is of the usual one, so that none differs."""
-
 SettingOperation = SetProcessors | SetCpu | SetMemory | SetActions | RenamePartition | WriteMark | EraseMark
 """Operations that change a definition."""
 
@@ -83,30 +81,33 @@ def read_definition(data: bytes) -> GroupDefinition:
 
 def new_definition(operation: CreatePartition, name: str, host: str, taken: Iterable[str]) -> GroupDefinition:
     """A new partition, off, without reserve, under this name; its id is one that is not taken on the host."""
-    settings = PartitionSettings(
+    known = frozenset(taken)
+    number = next(number for number in _ids(f"{host}/{name}") if number not in known)
+    return GroupDefinition(id=number, settings=_new_settings(name, operation.memory))
+
+
+def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) -> GroupDefinition:
+    """What a group that no definition knows would be as a partition; its id is always the same."""
+    number = str(uuid.uuid5(NAMESPACE, f"{machine.id}/group/{name}"))
+    settings = observed_settings(_new_settings(name, 0), replace(group, wanted=None), machine.logical_processors)
+    return GroupDefinition(id=number, settings=settings, group=name, boot=machine.boot)
+
+
+def _new_settings(name: str, memory: int) -> PartitionSettings:
+    return PartitionSettings(
         name=name,
-        generation=GENERATION,
+        generation=NO_GENERATION,
         processors=1,
         reserve=0,
         limit=100,
         weight=100,
-        memory=operation.memory,
+        memory=memory,
         dynamic_memory=False,
         start_action=StartAction.NOTHING,
         stop_action=StopAction.SHUT_DOWN,
         checkpoints=Checkpoints.DISABLED,
         running=False,
     )
-    known = frozenset(taken)
-    return GroupDefinition(
-        id=next(number for number in _ids(f"{host}/{name}") if number not in known), settings=settings
-    )
-
-
-def foreign_definition(group: str, host: str, boot: str, settings: PartitionSettings) -> GroupDefinition:
-    """What a group that no definition knows would be as a partition; its id is always the same."""
-    number = str(uuid.uuid5(NAMESPACE, f"{host}/group/{group}"))
-    return GroupDefinition(id=number, settings=settings, group=group, boot=boot)
 
 
 def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
@@ -193,7 +194,7 @@ def values_of(settings: PartitionSettings, processors: int) -> GroupValues:
     return GroupValues(
         shares_percent=settings.reserve * settings.processors,
         quota_percent=settings.limit * settings.processors if is_limited else None,
-        period_us=settings.quota_period_us or LONGEST_PERIOD_US,
+        period_us=settings.quota_period_us or USUAL_PERIOD_US,
         memory=settings.memory or None,
     )
 

@@ -18,9 +18,8 @@ from pathlib import Path
 from rarms_iac.running.start import ProcessPlace
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
-LEAST_QUOTA_US = 1_000
-LONGEST_PERIOD_US, SHORTEST_PERIOD_US = 100_000, 1_000
-"""The kernel takes no smaller quota than 1 ms, and we no period outside 1 to 100 ms, its own default."""
+USUAL_PERIOD_US = 100_000
+"""The kernel's own period of a quota."""
 
 _CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: with it a group is there
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
@@ -41,7 +40,7 @@ class GroupValues:
 
     shares_percent: float  # counted against the shares of the other groups
     quota_percent: float | None = None  # None: no limit
-    period_us: int = LONGEST_PERIOD_US
+    period_us: int = USUAL_PERIOD_US
     processors: tuple[int, ...] | None = None  # it runs on these only; None: on all
     memory: int | None = None  # None: no limit
 
@@ -51,18 +50,6 @@ class MissingFeatures:
     """The parts of the kernel, and the rights, that control groups need and that are not here."""
 
     names: tuple[str, ...]
-
-
-def quota_period_us(apt_ms: float | None, quota_percent: float) -> int:
-    """Return the period that suits a threshold, in microseconds: a tenth of it, within what kernel and we take.
-
-    Args:
-        apt_ms: the shortest response time that is promised; None: none is.
-        quota_percent: of one logical processor, above 0.
-    """
-    wanted = LONGEST_PERIOD_US if apt_ms is None else round(apt_ms * 100)
-    period = min(max(wanted, SHORTEST_PERIOD_US), LONGEST_PERIOD_US)
-    return max(period, -(-LEAST_QUOTA_US * 100 // max(1, int(quota_percent))))
 
 
 class GroupTree(ABC):
@@ -170,9 +157,9 @@ class GroupTree(ABC):
         if not (folder / name / _RUNTIME).is_file():
             return
         others = sum(_budget_us(folder / group) for group in self.names() if group != name)
-        wanted = round(min(percent, _REAL_TIME) * LONGEST_PERIOD_US / 100)
+        wanted = round(min(percent, _REAL_TIME) * USUAL_PERIOD_US / 100)
         for group, budget in ((folder, others + max(wanted, _budget_us(folder / name))), (folder / name, wanted)):
-            _write(group / "cpu.rt_period_us", str(LONGEST_PERIOD_US))
+            _write(group / "cpu.rt_period_us", str(USUAL_PERIOD_US))
             _write(group / _RUNTIME, str(budget))
 
     def processes(self, name: str) -> tuple[int, ...]:
@@ -220,7 +207,7 @@ class GroupTreeV1(GroupTree):
         return GroupValues(
             shares_percent=int(_read(self._file("cpu", name, "cpu.shares"))) / 10,
             quota_percent=None if quota < 0 else quota * 100 / period,
-            period_us=LONGEST_PERIOD_US if quota < 0 else period,
+            period_us=USUAL_PERIOD_US if quota < 0 else period,
             processors=None if processors == _read(self._slices["cpuset"] / "cpuset.cpus") else _numbers(processors),
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
         )
@@ -231,7 +218,7 @@ class GroupTreeV1(GroupTree):
             values,
             shares_percent=_shares(values) / 10,
             quota_percent=_rounded_quota(values),
-            period_us=LONGEST_PERIOD_US if values.quota_percent is None else values.period_us,
+            period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
             memory=_whole_pages(values.memory),
         )
 
@@ -280,7 +267,7 @@ class GroupTreeV2(GroupTree):
         return GroupValues(
             shares_percent=float(_read(self._file("cpu", name, "cpu.weight"))),
             quota_percent=None if quota == "max" else int(quota) * 100 / int(period),
-            period_us=LONGEST_PERIOD_US if quota == "max" else int(period),
+            period_us=USUAL_PERIOD_US if quota == "max" else int(period),
             processors=_numbers(processors) or None,
             memory=None if memory == "max" else int(memory),
         )
@@ -291,7 +278,7 @@ class GroupTreeV2(GroupTree):
             values,
             shares_percent=float(_weight(values)),
             quota_percent=_rounded_quota(values),
-            period_us=LONGEST_PERIOD_US if values.quota_percent is None else values.period_us,
+            period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
             memory=_whole_pages(values.memory),
         )
 
@@ -429,7 +416,7 @@ def _wait(until: float, message: str) -> None:
 
 def _budget_us(group: Path) -> int:
     """The real-time budget in a piece of 100 ms."""
-    return int(_read(group / _RUNTIME)) * LONGEST_PERIOD_US // int(_read(group / "cpu.rt_period_us"))
+    return int(_read(group / _RUNTIME)) * USUAL_PERIOD_US // int(_read(group / "cpu.rt_period_us"))
 
 
 def _list(values: GroupValues) -> str:

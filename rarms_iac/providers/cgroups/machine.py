@@ -17,6 +17,7 @@ _MACHINE_ID = Path("/etc/machine-id")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _SMT = Path("/sys/devices/system/cpu/smt/active")
 _LIMIT = 4096
+MEBIBYTE = 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +27,7 @@ class LinuxMachine:
     id: str
     computer_name: str
     logical_processors: int
-    memory: int  # bytes
+    memory: int  # bytes, whole MiB
     smt: bool
     boot: str  # id of its latest start
 
@@ -42,7 +43,7 @@ def this_machine() -> LinuxMachine:
         id=_text(_MACHINE_ID) or uuid.uuid5(NAMESPACE, name).hex,
         computer_name=name,
         logical_processors=os.cpu_count() or 1,
-        memory=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        memory=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // MEBIBYTE * MEBIBYTE,
         smt=_text(_SMT) == "1",
         boot=read_file(_BOOT_ID, _LIMIT).decode("ascii").strip(),
     )

@@ -36,7 +36,6 @@ from rarms_iac.providers.cgroups.content import (
     lack_of_memory,
     lack_of_reserve,
     new_definition,
-    observed_settings,
     out_of_range,
     read_definition,
     to_partitions,
@@ -283,13 +282,10 @@ class LinuxHostProvider(JournaledHost):
         self, running: dict[str, RunningGroup], definitions: list[GroupDefinition]
     ) -> Iterator[GroupDefinition]:
         """The groups below the slice that somebody else made, as partitions that nobody manages."""
-        boot, host = self.machine.boot, self.machine.id
-        known = {definition.group for definition in definitions if definition.boot in {"", boot}}
+        known = {definition.group for definition in definitions if definition.boot in {"", self.machine.boot}}
         for name, group in running.items():
             if name not in known:
-                pattern = new_definition(CreatePartition(partition=name, generation=2, memory=0), name, host, ())
-                settings = observed_settings(pattern.settings, replace(group, wanted=None), self._processors)
-                yield foreign_definition(name, host, boot, settings)
+                yield foreign_definition(name, group, self.machine)
 
     def _only(self, operation: GroupOperation, state: State, scope: Scope) -> str:
         """The id of the one partition that the operation's name stands for."""

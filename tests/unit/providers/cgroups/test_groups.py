@@ -14,7 +14,6 @@ from rarms_iac.providers.cgroups.groups import (
     GroupValues,
     MissingFeatures,
     find_tree,
-    quota_period_us,
 )
 from tests.needs import require
 
@@ -193,13 +192,3 @@ def test_a_machine_without_control_groups_lacks_all_controllers(tmp_path: Path) 
 
     assert isinstance(found, MissingFeatures)
     assert len(found.names) == 4
-
-
-@pytest.mark.parametrize(
-    ("apt_ms", "quota_percent", "period_us"),
-    [(88, 70, 8_800), (2, 70, 1_429), (5_000, 70, 100_000), (None, 70, 100_000), (10, 5, 20_000)],
-)
-def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
-    apt_ms: float | None, quota_percent: float, period_us: int
-) -> None:
-    assert quota_period_us(apt_ms, quota_percent) == period_us
