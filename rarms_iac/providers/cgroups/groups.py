@@ -202,13 +202,15 @@ class GroupTreeV1(GroupTree):
         """See `GroupTree.read`."""
         quota = int(_read(self._file("cpu", name, "cpu.cfs_quota_us")))
         period = int(_read(self._file("cpu", name, "cpu.cfs_period_us")))
-        memory = int(_read(self._file("memory", name, "memory.limit_in_bytes")))
-        processors = _read(self._file("cpuset", name, "cpuset.cpus"))
+        all_processors = _read_if_there(self._slices["cpuset"] / "cpuset.cpus")
+        # Who makes a group by hand may leave out a controller, or the processors of its set.
+        memory = int(_read_if_there(self._file("memory", name, "memory.limit_in_bytes")) or _NO_MEMORY_LIMIT_V1)
+        processors = _read_if_there(self._file("cpuset", name, "cpuset.cpus"))
         return GroupValues(
             shares_percent=int(_read(self._file("cpu", name, "cpu.shares"))) / 10,
             quota_percent=None if quota < 0 else quota * 100 / period,
             period_us=USUAL_PERIOD_US if quota < 0 else period,
-            processors=None if processors == _read(self._slices["cpuset"] / "cpuset.cpus") else _numbers(processors),
+            processors=None if processors in {"", all_processors} else _numbers(processors),
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
         )
 
@@ -435,6 +437,10 @@ def _entry(file: Path, name: str) -> int:
 
 def _read(file: Path) -> str:
     return file.read_text(encoding="ascii").strip()
+
+
+def _read_if_there(file: Path) -> str:
+    return _read(file) if file.exists() else ""
 
 
 def _write(file: Path, text: str) -> None:

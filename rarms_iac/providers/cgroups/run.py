@@ -208,6 +208,7 @@ class LinuxHostProvider(JournaledHost):
         """
         self._save(replace(before, changing=True))
         try:
+            self.tree.make(before.group)  # who made it by hand may have left out a controller
             self.tree.write(before.group, values_of(after.settings, self._processors))
         except OSError as problem:
             self._restore(replace(before, changing=True))

@@ -1,0 +1,156 @@
+"""What only a Linux host does: its settings are the kernel's, whoever wrote them, and a restart ends every one."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.changes import Address
+from rarms_iac.model.host import LinuxHost, ProviderKind
+from rarms_iac.model.operations import (
+    CreatePartition,
+    RenamePartition,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    SetSecureBoot,
+    StartPartition,
+    WriteMark,
+)
+from rarms_iac.model.plan import Scope
+from rarms_iac.providers.cgroups.groups import CONTROL_GROUPS, GroupTree, find_tree
+from rarms_iac.providers.cgroups.run import LinuxHostProvider
+from rarms_iac.providers.interface import HostDamaged, HostRefused
+from tests import builders
+from tests.contracts.benches import groups_of, open_linux, opened_bench
+
+MIB = 2**20
+SCOPE = Scope(application="robot", plan="0123456789ab")
+VISION = Address(partition="vision")
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Iterator[LinuxHostProvider]:
+    """A host of two processors with one partition that runs: 40 % of both, 64 MiB."""
+    for _ in opened_bench("linux"):
+        host = open_linux(builders.a_host(), tmp_path)
+        for operation in (
+            CreatePartition(partition="vision", generation=0, memory=64 * MIB),
+            WriteMark(partition="vision", application="robot", name="vision", set="0" * 12),
+            SetProcessors(partition="vision", processors=2),
+            SetCpu(partition="vision", reserve=40, limit=100, weight=100),
+            RenamePartition(partition="vision", name="vision"),
+            StartPartition(partition="vision"),
+        ):
+            host.execute(operation, SCOPE)
+        yield host
+
+
+def by_hand(folder: Path, file: str, text: str) -> None:
+    """Write a file of the kernel, as somebody at a terminal would; version 1 only."""
+    (path,) = CONTROL_GROUPS.glob(f"*/{groups_of(folder)._slices['cpu'].name}/vision/{file}")
+    path.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "expected"),
+    [
+        ("cpu.shares", "805", {"reserve": 41}),
+        ("cpu.shares", "795", {"reserve": 39}),
+        ("cpu.cfs_quota_us", "50000", {"limit": 25, "quota_period_us": 100_000}),
+        ("cpuset.cpus", "1", {"processors": 1, "reserve": 80}),
+        ("memory.limit_in_bytes", "-1", {"memory": 0}),
+    ],
+)
+def test_a_value_that_somebody_wrote_is_seen(
+    host: LinuxHostProvider, tmp_path: Path, file: str, text: str, expected: dict[str, int]
+) -> None:
+    if groups_of(tmp_path).version != "v1":
+        pytest.skip("needs control-groups: the files are those of version 1")
+    before = host.read(VISION, SCOPE)
+
+    by_hand(tmp_path, file, text)
+
+    assert host.read(VISION, SCOPE) == {**before, **expected}
+    host.execute(SetCpu(partition="vision", reserve=40, limit=100, weight=100), SCOPE)
+    assert host.read(VISION, SCOPE) == before
+
+
+def test_after_a_restart_of_the_machine_every_partition_is_off_and_starts_again(
+    host: LinuxHostProvider, tmp_path: Path
+) -> None:
+    groups_of(tmp_path).remove("vision")
+    restarted = open_linux(builders.a_host(), tmp_path, boot="another start")
+
+    (partition,) = restarted.observe().partitions
+    assert not partition.settings.running
+    assert partition.mark is not None
+    restarted.execute(StartPartition(partition="vision"), SCOPE)
+
+    assert restarted.read(VISION, SCOPE)["running"] is True
+    assert restarted.read(VISION, SCOPE)["reserve"] == 40
+
+
+def test_a_group_that_somebody_made_is_unmanaged_until_it_is_taken_over(
+    host: LinuxHostProvider, tmp_path: Path
+) -> None:
+    groups_of(tmp_path).make("logging")
+    logging = next(found for found in host.observe().partitions if found.settings.name == "logging")
+    assert (logging.mark, logging.settings.running) == (None, True)
+
+    mark = WriteMark(partition="logging", application="robot", name="logging", set="1" * 12, machine=logging.id)
+    host.execute(mark, SCOPE)
+
+    taken = next(found for found in host.observe().partitions if found.settings.name == "logging")
+    assert taken.id == logging.id
+    assert taken.mark is not None
+    assert taken.settings == logging.settings
+
+
+def test_memory_that_the_kernel_cannot_take_back_is_refused_and_all_stays(
+    host: LinuxHostProvider, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = host.read(VISION, SCOPE)
+    real, failing = type(host.tree).write, [True]
+
+    def refuse_once(*arguments: object) -> None:
+        if failing.pop():
+            failing.append(False)
+            raise OSError(16, "Device or resource busy")
+        failing.append(False)
+        real(*arguments)  # type: ignore[arg-type]  # as it was called
+
+    monkeypatch.setattr(type(host.tree), "write", refuse_once)
+
+    with pytest.raises(HostRefused, match="the kernel refuses: Device or resource busy"):
+        host.execute(SetMemory(partition="vision", memory=32 * MIB), SCOPE)
+
+    assert host.read(VISION, SCOPE) == before
+
+
+def test_what_control_groups_do_not_have_is_refused(host: LinuxHostProvider) -> None:
+    with pytest.raises(HostRefused, match="a control group has no such thing"):
+        host.execute(SetSecureBoot(partition="vision", secure_boot="off"), SCOPE)
+    with pytest.raises(HostRefused, match="no dynamic memory"):
+        host.execute(SetMemory(partition="vision", memory=32 * MIB, dynamic=True), SCOPE)
+
+
+def test_what_others_may_write_is_not_believed(host: LinuxHostProvider, tmp_path: Path) -> None:
+    (tmp_path / "rarms").chmod(0o777)
+
+    with pytest.raises(HostDamaged, match="others than root may write"):
+        host.observe()
+
+
+def test_the_folder_is_for_root_alone_once_the_host_is_held(host: LinuxHostProvider, tmp_path: Path) -> None:
+    with host.lock("ann@lab"):
+        assert (tmp_path / "rarms").stat().st_mode & 0o777 == 0o700
+
+
+def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Path) -> None:
+    described = builders.a_host(provider=ProviderKind.LINUX, settings=LinuxHost(control_groups="v2"))
+    if isinstance(find_tree("rarms", "v2"), GroupTree):
+        pytest.skip("needs control-groups: this machine lacks nothing of version 2")
+
+    with pytest.raises(HostRefused, match=r"the controller cpuset of version 2 .*; the controller memory"):
+        LinuxHostProvider(described, tmp_path).observe()
