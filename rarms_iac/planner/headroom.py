@@ -103,10 +103,13 @@ def mechanism_of(group: Group, host: Host) -> Mechanism:
 
 
 def shortest_apt_ms(group: Group) -> float | None:
-    """Return the shortest response time that a partition promises, in ms; None: it promises none.
+    """Find the shortest response time that a partition promises.
 
     Args:
         group: its members' thresholds count.
+
+    Returns:
+        Milliseconds; None: it promises none.
     """
     return min(
         (
