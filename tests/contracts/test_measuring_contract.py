@@ -210,8 +210,8 @@ def test_real_processes_share_a_machine_as_p1_and_p2_reserve_it(tmp_path: Path, 
 def test_nothing_of_real_work_stays_and_each_process_ran_in_its_group(tmp_path: Path) -> None:
     host, groups = linux(tmp_path), groups_of(tmp_path)
     with ready(host):
-        enough = {"eyes": SampleCount(samples=5), "ears": SampleCount(samples=1)}  # so that both run
-        with host.run(some_work(EYES, EARS, **enough)) as running:
+        both_run = some_work(EYES, EARS, eyes=SampleCount(samples=5), ears=SampleCount(samples=1))
+        with host.run(both_run) as running:
             assert list(running.samples())
             inside = {name: len(groups.processes(name)) for name in groups.names()}
             consumed = [running.cpu_ms(name) for name in ("eyes", "ears")]
