@@ -85,11 +85,12 @@ _COMPONENT = _map(
 )
 
 _PARTITION = _map(
-    "components processors memory cpu protect start stop hyperv guest",
+    "components processors memory cpu protect start stop hyperv linux guest",
     memory=QUANTITY,
     cpu=_CPU,
     stop=_quantities("grace"),
     hyperv=_map("generation switch image vm_path secure_boot"),
+    linux=_map("mechanism"),
     guest=_map("connect credential windows_build", connect=_CONNECT),
 )
 

@@ -35,7 +35,7 @@ hosts:
     provider: linux
     logical_processors: 2
     memory: 4 GiB
-    linux: { slice: rarms, control_groups: v2 }
+    linux: { slice: rarms, control_groups: v2, mechanism: quota }
 components:
   vision:
     criticality: 40

@@ -15,6 +15,7 @@ from rarms_iac.model.host import (
     HypervHost,
     KeepForHost,
     LinuxHost,
+    Mechanism,
     ProviderKind,
     SchedulerType,
     SimulatedHost,
@@ -78,7 +79,7 @@ def test_hosts() -> None:
     assert SYSTEM.hosts["server"].settings == HypervHost(
         switch="robots", image="D:\\images\\base.vhdx", vm_path="D:\\machines", secure_boot="off"
     )
-    assert SYSTEM.hosts["bench"].settings == LinuxHost(control_groups="v2")
+    assert SYSTEM.hosts["bench"].settings == LinuxHost(control_groups="v2", mechanism=Mechanism.QUOTA)
     assert SYSTEM.hosts["bench"].platform == "bench"
 
 
