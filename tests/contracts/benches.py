@@ -28,6 +28,11 @@ from tests.files import copy_files
 from tests.needs import reason_to_skip, require
 
 
+def on_linux(host: Host) -> Host:
+    """The same machine as a Linux host."""
+    return replace(host, provider=ProviderKind.LINUX, settings=LinuxHost())
+
+
 @dataclass(frozen=True)
 class Bench:
     """A kind of host: each call opens the same host anew, as a new process would."""
@@ -35,6 +40,7 @@ class Bench:
     open: Callable[[Host, Path], StepwiseHost]
     needs: tuple[str, ...] = ()
     stride: int = 1  # each of so many effects is tried as the place of a crash
+    described: Callable[[Host], Host] = on_linux  # as a manifest describes it
     is_windows: bool = False  # it has registries, disks, secure boot, and a description of the machine
 
 
@@ -60,13 +66,17 @@ def open_linux(host: Host, folder: Path, boot: str = "") -> LinuxHostProvider:
     machine = replace(
         machine, logical_processors=host.logical_processors, memory=int(host.memory), boot=boot or machine.boot
     )
-    described = replace(host, provider=ProviderKind.LINUX, settings=LinuxHost())
-    return LinuxHostProvider(described, folder, groups_of(folder), machine)
+    return LinuxHostProvider(on_linux(host), folder, groups_of(folder), machine)
 
 
 BENCHES = {
     "linux": Bench(open_linux, needs=("control-groups",), stride=1 if LONG else 7),
-    "simulated": Bench(open_simulated, stride=5 if sys.platform == "win32" and not LONG else 1, is_windows=True),
+    "simulated": Bench(
+        open_simulated,
+        described=lambda host: host,
+        stride=5 if sys.platform == "win32" and not LONG else 1,
+        is_windows=True,
+    ),
 }
 WINDOWS = {name: bench for name, bench in BENCHES.items() if bench.is_windows}
 

@@ -60,10 +60,15 @@ class Lab:
     def host(self, folder: Path) -> StepwiseHost:
         return self.bench.open(builders.a_host(), folder)
 
+    def system(self, system: System) -> System:
+        """The system with its hosts of this kind."""
+        hosts = {name: self.bench.described(host) for name, host in system.hosts.items()}
+        return replace(system, hosts=hosts)
+
     def settled(self, folder: Path) -> Path:
         """A folder whose host has the first system applied."""
         folder.mkdir()
-        assert apply_again(FIRST, self.host(folder)).ending is RunEnding.DONE
+        assert apply_again(self.system(FIRST), self.host(folder)).ending is RunEnding.DONE
         return folder
 
 
@@ -100,21 +105,21 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(l
     host = lab.host(lab.settled(tmp_path / "host"))
     before = as_left(host)
 
-    assert apply_again(SECOND, host).ending is RunEnding.DONE
-    assert not a_plan(SECOND, host).has_changes
+    assert apply_again(lab.system(SECOND), host).ending is RunEnding.DONE
+    assert not a_plan(lab.system(SECOND), host).has_changes
     assert undo(host, builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
 
     assert as_left(host) == before
     assert dict(host.observe().serials) == {"robot": 3}
 
 
-def go_on(host: StepwiseHost) -> None:
+def go_on(lab: Lab, host: StepwiseHost) -> None:
     """Run the same command until it has nothing to do: once where the run was begun, twice where it was not."""
     for _ in range(2):
         journal = host.journal()
         unfinished = journal is not None and journal.unfinished
-        if unfinished or a_plan(SECOND, host).has_changes:
-            assert apply_again(SECOND, host).ending is RunEnding.DONE
+        if unfinished or a_plan(lab.system(SECOND), host).has_changes:
+            assert apply_again(lab.system(SECOND), host).ending is RunEnding.DONE
 
 
 @pytest.mark.parametrize("when", [When.HALF, When.AFTER])  # before an effect is after the one before it
@@ -122,7 +127,7 @@ def test_a_killed_apply_run_again_reaches_the_same_end(lab: Lab, tmp_path: Path,
     undisturbed = lab.settled(tmp_path / "undisturbed")
     counting = CrashingDisk(0)
     with disk.use(counting):
-        assert apply_again(SECOND, lab.host(undisturbed)).ending is RunEnding.DONE
+        assert apply_again(lab.system(SECOND), lab.host(undisturbed)).ending is RunEnding.DONE
     end = lab.host(undisturbed).observe()
     assert len(counting.effects) > 50
 
@@ -131,8 +136,8 @@ def test_a_killed_apply_run_again_reaches_the_same_end(lab: Lab, tmp_path: Path,
         folder = tmp_path / str(at)
         copy_host(start, folder)
         with disk.use(CrashingDisk(at, when)), suppress(Crash):
-            apply_again(SECOND, lab.host(folder))
+            apply_again(lab.system(SECOND), lab.host(folder))
         with disk.use(CrashingDisk(0)):
-            go_on(lab.host(folder))
+            go_on(lab, lab.host(folder))
         assert lab.host(folder).observe() == end, counting.effects[at - 1]
         forget_groups(folder)
