@@ -1,7 +1,7 @@
 """An operation as the calls of a `Set` block: cmdlets and the runtime's functions, with literals only.
 
-Most operations are one step of a script. Making a machine takes several calls, and a kill between two of them must
-be seen by the next run: so each of them is a step of its own, with what it changes as its guard.
+What is set on a machine, and can be set again, is one step of a script with what is set right before it: read once,
+compared, set, read again. A run that was killed between two of its calls finds each value old or new, and sets all again.
 """
 
 from collections.abc import Mapping
@@ -26,6 +26,19 @@ NO_EMPTY_KEYS: Readings = {"empty": False}
 """No key is left that holds nothing: a kill may have left one where nothing is to be."""
 
 _CLEARING = (operations.RemoveTaskClass, operations.EraseTaskRecord)
+_JOINING = (
+    operations.RenamePartition
+    | operations.WriteMark
+    | operations.EraseMark
+    | operations.SetProcessors
+    | operations.SetCpu
+    | operations.SetMemory
+    | operations.SetActions
+    | operations.SetSecureBoot
+)
+
+_DEVICES = frozenset({"secure_boot", "disks", "snapshots"})
+"""Readings of a machine that only some steps are about."""
 
 VALUE = "value:"
 """Stands before a task class's value in readings."""
@@ -46,6 +59,29 @@ class ScriptPiece:
     before: Readings
     after: Readings
     calls: tuple[str, ...]
+    joins: bool = False  # its calls may be made twice, so that it is one step with such pieces before it
+
+
+def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
+    """Both as one: read before the first call and after the last; cmdlets that set the same object are called once."""
+    made = {name: value for name, value in following.before.items() if name not in piece.after}
+    calls = list(piece.calls)
+    for new in following.calls:
+        cmdlet, machine, values = new.partition(f" -VM {VM}")
+        same = next((at for at, old in enumerate(calls) if machine and old.startswith(f"{cmdlet}{machine}")), None)
+        if same is not None:
+            calls[same] += values
+        else:
+            calls = [old for old in calls if old != new] + [new]
+    new = piece.read.startswith("Read-NewPartition")
+    return replace(
+        piece,
+        action="give it all its settings, and its name last" if new else f"{piece.action}; {following.action}",
+        read=max(piece.read, following.read, key=len),  # of two readers of a machine the one that reads more
+        before={**made, **piece.before},
+        after={**piece.after, **following.after},
+        calls=tuple(calls),
+    )
 
 
 def pieces_of(step: Step) -> tuple[ScriptPiece, ...]:
@@ -84,6 +120,7 @@ def _piece(step: Step, operation: operations.MachineOperation | operations.TaskO
         before={**step.before, **(_FREE if names_pending else {})},
         after={**step.after, **(NO_EMPTY_KEYS if isinstance(operation, _CLEARING) else {})},
         calls=calls,
+        joins=isinstance(operation, _JOINING),
     )
 
 
@@ -110,7 +147,10 @@ def _reader(step: Step) -> str:
     at = step.address
     if task := SYSTEM_RESPONSIVENESS if at.responsiveness else at.task:
         return call("Read-TaskClass", Task=literal(task))
-    return call("Read-Partition", Name=literal(at.partition), **_machine(at.machine))
+    if at.machine:
+        reader = "Read-Partition" if _DEVICES.isdisjoint(step.after | step.before) else "Read-PartitionDevice"
+        return call(reader, Machine=literal(at.machine.lower()))
+    return call("Read-NewPartition", Name=literal(at.partition))
 
 
 def fits(step: Step) -> str:
@@ -122,10 +162,6 @@ def fits(step: Step) -> str:
         Reserve=literal(claim.reserve),
         Memory=literal(claim.memory),
     )
-
-
-def _machine(machine: str) -> dict[str, Literal]:
-    return {"Machine": literal(machine.lower())} if machine else {}
 
 
 def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
@@ -205,34 +241,35 @@ def _plain(values: Mapping[str, object] | None) -> object:
 
 
 def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[ScriptPiece, ...]:
-    """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
+    """The machine, its disk, and what Hyper-V gives it by itself."""
     address, read = str(step.address), _reader(step)
 
-    def piece(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> ScriptPiece:
-        return ScriptPiece(address=address, action=action, read=read, before=before, after=after, calls=calls)
+    def piece(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], call: str) -> ScriptPiece:
+        before, after = {"exists": True, **before}, {"exists": True, **after}
+        return ScriptPiece(
+            address=address, action=action, read=read, before=before, after=after, calls=(call,), joins=True
+        )
 
-    made = [piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation))]
+    made = [replace(piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation)), joins=False)]
+    if creation.image:
+        disk = _disk_path(creation)
+        attach = call("Add-PartitionDisk", Path=disk)
+        made += [
+            _new_disk(f"{address}/disk", creation.image, disk),
+            piece("attach the disk", {"disks": 0}, {"disks": 1}, attach),
+        ]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
     static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(creation.memory)}
     made.append(
         piece(
             f"memory static, {show_bytes(creation.memory)}",
-            {"exists": True},
-            {"exists": True, "dynamic_memory": False, "memory": creation.memory},
+            {},
+            {"dynamic_memory": False, "memory": creation.memory},
             call("Hyper-V\\Set-VMMemory", VM=VM, **static),
         )
     )
     if not creation.switch:
-        action = "take away the network adapter that every new machine gets"
-        remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM=VM)
-        made.append(piece(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, remove))
-    if creation.image:
-        disk = _disk_path(creation)
-        attach = call("Hyper-V\\Add-VMHardDiskDrive", VM=VM, Path=disk)
-        made += [
-            _new_disk(f"{address}/disk", creation.image, disk),
-            piece("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, attach),
-        ]
+        made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, call("Clear-NetworkAdapter")))
     if creation.generation == 2 and (creation.image or creation.secure_boot):
         made.append(piece(*_firmware(creation)))
     return tuple(made)
@@ -241,13 +278,13 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:
     """Boot from the disk: a machine that is made without one tries its network adapter first (windows.md 3)."""
     values = _secure_boot(creation.secure_boot) if creation.secure_boot else {}
-    after: Readings = {"exists": True} | ({"secure_boot": creation.secure_boot} if creation.secure_boot else {})
+    after: Readings = {"secure_boot": creation.secure_boot} if creation.secure_boot else {}
     actions = [f"secure boot {creation.secure_boot}"] if creation.secure_boot else []
     if creation.image:
         values["FirstBootDevice"] = f"({call('Hyper-V' + SLASH + 'Get-VMHardDiskDrive', VM=VM)})"
         after = {**after, "boots_from": "drive"}
         actions.insert(0, "boot from the disk")
-    return ", ".join(actions), {"exists": True}, after, call("Hyper-V\\Set-VMFirmware", VM=VM, **values)
+    return ", ".join(actions), {}, after, call("Hyper-V\\Set-VMFirmware", VM=VM, **values)
 
 
 def _secure_boot(secure_boot: str) -> dict[str, Literal]:

@@ -5,7 +5,7 @@ One script an operating system: the host's own, and one for each guest whose tas
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor
 
 from rarms_iac.model.capacity import capacity_of
@@ -13,7 +13,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel
-from rarms_iac.powershell.calls import ScriptPiece, creation_undo_pieces, fits, pieces_of
+from rarms_iac.powershell.calls import ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.summary import describe_stop, owner_of, partition_summaries
@@ -43,16 +43,15 @@ NOT_UNDONE = "Not undone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _NumberedPiece:
-    """A guarded piece with its place in the script.
+class _GuardedPiece:
+    """A step of a script: what it does, and the plan's steps that it stands for, at least one.
 
     `undoes`: the number of the apply script's step that it takes back; `lost`: of the one that removes its machine.
     """
 
-    number: int
     piece: ScriptPiece
-    step: Step
-    undoes: int | None
+    steps: tuple[Step, ...]
+    undoes: int | None = None
     lost: int | None = None
 
 
@@ -90,10 +89,7 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
         NoLiteral: a value cannot be written into a script.
     """
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
-    steps = [
-        _NumberedPiece(number=number, piece=piece, step=step, undoes=None)
-        for number, (piece, step) in enumerate(_forward(host_plan, inside))
-    ]
+    steps = _forward(host_plan, inside)
     run = {
         "undo": literal(script_name(host_plan, inside, undo=True)),
         "undo_digest": literal(hashlib.sha256(undo).hexdigest()),
@@ -109,9 +105,10 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
         NoLiteral: a value cannot be written into a script.
     """
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
-    for number, (_, step) in enumerate(_forward(host_plan, inside)):
-        first.setdefault(id(step), (number, step))
-    steps: list[_NumberedPiece] = []
+    for number, done in enumerate(_forward(host_plan, inside)):
+        for step in done.steps:
+            first.setdefault(id(step), (number, step))
+    steps: list[_GuardedPiece] = []
     lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
     for undoes, step in reversed(first.values()):
         if isinstance(step.operation, RemovePartition):
@@ -123,9 +120,9 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             pieces = creation_undo_pieces(back, step.operation)
         else:
             pieces = pieces_of(back)
-        for piece in pieces:
-            gone = lost.get(step.address)
-            steps.append(_NumberedPiece(number=len(steps), piece=piece, step=back, undoes=undoes, lost=gone))
+        gone = lost.get(step.address)
+        steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
+    steps = _joined(steps)
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run)
 
@@ -138,12 +135,9 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
     """
     name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
     last = len(tasks) - 1
-    pieces = [
-        _NumberedPiece(number=at, piece=forward(task), step=task.step, undoes=None) for at, task in enumerate(tasks)
-    ]
+    pieces = [_GuardedPiece(piece=forward(task), steps=(task.step,)) for task in tasks]
     taken_back = [
-        _NumberedPiece(number=at, piece=back(task), step=task.step, undoes=last - at)
-        for at, task in enumerate(reversed(tasks))
+        _GuardedPiece(piece=back(task), steps=(task.step,), undoes=last - at) for at, task in enumerate(reversed(tasks))
     ]
     never = {"accept_scheduler": literal(False)}
     bare = {"undo": literal(""), "undo_digest": literal(""), **never}
@@ -161,9 +155,26 @@ def _inside(step: Step) -> str:
     return step.address.partition if step.address.task else ""
 
 
-def _forward(host_plan: HostPlan, inside: str) -> list[tuple[ScriptPiece, Step]]:
+def _forward(host_plan: HostPlan, inside: str) -> list[_GuardedPiece]:
     chosen = [step for step in host_plan.steps if _inside(step) == inside]
-    return [(piece, step) for step in chosen for piece in pieces_of(step)]
+    return _joined(_GuardedPiece(piece=piece, steps=(step,)) for step in chosen for piece in pieces_of(step))
+
+
+def _joined(pieces: Iterable[_GuardedPiece]) -> list[_GuardedPiece]:
+    """Those that stand together and can be done together as one step."""
+    steps: list[_GuardedPiece] = []
+    for new in pieces:
+        old = steps[-1] if steps else new
+        if old is not new and _can_join(old, new):
+            steps[-1] = replace(old, piece=joined(old.piece, new.piece), steps=old.steps + new.steps)
+        else:
+            steps.append(new)
+    return steps
+
+
+def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:
+    same = (old.piece.address, old.undoes) == (new.piece.address, new.undoes)
+    return same and old.piece.joins and new.piece.joins
 
 
 def _fill(
@@ -171,7 +182,7 @@ def _fill(
     host_plan: HostPlan,
     plan: Plan,
     inside: str,
-    steps: Sequence[_NumberedPiece],
+    steps: Sequence[_GuardedPiece],
     more: Mapping[str, Literal],
 ) -> bytes:
     guard = "Assert-Guest" if inside else "Assert-VmHost"
@@ -189,10 +200,10 @@ def _fill(
     return fill("script.ps1.j2", values)
 
 
-def _machine_of_guest(host_plan: HostPlan, inside: str, steps: Iterable[_NumberedPiece]) -> str:
+def _machine_of_guest(host_plan: HostPlan, inside: str, steps: Iterable[_GuardedPiece]) -> str:
     """The id of the machine that a guest's script is for, or its name where the plan makes it; empty for the host's."""
     made = {step.address.partition for step in host_plan.steps if isinstance(step.operation, CreatePartition)}
-    ids = (step.step.address.machine.lower() for step in steps)
+    ids = (step.steps[0].address.machine.lower() for step in steps)
     return inside if not inside or inside in made else next(filter(None, ids), inside)
 
 
@@ -214,13 +225,14 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
 
 
 def _head(
-    kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_NumberedPiece]
+    kind: RunKind, host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_GuardedPiece]
 ) -> dict[str, object]:
     """The help that `Get-Help` shows of the script."""
     system = f"the guest of partition {inside}" if inside else "the host itself"
     undo = script_name(host_plan, inside, undo=True)
-    lost = sorted({step.step.undo.message for step in steps if step.step.undo.level is not UndoLevel.FULL})
-    summaries = partition_summaries(step.step for step in steps)
+    planned = [step for guarded in steps for step in guarded.steps]
+    lost = sorted({step.undo.message for step in planned if step.undo.level is not UndoLevel.FULL})
+    summaries = partition_summaries(planned)
     return {
         "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),
         "description": [
@@ -243,69 +255,67 @@ def _help(text: str) -> str:
     return remark(text).replace("#>", "# >")
 
 
-def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_NumberedPiece]) -> Iterable[str]:
+def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiece]) -> Iterable[str]:
     """The steps under a banner for each partition or task class, and what each few of them are about."""
     reasons = {str(change.address): change.reason.message for change in host_plan.changes}
     owners: set[str] = set()
     target = ""
-    for numbered in steps:
-        step, piece = numbered.step, numbered.piece
+    for guarded in steps:
+        step, piece = guarded.steps[0], guarded.piece
         if owner_of(step) not in owners:
             reason = reasons.get(str(step.address)) or step.comment
             if kind is RunKind.UNDO:
                 reason = "takes back what the apply script did to it, the last step first"
-            yield from ("", *_banner(owner_of(step), f"{step.place}: {reason}" if step.place else reason))
+            about = f"{owner_of(step)}: {reason}" + (f" ({step.place})" if step.place else "")
+            yield from ("", "    " + f"# === {remark(about)} ".ljust(96, "="))
             owners.add(owner_of(step))
         if target != target_line(literal(piece.address), piece.read):
             target = target_line(literal(piece.address), piece.read)
             yield target
-        yield from _step_lines(numbered)
+        yield from _step_lines(guarded)
 
 
-def _banner(owner: str, reason: str) -> Iterable[str]:
-    yield "    " + f"# === {remark(owner)} ".ljust(96, "=")
-    yield f"    # {remark(reason)}"
-
-
-def _step_lines(numbered: _NumberedPiece) -> list[str]:
-    piece, step = numbered.piece, numbered.step
-    before, after = _without_presence(piece.before, piece.after)
+def _step_lines(guarded: _GuardedPiece) -> list[str]:
+    piece, step = guarded.piece, guarded.steps[0]
+    before, after = _without_implied(piece.before, piece.after)
     text = StepText(
         action=literal(remark(piece.action)),
         before=_literals(before),
         after=_literals(after),
         calls=piece.calls,
-        options=tuple(_options(numbered)),
+        options=tuple(_options(guarded)),
     )
     if isinstance(step.operation, StopPartition):
         return [f"    # {remark(describe_stop(step))}", *step_lines(text)]
     return step_lines(text)
 
 
-def _without_presence(before: Readings, after: Readings) -> tuple[Readings, Readings]:
-    """Without `exists` where it stays true and something else is read: what is not there has no other name either."""
-    if before.get("exists") is not True or after.get("exists") is not True:
-        return before, after
+def _without_implied(before: Readings, after: Readings) -> tuple[Readings, Readings]:
+    """Without what the others say: `running` beside `state`, and `exists` where it stays true beside anything."""
+    implied = {"running"} if "state" in before and "state" in after else set()
+    if before.get("exists") is True and after.get("exists") is True:
+        implied.add("exists")
     tables = [
-        {name: value for name, value in readings.items() if name != "exists" or len(readings) == 1}
+        {name: value for name, value in readings.items() if name not in implied or len(readings) == 1}
         for readings in (before, after)
     ]
     return tables[0], tables[1]
 
 
-def _code(numbered: _NumberedPiece) -> str:
+def _code(guarded: _GuardedPiece) -> str:
     """All of a step that calls anything."""
-    options = (value for _, value in _options(numbered))
-    return "\n".join([numbered.piece.read, *numbered.piece.calls, *options])
+    options = (value for _, value in _options(guarded))
+    return "\n".join([guarded.piece.read, *guarded.piece.calls, *options])
 
 
-def _options(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
-    if numbered.undoes is not None:
-        yield "Undoes", literal(numbered.undoes)
-    if numbered.lost is not None:
-        yield "Lost", literal(numbered.lost)
-    if numbered.step.claim_before.is_less_than(numbered.step.claim_after):
-        yield "Fits", "{ " + fits(numbered.step) + " }"
+def _options(guarded: _GuardedPiece) -> Iterable[tuple[str, Literal]]:
+    first, last = guarded.steps[0], guarded.steps[-1]
+    if guarded.undoes is not None:
+        yield "Undoes", literal(guarded.undoes)
+    if guarded.lost is not None:
+        yield "Lost", literal(guarded.lost)
+    if first.claim_before.is_less_than(last.claim_after):
+        yield "Fits", "{ " + fits(last) + " }"
 
 
 def _literals(readings: Readings) -> dict[str, Literal]:

@@ -148,6 +148,9 @@ def call(owner: Value, name: str, arguments: list[Value]) -> Value:
     match owner:
         case str() if name.lower() in _TEXT:
             return _TEXT[name.lower()](owner, *arguments)
+        case Table() if name.lower() == "clear":
+            owner.clear()
+            return EMPTY
         case Table() if name.lower() in ("contains", "containskey"):
             return owner.has(arguments[0])
         case Thing():

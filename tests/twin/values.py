@@ -157,6 +157,10 @@ class Table:
             self._texts[_in_some_culture(key)] = key
         self._held[self._key(key)] = (old[0] if old else key, None if value is EMPTY else value)
 
+    def clear(self) -> None:
+        self._held.clear()
+        self._texts.clear()
+
     def has(self, key: Value) -> bool:
         return self._key(key) in self._held
 

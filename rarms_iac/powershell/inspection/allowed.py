@@ -110,7 +110,7 @@ _CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
 _HYPERV_MEMBERS = words(
     """
     AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled Generation
-    Id LogicalProcessorCount Maximum Name Notes ParentPath Path RelativeWeight Reserve SecureBoot SecureBootTemplate
+    Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount RelativeWeight Reserve SecureBoot SecureBootTemplate
     Startup State VhdType VirtualHardDiskPath
     """
 )
@@ -126,7 +126,7 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains Cores
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains Cores
     Create CreateDirectory Delete Detail Dispose Enabled Equals Exception Fits Flush FullyQualifiedErrorId
     GetAttributes GetBytes GetFolderPath GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest
     InvocationInfo Keys Kind Length LogicalProcessors Lost MachineName Memory Message Move MyCommand Needs Number

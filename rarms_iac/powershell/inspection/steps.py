@@ -39,11 +39,14 @@ _RUN_KEYS = words("""
     """)
 _STEP_PARAMETERS = words("Action Before After Set")
 _EXTRA_PARAMETERS = ("Undoes", "Lost", "Fits")
-_READERS = words("Read-Partition Read-MadePartition Read-TaskClass Read-GuestTaskClass Read-Disk")
+_READERS = words("""
+    Read-Partition Read-PartitionDevice Read-NewPartition Read-MadePartition Read-TaskClass Read-GuestTaskClass
+    Read-Disk
+    """)
 _WRITERS = words("""
     Write-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass
-    Clear-DiskFile
+    Clear-DiskFile Add-PartitionDisk Clear-NetworkAdapter
     """)
 _VALUES = words("Get-PendingName Get-DiskPath Hyper-V\\Get-VMHardDiskDrive")
 _HARMLESS = "'x'"

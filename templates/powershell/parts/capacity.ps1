@@ -17,7 +17,7 @@ function Test-Capacity {
         foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
             $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
         }
-        foreach ($memory in @(Hyper-V\Get-VMMemory -VM $others)) { $bytes += [long] $memory.Startup }
+        foreach ($vm in $others) { $bytes += [long] $vm.MemoryStartup }
     }
     $percent = [long] 0
     $free = @(100) * $script:Plan.Cores

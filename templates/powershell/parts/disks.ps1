@@ -13,9 +13,9 @@ function Read-Disk {
 }
 
 function Read-MadePartition {
-    # As Read-Partition, and what somebody gave the machine since: an undo must not take it away with that.
+    # As Read-NewPartition, and what somebody gave the machine since: an undo must not take it away with that.
     param([string] $Name, [string] $Disk = '')
-    $live = Read-Partition -Name $Name
+    $live = Read-NewPartition -Name $Name
     if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
     $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
         if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }

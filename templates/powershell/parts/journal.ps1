@@ -5,7 +5,11 @@ $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Past = @()              # the runs before the one that the journal holds
-$script:StartedAt = ''          # when that one began
+$script:Started = $null         # its first record: which run was the last one here
+$script:Closing = ''            # how that was closed: done or abandoned
+$script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
+$script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
+$script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
 function Read-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
@@ -27,9 +31,7 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -66,15 +68,23 @@ function Add-Record {
     $script:Sound += $data.Length
 }
 
-function Add-Past {
-    # The run that the journal holds becomes history, of which the last hundred runs are remembered.
+function Clear-Journal {
+    # The run that it holds becomes history, of which the last hundred are remembered; an undo takes back what it did.
     $last = $script:Started
     if ($null -eq $last) { return }
+    $closing = if ($script:Closing) { $script:Closing } else { $null }
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
+        started_at = $last.started_at; closing = $closing
     }
+    $script:Touched.Clear()
+    foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
+        if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
+    }
+    $script:Started = $null
+    $script:Closing = ''
+    $script:Recorded.Clear()
 }
 
 function Write-FirstRecord {

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.diff.disruption import HostContext
 from rarms_iac.diff.steps import steps_for
-from rarms_iac.model.changes import Adopt, Change, Release
+from rarms_iac.model.changes import Adopt, Change, Create, Release
 from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import Mark, Partition, TaskClass, TaskRecord
@@ -32,7 +32,7 @@ def all_changes() -> tuple[Change, ...]:
     foreign = build.partition(build.settings("kiosk"), application=None)
     host_task, guest_task = recorded(build.task()), recorded(build.task("SpeechRecognition", inside="speech"))
     games = recorded(build.task("Games", priority=4), before=build.task("Games", priority=2))
-    return (
+    changes = (
         build.update(old, marked(smaller)),
         build.create(marked(new)),
         build.create(marked(replace(build.partition(build.settings("video")), id=""))),
@@ -51,6 +51,14 @@ def all_changes() -> tuple[Change, ...]:
         build.delete(games),
         build.create(guest_task),
     )
+    return tuple(map(_of_machine, changes))
+
+
+def _of_machine(change: Change) -> Change:
+    """With the id of the machine, where there is one."""
+    if isinstance(change, Create) or not isinstance(change.before, Partition):
+        return change
+    return replace(change, address=replace(change.address, machine=change.before.id))
 
 
 def rendered_plan(

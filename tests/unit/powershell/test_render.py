@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.changes import Change
+from rarms_iac.model.changes import Adopt, Change
 from rarms_iac.model.moves import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_observe, render_scripts, render_undo, script_name
@@ -65,39 +65,38 @@ def test_a_reserve_is_one_readable_call_under_the_banner_of_its_partition() -> N
 
     text = steps_of(render_apply(*rendered_plan([change])))
 
-    assert re.search(r"\n    # === vision =+\n    # rarms\.yaml:31:5: the manifest wants it\n", text)
-    assert "-Action 'reserve 70 -> 40 %, weight 100 -> 200' -Before @{" in text
-    assert "-Before @{ limit = 100; reserve = 70; weight = 100 } -After @{\n" in text
-    assert "} -Set { Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200 }\n" in text
+    assert re.search(r"\n    # === vision: the manifest wants it \(rarms\.yaml:31:5\) =+\n", text)
+    assert "-Action 'reserve 70 -> 40 %, weight 100 -> 200; mark it as robot/vision, set aaaaaaaaaaaa' -Before @{" in text
+    assert "limit = 100; mark = 'robot/vision'; reserve = 70; set = '" in text
+    call = "        Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n"
+    assert f"-Set {{\n{call}        Write-Mark\n    }}\n" in text
 
 
-def test_a_mark_is_one_line() -> None:
-    (change, *_) = all_changes()
+def test_a_mark_alone_is_one_line() -> None:
+    (adoption,) = (change for change in all_changes() if isinstance(change, Adopt))
 
-    (line,) = (line for line in steps_of(render_apply(*rendered_plan([change]))).split("\n") if "Write-Mark" in line)
+    (line,) = (line for line in steps_of(render_apply(*rendered_plan([adoption]))).split("\n") if "Write-Mark" in line)
 
-    assert line.startswith("    Add-Step -Action 'mark it as robot/vision, set aaaaaaaaaaaa' -Before @{ ")
-    assert line.endswith("-After @{ mark = 'robot/vision'; set = 'aaaaaaaaaaaa' } -Set { Write-Mark }")
+    assert line.startswith("    Add-Step -Action 'mark it as robot/kiosk, set aaaaaaaaaaaa' -Before @{ ")
+    assert line.endswith("-After @{ mark = 'robot/kiosk'; set = 'aaaaaaaaaaaa' } -Set { Write-Mark }")
 
 
-def test_making_a_machine_is_guarded_call_by_call() -> None:
+def test_making_a_machine_is_four_guarded_steps() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
     text = steps_of(render_apply(*rendered_plan([new])))
 
-    assert calls_in(text) == [
-        "Hyper-V\\New-VM",
+    assert calls_in(text) == ["Hyper-V\\New-VM", "Hyper-V\\New-VHD", "Add-PartitionDisk", "Hyper-V\\Start-VM"]
+    (settings,) = re.findall(r"-Set \{\n((?:        .+\n){5,})    \}", text)
+    assert re.findall(r"^ +([\w\\-]+)", settings, re.MULTILINE) == [
+        "Add-PartitionDisk",
         "Hyper-V\\Set-VMMemory",
-        "Hyper-V\\Remove-VMNetworkAdapter",
-        "Hyper-V\\New-VHD",
-        "Hyper-V\\Add-VMHardDiskDrive",
+        "Clear-NetworkAdapter",
         "Hyper-V\\Set-VMFirmware",
         "Write-Mark",
         "Hyper-V\\Set-VMProcessor",
-        "Hyper-V\\Set-VMProcessor",
         "Hyper-V\\Set-VM",
         "Hyper-V\\Rename-VM",
-        "Hyper-V\\Start-VM",
     ]
     assert "-Name (Get-PendingName -Name 'planning')" in text
     assert "Hyper-V\\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912\n" in text
@@ -125,7 +124,7 @@ def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
     text = steps_of(render_undo(*rendered_plan([new])))
 
     assert calls_in(text) == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM", "Clear-DiskFile"]
-    assert re.findall(r"-Undoes (\d+)", text) == ["11", "0", "0"]
+    assert re.findall(r"-Undoes (\d+)", text) == ["3", "0", "0"]
     actions = [action.split(" that")[0] for action in re.findall(r"-Action '([^']+)'", text)]
     assert actions == ["stop it", "remove the machine", "delete the disk"]
 

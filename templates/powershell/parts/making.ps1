@@ -1,0 +1,58 @@
+# --- part making: the same bytes in every script that carries it -------------------------------
+# The machine that this plan makes: it carries our mark, or before that the plan's pending name.
+
+$script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of its machine
+
+function Read-NewPartition {
+    param([string] $Name)
+    $live = Get-Known
+    if (-not $live.Count) {
+        $id = $script:Machines[$Name]
+        $found = @(if ($id) { Find-Machine -Machine $id } else { Find-NewMachine -Name $Name })
+        Read-Machine -Live $live -Found $found
+        if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
+    }
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    $script:Vm = $live['vm']
+    Read-Device -Live $live
+}
+
+function Find-NewMachine {
+    param([string] $Name)
+    $pending = Get-PendingName -Name $Name
+    foreach ($vm in @(Get-MachineList)) {
+        $mark = Get-Mark -Vm $vm
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
+    }
+}
+
+function Get-PendingName {
+    # What a partition is called while this plan makes it; a dot cannot occur in a manifest's name.
+    param([string] $Name)
+    '{0}.rarms-{1}' -f $Name, $script:Plan.Plan
+}
+
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Get-MachineList)) {
+        if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
+        if ((Get-Mark -Vm $vm).Application -cne $script:Plan.Application) { return $true }
+    }
+    $false
+}
+
+function Add-PartitionDisk {
+    # A run may have been killed right behind it.
+    param([string] $Path)
+    if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
+    Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
+}
+
+function Clear-NetworkAdapter {
+    # Hyper-V gives one to every new machine.
+    if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
+}
+# --- end of the part making --------------------------------------------------------------------
