@@ -128,7 +128,20 @@ def without_signature(script: str) -> str:
 RUNTIME_BEGIN = "# --- runtime:"
 RUNTIME_END = "# --- end of the runtime"
 
-PARTS = ("lock", "journal", "host", "guest", "machines", "devices", "making", "capacity", "stop", "disks", "tasks", "unseen")
+PARTS = (
+    "lock",
+    "journal",
+    "host",
+    "guest",
+    "machines",
+    "devices",
+    "making",
+    "capacity",
+    "stop",
+    "disks",
+    "tasks",
+    "unseen",
+)
 """Their names, in the order in which a script carries them."""
 
 _FUNCTION = re.compile(r"^function ([A-Za-z-]+) \{$", re.MULTILINE)

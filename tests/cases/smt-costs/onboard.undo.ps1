@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 22e1f450f074 of application robot, for the host itself.
+    rarms undo script: plan ceea13aae3ce of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '22e1f450f074'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'ceea13aae3ce'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -48,35 +48,32 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === mapping ==================================================================================
-    # rarms.yaml:13:3: takes back what the apply script did to it, the last step first
-    Use-Target -Address 'partition/mapping' -Read { Read-Partition -Name 'mapping' }
+    # === mapping: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) 
+    Use-Target -Address 'partition/mapping' -Read { Read-NewPartition -Name 'mapping' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 26 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
+    Add-Step -Action 'stop it' -Undoes 8 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
-    # === speech ===================================================================================
-    # rarms.yaml:12:3: takes back what the apply script did to it, the last step first
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Name 'speech' }
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    Use-Target -Address 'partition/speech' -Read { Read-NewPartition -Name 'speech' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 25 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
+    Add-Step -Action 'stop it' -Undoes 7 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
-    # === vision ===================================================================================
-    # rarms.yaml:11:3: takes back what the apply script did to it, the last step first
-    Use-Target -Address 'partition/vision' -Read { Read-Partition -Name 'vision' }
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:11:3) 
+    Use-Target -Address 'partition/vision' -Read { Read-NewPartition -Name 'vision' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
-    Add-Step -Action 'stop it' -Undoes 24 -Before @{ running = $true; state = 'running' } -After @{ running = $false; state = 'off' } -Set {
+    Add-Step -Action 'stop it' -Undoes 6 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
     Use-Target -Address 'partition/vision' -Read { Read-MadePartition -Name 'vision' }
-    Add-Step -Action 'remove the machine' -Undoes 16 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+    Add-Step -Action 'remove the machine' -Undoes 4 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
     Use-Target -Address 'partition/speech' -Read { Read-MadePartition -Name 'speech' }
-    Add-Step -Action 'remove the machine' -Undoes 8 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
+    Add-Step -Action 'remove the machine' -Undoes 2 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
     Use-Target -Address 'partition/mapping' -Read { Read-MadePartition -Name 'mapping' }
@@ -89,27 +86,18 @@ function Add-Plan {
 
 # --- runtime: the same bytes in every script --------------------------------------------------
 # Read from the top: what a run does, what a step does, how readings are compared, how it is told.
-$script:Ordinal = [System.StringComparer]::Ordinal      # of tables: 5.1 compares the keys of others by culture
+$script:Ordinal = [System.StringComparer]::Ordinal  # of tables: 5.1 compares the keys of others by culture
 $script:Cmdlet = $PSCmdlet
 $script:Plan = @{ Plan = '' }   # the run's facts, which Add-Plan gives
 $script:Steps = @()             # those of the plan
 $script:Target = $null          # address and reader of the steps that are added
-$script:Vm = $null              # the virtual machine that was read last
-$script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
-$script:Wanted = @()            # the names that are read for
-$script:Looking = $false        # whether everything is looked at, and no step done
-$script:Moved = @()             # what such a look found otherwise than planned
-$script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
-$script:Started = $null         # the journal's first record: which run was the last one here
-$script:Closing = ''            # how it was closed: done or abandoned
-$script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what the journal says of it
-$script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
-$script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
-$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Whole = @{ Address = 'host'; Number = 0 }  # stands for a step where an event is about none
 $script:Current = $script:Whole # the step that is read or done: what fails, fails there
-$script:Refusal = $null         # kind and step of what ends the run with 3
-
-# A run ------------------------------------------------------------------------------------------
+$script:Wanted = @()            # the names that are read for
+$script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
+$script:Looking = $false        # whether everything is looked at, and no step done
+$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
     # Everything that a script does. Its exit code is 0, 1 or 3, and the host is given back however it ends.
@@ -119,7 +107,17 @@ function Invoke-Run {
         Open-Run
         Complete-Run
     } catch {
-        Exit-Failed -Failure $_
+        # An event is given to the pipeline here, where it cannot end up in somebody's variable.
+        $detail = [string] $_.Exception.Message
+        if ($script:Refusal) {
+            Write-RunEvent -Kind $script:Refusal -Step $script:Current -Status 'refused' -Detail $detail
+            exit 3
+        }
+        $id = [string] $_.FullyQualifiedErrorId
+        $at = $_.InvocationInfo
+        if ($id -cne $detail) { $detail += ' ({0} {1}, line {2})' -f $at.MyCommand, $id, $at.ScriptLineNumber }
+        Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
+        exit 1
     } finally {
         Exit-Host
     }
@@ -139,31 +137,21 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
-        $status = 'unchanged'
+        $status = if ($open) { 'abandoned' } else { 'unchanged' }
         if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) { $status = 'skipped' }
-        elseif ($open) {
-            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
-            $status = 'abandoned'
-        }
+        elseif ($open) { Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' }) }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
-    $script:Touched = [hashtable]::new($script:Ordinal)
     if ($plan.Run -ceq 'undo') {
         if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
-        foreach ($number in $script:Recorded.Keys) {
-            if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
-        }
     } elseif ($open) {
         Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
         Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
     }
-    Add-Past
-    $script:Started = $null
-    $script:Closing = ''
-    $script:Recorded = [hashtable]::new($script:Ordinal)
+    Clear-Journal
 }
 
 function Use-Target {
@@ -190,8 +178,7 @@ function Add-Step {
 
 function Complete-Run {
     # Look at everything, do the steps, look once more at everything together, and only then close the journal.
-    Find-Moved
-    foreach ($one in $script:Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
+    Assert-Host
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
@@ -200,43 +187,39 @@ function Complete-Run {
         exit 1
     }
     if ($script:Closing -cne 'done') {
-        Find-Moved
-        foreach ($one in $script:Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
+        Assert-Host -Last
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
     }
     Write-RunEvent -Kind 'run' -Status 'done'
 }
 
-function Find-Moved {
-    # Reads everything once. What was done is still so; what is to be done finds what was planned before it, unless a
-    # step ahead of it is to make that so. Keeps what is otherwise.
-    $made = [hashtable]::new($script:Ordinal)  # by address: the last step done, and what all made of it
+function Assert-Host {
+    # Reads everything. What was done is still so; what is to be done finds what was planned before it, unless a step
+    # ahead of it is to make that so.
+    param([switch] $Last)
+    $made = [hashtable]::new($script:Ordinal)  # by address: what the steps that were done made of it
     $ahead = [hashtable]::new($script:Ordinal)  # addresses with names that a step is to change yet
-    $script:Known = [hashtable]::new($script:Ordinal)
     $script:Looking = $true
-    $script:Moved = @()
     $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
     foreach ($step in $script:Steps) {
         $at = $step.Address
         $script:Current = $step
         if ([DateTime]::UtcNow -gt $alive) {
-            # A host of many machines is read for minutes; whoever waits for a word shall have one.
             Write-RunEvent -Kind 'step' -Step $step -Status 'reading' -Detail 'the host is still being read'
             $alive = [DateTime]::UtcNow.AddMilliseconds(10000)
         }
         $leave = Get-Leave -Step $step
         if ($leave -ceq 'done before') {
-            if (-not $made.Contains($at) -or $step.After['exists'] -ceq $false) {
-                $made[$at] = @{ After = [hashtable]::new($script:Ordinal) }
-            }
-            $made[$at]['Step'] = $step
-            foreach ($name in $step.After.Keys) { $made[$at]['After'][$name] = $step.After[$name] }
+            $gone = -not $made.Contains($at) -or $step.After['exists'] -ceq $false
+            $after = if ($gone) { [hashtable]::new($script:Ordinal) } else { $made[$at].After }
+            foreach ($name in $step.After.Keys) { $after[$name] = $step.After[$name] }
+            $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; After = $after }
         }
         if ($leave) { continue }
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
             foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                $script:Moved += @{ Step = $step; Detail = 'changed since the plan: ' + $name }
+                Exit-Refused -Detail ('changed since the plan: ' + $name)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -245,27 +228,24 @@ function Find-Moved {
     }
     foreach ($at in @($made.Keys | Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
-        $script:Current = $made[$at]['Step']
-        $wanted = $made[$at]['After']
+        $script:Current = $made[$at]
+        $wanted = $made[$at].After
         foreach ($name in @(Compare-Reading -Live (Get-Reading -Name $wanted.Keys) -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
-            $script:Moved += @{ Step = $script:Current; Detail = 'is not as wanted: ' + $name }
+            if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
+            Exit-Refused -Detail ('is not as wanted: ' + $name)
         }
     }
     $script:Current = $script:Whole
-    $script:Known = [hashtable]::new($script:Ordinal)
     $script:Looking = $false
 }
-
-# A step -----------------------------------------------------------------------------------------
 
 function Invoke-Step {
     # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
     param([System.Collections.IDictionary] $Step)
     $set = $Step.Set
     $fits = $Step.Fits
-    if ($script:Current.Address -cne $Step.Address) { $script:Known = [hashtable]::new($script:Ordinal) }
     $script:Current = $Step
     $leave = Get-Leave -Step $Step
     if ($leave) {
@@ -277,6 +257,8 @@ function Invoke-Step {
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
         exit 1
     }
+    # What was read with others, or of another, may be old by now.
+    if ($script:Known.Count -gt 2 -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
     $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
     $live = Get-Reading -Step $Step
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
@@ -287,13 +269,12 @@ function Invoke-Step {
         return
     }
     $moved = @(Compare-Step -Step $Step -Live $live)
-    if ($moved.Count -and -not $lacks.Count) {
-        Exit-Refused -Step $Step -Detail ('changed since the plan: ' + ($moved -join ', '))
-    }
     $skip = ''
     # A preview shows every step that could be done; nothing is called anyway.
     if ($lacks.Count -and ($moved.Count -or -not $WhatIfPreference)) {
         $skip = 'needs ' + ($lacks -join ', ')
+    } elseif ($moved.Count) {
+        Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -308,7 +289,7 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
-    $script:Known = [hashtable]::new($script:Ordinal)
+    $script:Known.Clear()
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
     Add-StepRecord -Step $Step -Status 'changed' -Detail $Step.Action
@@ -342,8 +323,6 @@ function Add-StepRecord {
     Write-RunEvent -Kind 'step' -Step $Step -Status $Status -Detail $Detail
 }
 
-# Readings: tables of names and values -------------------------------------------------------------
-
 function Get-Reading {
     # What the host shows of a step's names, or of others, at the address of the current step.
     param([System.Collections.IDictionary] $Step = $null, [string[]] $Name = @())
@@ -352,27 +331,16 @@ function Get-Reading {
     & $read
 }
 
-function Get-Known {
-    # What was read already at the address of the current step: nothing is read twice until a step changes something.
-    $at = $script:Current.Address
-    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
-    $script:Known[$at]
-}
-
-function Test-Unread {
-    # Whether one of these names is wanted and was not read yet.
-    param([System.Collections.IDictionary] $Live, [string[]] $Name)
-    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
-}
-
 function Compare-Step {
     # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
     param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
     if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
     # What was begun may have been killed half-way: then each value is still the old one, or already the new one.
     if ($script:Recorded.Contains([string] $Step.Number) -or $Step.Undoes -cne '') {
-        $names = @($Step.Before.Keys) + @($Step.After.Keys)
-        if ($names -ccontains 'values') { $names += @(@($Live.Keys) -clike 'value:*') }
+        $names = @($Step.Before.Keys)
+        # What is not asked before a step may be anything, but not where nothing was.
+        $all = $Step.Before['exists'] -ceq $false -or $names -ccontains 'values'
+        if ($all) { $names += @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*') }
         $odd = @($names | Where-Object -FilterScript {
             # Names of values come and go one by one; a machine may be on its way to be off.
             $busy = @('values', 'empty') -ccontains $_ -or ($_ -ceq 'state' -and $Live[$_] -ceq 'busy')
@@ -391,22 +359,19 @@ function Compare-Reading {
 }
 
 function Test-Agreed {
-    # Whether two tables have the same value of a name, or both none. -ceq takes no notice of characters without width.
+    # Whether two tables have the same value of a name, or both none; -ceq is blind to characters without width.
     param([System.Collections.IDictionary] $Left, [System.Collections.IDictionary] $Right, [string] $Name)
     if ($Left.Contains($Name) -ne $Right.Contains($Name)) { return $false }
     [string]::Equals([string] $Left[$Name], [string] $Right[$Name], [System.StringComparison]::Ordinal)
 }
 
-# Telling ----------------------------------------------------------------------------------------
-
 function Write-RunEvent {
     param([string] $Kind, [System.Collections.IDictionary] $Step = $script:Whole, [string] $Status, [string] $Detail)
     if ($AsJson) {
-        $line = [ordered] @{
+        ConvertTo-AsciiJson -Value ([ordered] @{
             format = 'rarms-event/1'; kind = $Kind; plan = $script:Plan.Plan; number = $Step.Number
             total = $script:Steps.Count; address = $Step.Address; status = $Status; detail = $Detail
-        }
-        ConvertTo-AsciiJson -Value $line
+        })
     } else {
         $text = '{0,-10} {1}  {2}' -f $Status, $Step.Address, $Detail
         Write-Information -MessageData $text -InformationAction Continue
@@ -414,26 +379,10 @@ function Write-RunEvent {
 }
 
 function Exit-Refused {
-    # The host is not as planned, busy, or the plan was used: exit code 3. The end tells it, because what an event gives
-    # to the pipeline here could end up in the caller's variable.
-    param([string] $Kind = 'refused', [System.Collections.IDictionary] $Step = $script:Whole, [string] $Detail)
-    $script:Refusal = @{ Kind = $Kind; Step = $Step }
+    # The host is not as planned, busy, or the plan was used: exit code 3.
+    param([string] $Kind = 'refused', [string] $Detail)
+    $script:Refusal = $Kind
     throw $Detail
-}
-
-function Exit-Failed {
-    # The end of a run that did not come to its own: refused (3), or what failed, in which call and on which line (1).
-    param($Failure)
-    $detail = [string] $Failure.Exception.Message
-    if ($null -ne $script:Refusal) {
-        Write-RunEvent -Kind $script:Refusal.Kind -Step $script:Refusal.Step -Status 'refused' -Detail $detail
-        exit 3
-    }
-    $id = [string] $Failure.FullyQualifiedErrorId
-    $at = $Failure.InvocationInfo
-    if ($id -cne $detail) { $detail = '{0} ({1} {2}, line {3})' -f $detail, $at.MyCommand, $id, $at.ScriptLineNumber }
-    Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
-    exit 1
 }
 
 function ConvertTo-AsciiJson {
@@ -517,7 +466,11 @@ $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# SIG # End signature block\s*$'
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Past = @()              # the runs before the one that the journal holds
-$script:StartedAt = ''          # when that one began
+$script:Started = $null         # its first record: which run was the last one here
+$script:Closing = ''            # how that was closed: done or abandoned
+$script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
+$script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
+$script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
 function Read-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
@@ -539,9 +492,7 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -578,15 +529,23 @@ function Add-Record {
     $script:Sound += $data.Length
 }
 
-function Add-Past {
-    # The run that the journal holds becomes history, of which the last hundred runs are remembered.
+function Clear-Journal {
+    # The run that it holds becomes history, of which the last hundred are remembered; an undo takes back what it did.
     $last = $script:Started
     if ($null -eq $last) { return }
+    $closing = if ($script:Closing) { $script:Closing } else { $null }
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $script:StartedAt; closing = if ($script:Closing) { $script:Closing } else { $null }
+        started_at = $last.started_at; closing = $closing
     }
+    $script:Touched.Clear()
+    foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {
+        if ($script:Recorded[$number] -cne 'unchanged') { $script:Touched[$number] = $true }
+    }
+    $script:Started = $null
+    $script:Closing = ''
+    $script:Recorded.Clear()
 }
 
 function Write-FirstRecord {
@@ -655,98 +614,171 @@ function Test-RootScheduler {
 }
 # --- end of the part host ----------------------------------------------------------------------
 # --- part machines: the same bytes in every script that carries it -----------------------------
-# How virtual machines are found, read and marked: never by their names alone.
+# How virtual machines are found, read and marked: never by their names.
 
+$script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
-$script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of the machine that answered to it
 
 function Read-Partition {
-    # What the host shows of the wanted names: one call for the machine, and one for each kind of its settings.
-    param([string] $Name, [string] $Machine = '')
+    # What the host shows of the machine with this id.
+    param([string] $Machine)
     $live = Get-Known
-    if (-not $live.Contains('exists')) { Read-Machine -Live $live -Name $Name -Machine $Machine }
-    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
-    $vm = $live['vm']
-    $script:Vm = $vm
-    if (-not $live['exists']) { return $live }
-    if (Test-Unread -Live $live -Name 'processors', 'reserve', 'limit', 'weight') {
-        $cpu = Hyper-V\Get-VMProcessor -VM $vm
-        $live['processors'] = [long] $cpu.Count
-        $live['reserve'] = [long] $cpu.Reserve
-        $live['limit'] = [long] $cpu.Maximum
-        $live['weight'] = [long] $cpu.RelativeWeight
-    }
-    if (Test-Unread -Live $live -Name 'memory', 'dynamic_memory') {
-        $memory = Hyper-V\Get-VMMemory -VM $vm
-        $live['memory'] = [long] $memory.Startup
-        $live['dynamic_memory'] = [bool] $memory.DynamicMemoryEnabled
-    }
-    if (Test-Unread -Live $live -Name 'secure_boot', 'boots_from') {
-        $firmware = Hyper-V\Get-VMFirmware -VM $vm
-        $off = [string] $firmware.SecureBoot -ceq 'Off'
-        $live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
-        $live['boots_from'] = ''
-        foreach ($one in @($firmware.BootOrder)) {
-            if (-not $live['boots_from']) { $live['boots_from'] = ConvertTo-Word -Value $one.BootType }
-        }
-    }
-    if (Test-Unread -Live $live -Name 'adapters') { $live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
-    if (Test-Unread -Live $live -Name 'disks') { $live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
-    if (Test-Unread -Live $live -Name 'snapshots') { $live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    if (-not $live.Count) { Read-Machine -Live $live -Found @(Find-Machine -Machine $Machine) }
+    $script:Vm = $live['vm']
     $live
 }
 
-function Read-Machine {
-    # Into the reading: whether there is the machine, and what it says of itself.
-    param([System.Collections.IDictionary] $Live, [string] $Name, [string] $Machine)
-    $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if ($found.Count -gt 1) { Exit-Refused -Step $script:Current -Detail ('{0} machines answer to it' -f $found.Count) }
-    $Live['exists'] = $found.Count -eq 1
-    $Live['vm'] = $null
-    if (-not $found.Count) { return }
-    $vm = $found[0]
-    $mark = Get-Mark -Vm $vm
-    $state = ConvertTo-RunState -State $vm.State
-    $script:Machines[$Name] = ([string] $vm.Id).ToLowerInvariant()
-    $Live['vm'] = $vm
-    $Live['machine'] = $script:Machines[$Name]
-    $Live['name'] = [string] $vm.Name
-    $Live['generation'] = [long] $vm.Generation
-    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
-    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
-    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
-    $Live['state'] = $state
-    $Live['running'] = $state -ceq 'running'
-    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
-    $Live['set'] = $mark.Set
+function Get-Known {
+    # What was read already at the address of the current step: nothing is read twice until a step changes something.
+    $at = $script:Current.Address
+    if (-not $script:Known.Contains($at)) { $script:Known[$at] = [hashtable]::new($script:Ordinal) }
+    $script:Known[$at]
 }
 
 function Find-Machine {
-    # By id where it is known; otherwise what carries our mark, or the pending name of this plan. Never by name.
-    param([string] $Name, [string] $Machine)
-    if (-not $Machine) { $Machine = [string] $script:Machines[$Name] }
-    if ($Machine -and -not $script:Looking) {
+    # Where everything is looked at, all machines are listed once.
+    param([string] $Machine)
+    if (-not $script:Looking) {
         try { return Hyper-V\Get-VM -Id $Machine } catch { Write-Verbose -Message $_.Exception.Message }
     }
-    $pending = Get-PendingName -Name $Name
-    foreach ($vm in @(Get-MachineList)) {
-        if ($Machine) {
-            if (([string] $vm.Id).ToLowerInvariant() -ceq $Machine) { $vm }
-            continue
-        }
-        $mark = Get-Mark -Vm $vm
-        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
-        # -ceq takes no notice of characters without width, such as a soft hyphen.
-        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
-    }
+    foreach ($vm in @(Get-MachineList)) { if ([string] $vm.Id -eq $Machine) { $vm } }
 }
 
 function Get-MachineList {
     # All machines of the host, listed once for all that is read until something changes.
     if (-not $script:Known.Contains('machines')) { $script:Known['machines'] = @(Hyper-V\Get-VM) }
     $script:Known['machines']
+}
+
+function Read-Machine {
+    # Into the reading: whether there is the machine, and what it says of itself.
+    param([System.Collections.IDictionary] $Live, $Found)
+    if ($Found.Count -gt 1) { Exit-Refused -Detail ('{0} machines answer to it' -f $Found.Count) }
+    $Live['exists'] = $Found.Count -eq 1
+    $Live['vm'] = $null
+    if (-not $Found.Count) { return }
+    $vm = $Found[0]
+    $mark = Get-Mark -Vm $vm
+    $cpu = Hyper-V\Get-VMProcessor -VM $vm
+    $Live['vm'] = $vm
+    $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
+    $Live['name'] = [string] $vm.Name
+    $Live['generation'] = [long] $vm.Generation
+    $Live['processors'] = [long] $vm.ProcessorCount
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+    $Live['memory'] = [long] $vm.MemoryStartup
+    $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
+    $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
+    $Live['stop_action'] = ConvertTo-Word -Value $vm.AutomaticStopAction
+    $Live['checkpoints'] = ConvertTo-Word -Value $vm.CheckpointType
+    $Live['state'] = ConvertTo-RunState -State $vm.State
+    $Live['running'] = $Live['state'] -ceq 'running'
+    $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
+    $Live['set'] = $mark.Set
+}
+
+function Get-Mark {
+    # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
+    param($Vm)
+    $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
+    if ($found.Count -eq 1 -and $found[0] -cmatch $script:MarkForm -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
+        return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
+    }
+    @{ Application = ''; Name = ''; Set = '' }
+}
+
+function Get-ShortId {
+    param($Vm)
+    ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)
+}
+
+function Write-Mark {
+    # The mark that the step wants, or none, above the user's lines: the only text built around what a host says.
+    $wanted = $script:Current.After
+    $notes = [string] $script:Vm.Notes -creplace ('(?m)' + $script:MarkForm + '\n?'), ''
+    $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], (Get-ShortId -Vm $script:Vm), $wanted['set']
+    if ($wanted['mark']) { $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line } }
+    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
+}
+
+function ConvertTo-RunState {
+    param($State)
+    $name = [string] $State
+    if ($name -clike '*Critical') { return 'critical' }
+    if (@('Off', 'Running', 'Paused', 'Saved') -ccontains $name) { return $name.ToLowerInvariant() }
+    'busy'
+}
+
+function ConvertTo-Word {
+    # An enumeration's name as plans write it: TurnOff becomes turn_off.
+    param($Value)
+    ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
+}
+# --- end of the part machines ------------------------------------------------------------------
+# --- part devices: the same bytes in every script that carries it ------------------------------
+# What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
+
+function Read-PartitionDevice {
+    param([string] $Machine)
+    Read-Device -Live (Read-Partition -Machine $Machine)
+}
+
+function Read-Device {
+    param([System.Collections.IDictionary] $Live)
+    $vm = $Live['vm']
+    if (-not $Live['exists']) { return $Live }
+    if (Test-Unread -Live $Live -Name 'secure_boot', 'boots_from') {
+        $firmware = Hyper-V\Get-VMFirmware -VM $vm
+        $off = [string] $firmware.SecureBoot -ceq 'Off'
+        $Live['secure_boot'] = if ($off) { 'off' } else { [string] $firmware.SecureBootTemplate }
+        $Live['boots_from'] = ''
+        foreach ($device in @($firmware.BootOrder)) {
+            if (-not $Live['boots_from']) { $Live['boots_from'] = ConvertTo-Word -Value $device.BootType }
+        }
+    }
+    if (Test-Unread -Live $Live -Name 'adapters') { $Live['adapters'] = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count }
+    if (Test-Unread -Live $Live -Name 'disks') { $Live['disks'] = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count }
+    if (Test-Unread -Live $Live -Name 'snapshots') { $Live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
+    $Live
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
+}
+# --- end of the part devices -------------------------------------------------------------------
+# --- part making: the same bytes in every script that carries it -------------------------------
+# The machine that this plan makes: it carries our mark, or before that the plan's pending name.
+
+$script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of its machine
+
+function Read-NewPartition {
+    param([string] $Name)
+    $live = Get-Known
+    if (-not $live.Count) {
+        $id = $script:Machines[$Name]
+        $found = @(if ($id) { Find-Machine -Machine $id } else { Find-NewMachine -Name $Name })
+        Read-Machine -Live $live -Found $found
+        if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
+    }
+    if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
+    $script:Vm = $live['vm']
+    Read-Device -Live $live
+}
+
+function Find-NewMachine {
+    param([string] $Name)
+    $pending = Get-PendingName -Name $Name
+    foreach ($vm in @(Get-MachineList)) {
+        $mark = Get-Mark -Vm $vm
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Plan.Application
+        # -ceq takes no notice of characters without width, such as a soft hyphen.
+        if ($ours -or [string]::Equals($vm.Name, $pending, [System.StringComparison]::Ordinal)) { $vm }
+    }
 }
 
 function Get-PendingName {
@@ -765,49 +797,18 @@ function Test-Stranger {
     $false
 }
 
-function Get-Mark {
-    # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
-    param($Vm)
-    $found = @()
-    foreach ($line in @([string] $Vm.Notes -split '\n')) {
-        if (-not ($line -cmatch $script:MarkForm)) { continue }
-        $found += @{
-            Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set']; Machine = $Matches['vm']
-        }
-    }
-    $id = ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8)
-    if ($found.Count -eq 1 -and $id -ceq $found[0]['Machine']) { return $found[0] }
-    @{ Application = ''; Name = ''; Set = '' }
+function Add-PartitionDisk {
+    # A run may have been killed right behind it.
+    param([string] $Path)
+    if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
+    Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
 }
 
-function Write-Mark {
-    # The mark that the step wants, or none, above the user's lines of the notes: the only text built around what a host
-    # says.
-    $wanted = $script:Current.After
-    $lines = @([string] $script:Vm.Notes -split '\n')
-    $notes = @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
-    if ($wanted['mark']) {
-        $id = ([string] $script:Vm.Id).ToLowerInvariant().Substring(0, 8)
-        $line = 'rarms/1 {0} vm={1} set={2}' -f $wanted['mark'], $id, $wanted['set']
-        $notes = if ($notes) { $line + [char] 13 + [char] 10 + $notes } else { $line }
-    }
-    Hyper-V\Set-VM -VM $script:Vm -Notes $notes
+function Clear-NetworkAdapter {
+    # Hyper-V gives one to every new machine.
+    if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
 }
-
-function ConvertTo-RunState {
-    param($State)
-    $name = [string] $State
-    if ($name -clike '*Critical') { return 'critical' }
-    if (@('Off', 'Running', 'Paused', 'Saved') -ccontains $name) { return $name.ToLowerInvariant() }
-    'busy'
-}
-
-function ConvertTo-Word {
-    # An enumeration's name as plans write it: TurnOff becomes turn_off.
-    param($Value)
-    ([string] $Value -creplace '(?<=[a-z])(?=[A-Z])', '_').ToLowerInvariant()
-}
-# --- end of the part machines ------------------------------------------------------------------
+# --- end of the part making --------------------------------------------------------------------
 # --- part stop: the same bytes in every script that carries it ---------------------------------
 # How a virtual machine is stopped.
 
@@ -862,9 +863,9 @@ function Read-Disk {
 }
 
 function Read-MadePartition {
-    # As Read-Partition, and what somebody gave the machine since: an undo must not take it away with that.
+    # As Read-NewPartition, and what somebody gave the machine since: an undo must not take it away with that.
     param([string] $Name, [string] $Disk = '')
-    $live = Read-Partition -Name $Name
+    $live = Read-NewPartition -Name $Name
     if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
     $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
         if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }

@@ -22,7 +22,11 @@ def test_a_script_says_all_that_its_plan_says() -> None:
 def _lower(readings: Readings) -> set[tuple[str, object]]:
     """As a script has them, whatever the culture makes of capitals; without what goes without saying."""
     implied = {"exists", *(["running"] if "state" in readings else [])}
-    return {(name.lower(), value) for name, value in readings.items() if name not in implied or (name, value) == ("exists", False)}
+    return {
+        (name.lower(), value)
+        for name, value in readings.items()
+        if name not in implied or (name, value) == ("exists", False)
+    }
 
 
 def test_a_set_block_is_read_call_by_call() -> None:

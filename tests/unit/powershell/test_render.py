@@ -66,7 +66,9 @@ def test_a_reserve_is_one_readable_call_under_the_banner_of_its_partition() -> N
     text = steps_of(render_apply(*rendered_plan([change])))
 
     assert re.search(r"\n    # === vision: the manifest wants it \(rarms\.yaml:31:5\) =+\n", text)
-    assert "-Action 'reserve 70 -> 40 %, weight 100 -> 200; mark it as robot/vision, set aaaaaaaaaaaa' -Before @{" in text
+    assert (
+        "-Action 'reserve 70 -> 40 %, weight 100 -> 200; mark it as robot/vision, set aaaaaaaaaaaa' -Before @{" in text
+    )
     assert "limit = 100; mark = 'robot/vision'; reserve = 70; set = '" in text
     call = "        Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n"
     assert f"-Set {{\n{call}        Write-Mark\n    }}\n" in text
