@@ -1,7 +1,8 @@
 """An operation as the calls of a `Set` block: cmdlets and the runtime's functions, with literals only.
 
 What is set on a machine, and can be set again, is one step of a script with what is set right before it: read once,
-compared, set, read again. A run that was killed between two of its calls finds each value old or new, and sets all again.
+compared, set, read again. A run that was killed between two of its calls finds each value old or new, and sets all
+again.
 """
 
 from collections.abc import Mapping
@@ -73,10 +74,10 @@ def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
             calls[same] += values
         else:
             calls = [old for old in calls if old != new] + [new]
-    new = piece.read.startswith("Read-NewPartition")
+    is_new = piece.read.startswith("Read-NewPartition")
     return replace(
         piece,
-        action="give it all its settings, and its name last" if new else f"{piece.action}; {following.action}",
+        action="give it all its settings, and its name last" if is_new else f"{piece.action}; {following.action}",
         read=max(piece.read, following.read, key=len),  # of two readers of a machine the one that reads more
         before={**made, **piece.before},
         after={**piece.after, **following.after},
@@ -148,7 +149,7 @@ def _reader(step: Step) -> str:
     if task := SYSTEM_RESPONSIVENESS if at.responsiveness else at.task:
         return call("Read-TaskClass", Task=literal(task))
     if at.machine:
-        reader = "Read-Partition" if _DEVICES.isdisjoint(step.after | step.before) else "Read-PartitionDevice"
+        reader = "Read-Partition" if _DEVICES.isdisjoint([*step.before, *step.after]) else "Read-PartitionDevice"
         return call(reader, Machine=literal(at.machine.lower()))
     return call("Read-NewPartition", Name=literal(at.partition))
 

@@ -109,9 +109,9 @@ _CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
 
 _HYPERV_MEMBERS = words(
     """
-    AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled Generation
-    Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount RelativeWeight Reserve SecureBoot SecureBootTemplate
-    Startup State VhdType VirtualHardDiskPath
+    AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
+    Generation Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount
+    RelativeWeight Reserve SecureBoot SecureBootTemplate Startup State VhdType VirtualHardDiskPath
     """
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(
@@ -126,8 +126,8 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains Cores
-    Create CreateDirectory Delete Detail Dispose Enabled Equals Exception Fits Flush FullyQualifiedErrorId
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
+    Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Exception Fits Flush FullyQualifiedErrorId
     GetAttributes GetBytes GetFolderPath GetOwner GetString GetValue GetValueKind GetValueNames Guard Guest
     InvocationInfo Keys Kind Length LogicalProcessors Lost MachineName Memory Message Move MyCommand Needs Number
     OpenOrCreate Ordinal PSChildName PSObject Percent Plan Position PrimaryOperationalStatus Processors Properties

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1c87d59815d3'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a54285113c8b17d9c710c292214d15ce88b71a2553fc615fe553ceec244669f3'
+        UndoDigest = 'c2b9eb9603983dec220502cc320ac7c17f91cf1246c3e92b9797c044697fc605'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -464,7 +464,8 @@ $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Past = @()              # the runs before the one that the journal holds
 $script:Started = $null         # its first record: which run was the last one here
-$script:Closing = ''            # how that was closed: done or abandoned
+$script:StartedAt = ''          # when that one began
+$script:Closing = ''            # how it was closed: done or abandoned
 $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
@@ -489,7 +490,9 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            $script:Past = @($record.history)
+            # An older rarms wrote neither.
+            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
+            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -534,7 +537,7 @@ function Clear-Journal {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing
+        started_at = $script:StartedAt; closing = $closing
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {

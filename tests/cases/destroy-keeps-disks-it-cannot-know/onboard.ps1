@@ -42,7 +42,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b3bbe800f206'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c241fafd39f07859705b354a43ca854ed3322a4b8c193b753b5593bf7ab347f3'
+        UndoDigest = '49690d37fa729234ec1d68098d5757ac5ad8439fd307aa5dd979dd128a895a09'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -488,7 +488,8 @@ $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Past = @()              # the runs before the one that the journal holds
 $script:Started = $null         # its first record: which run was the last one here
-$script:Closing = ''            # how that was closed: done or abandoned
+$script:StartedAt = ''          # when that one began
+$script:Closing = ''            # how it was closed: done or abandoned
 $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
@@ -513,7 +514,9 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            $script:Past = @($record.history)
+            # An older rarms wrote neither.
+            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
+            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -558,7 +561,7 @@ function Clear-Journal {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing
+        started_at = $script:StartedAt; closing = $closing
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {

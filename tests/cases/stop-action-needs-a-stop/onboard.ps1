@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '384f6eb0c989'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b0ac836c154dd7679486d9e6a9b184f13e5aef6e9d4168f2570ecc49d8941eaf'
+        UndoDigest = 'c4da6ebe31ef2eac903c7b31279327200ba4857910ec999fe0f79cb6f97db84a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -454,7 +454,8 @@ $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Past = @()              # the runs before the one that the journal holds
 $script:Started = $null         # its first record: which run was the last one here
-$script:Closing = ''            # how that was closed: done or abandoned
+$script:StartedAt = ''          # when that one began
+$script:Closing = ''            # how it was closed: done or abandoned
 $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
@@ -479,7 +480,9 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            $script:Past = @($record.history)
+            # An older rarms wrote neither.
+            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
+            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -524,7 +527,7 @@ function Clear-Journal {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing
+        started_at = $script:StartedAt; closing = $closing
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ad6299659361'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '991381c1f2e97c243d50cae4e5b48f2693d8020094e39092f5b91a7c05c7d34b'
+        UndoDigest = 'df0ef7974d5528108c1a7de045c4c1467462ccd46c800299f9dd785d0c042d9d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -485,7 +485,8 @@ $script:Signature = '(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\
 $script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Past = @()              # the runs before the one that the journal holds
 $script:Started = $null         # its first record: which run was the last one here
-$script:Closing = ''            # how that was closed: done or abandoned
+$script:StartedAt = ''          # when that one began
+$script:Closing = ''            # how it was closed: done or abandoned
 $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: what it says of it
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
@@ -510,7 +511,9 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            $script:Past = @($record.history)
+            # An older rarms wrote neither.
+            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
+            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
@@ -555,7 +558,7 @@ function Clear-Journal {
     $extra = $script:Past.Count - 99
     $script:Past = @(foreach ($one in $script:Past) { if ($extra -gt 0) { $extra -= 1 } else { $one } }) + [ordered] @{
         run = $last.run; plan = $last.plan; application = $last.application; started_by = $last.started_by
-        started_at = $last.started_at; closing = $closing
+        started_at = $script:StartedAt; closing = $closing
     }
     $script:Touched.Clear()
     foreach ($number in @(if ($script:Plan.Run -ceq 'undo') { $script:Recorded.Keys })) {

@@ -32,7 +32,7 @@ def all_changes() -> tuple[Change, ...]:
     foreign = build.partition(build.settings("kiosk"), application=None)
     host_task, guest_task = recorded(build.task()), recorded(build.task("SpeechRecognition", inside="speech"))
     games = recorded(build.task("Games", priority=4), before=build.task("Games", priority=2))
-    changes = (
+    changes: tuple[Change, ...] = (
         build.update(old, marked(smaller)),
         build.create(marked(new)),
         build.create(marked(replace(build.partition(build.settings("video")), id=""))),
