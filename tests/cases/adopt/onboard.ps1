@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 90f3799933a2 of application robot, for the host itself.
+    rarms apply script: plan 109cdb246ee8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '90f3799933a2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '109cdb246ee8'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9e06fffee53056387d6630ee006c4caefb8f1ca746377bdc13d98e2782d98060'
+        UndoDigest = 'd07f98f19092cf8b5021283e8a0224aa58934d92de3ac30abf82a63888eb62fb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

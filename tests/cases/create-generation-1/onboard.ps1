@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4e37c3d322e8 of application robot, for the host itself.
+    rarms apply script: plan f6f72f157729 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4e37c3d322e8'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f6f72f157729'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '69b299adc168497538d47be0241d873e041767c0f91a45f9e55215941745480a'
+        UndoDigest = '3dd8e5fa29cc04380c501e910d9a9487ab0a0b5946e8d9592ce6fa73d30b4871'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

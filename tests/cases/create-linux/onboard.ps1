@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1c87d59815d3 of application robot, for the host itself.
+    rarms apply script: plan bc98a8c19ff1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1c87d59815d3'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'bc98a8c19ff1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c2b9eb9603983dec220502cc320ac7c17f91cf1246c3e92b9797c044697fc605'
+        UndoDigest = '3d093e858b9547dd991556b239ab8aea5489264ef8f9c6c17105ced6f72be3ac'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 317bde74fcd0 of application robot, for the host itself.
+    rarms apply script: plan 5655ba379c51 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '317bde74fcd0'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5655ba379c51'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dd1482db19b8b2a64a3abeb12021bdb27703a29d24e66db51a3f0e781e18ca3a'
+        UndoDigest = '20931d6ec6e8456fa95a29f1dc9368d0e6246982efb891a3dfd2c1fa193474ad'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

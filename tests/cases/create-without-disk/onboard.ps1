@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 892df4266192 of application robot, for the host itself.
+    rarms apply script: plan fcec76012294 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '892df4266192'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fcec76012294'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f24a9f1a07e043bdde9be097c28544b23d873bbb623ba80a575a63cd06297be0'
+        UndoDigest = '8acd9a6b94efc897dfc94460ac47e9763f3dd337d6f60fadeb21daa2fc0b2129'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b3bbe800f206 of application robot, for the host itself.
+    rarms apply script: plan 7a83d15676ef of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -40,9 +40,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b3bbe800f206'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7a83d15676ef'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '49690d37fa729234ec1d68098d5757ac5ad8439fd307aa5dd979dd128a895a09'
+        UndoDigest = '0048a115600bcacb01c1e5ce3d093db082a4252663b6f4425859ba14b88a5879'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 96ee877cf32a of application robot, for the host itself.
+    rarms apply script: plan 175325e8317b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -41,9 +41,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '96ee877cf32a'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '175325e8317b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '24d9f247d0d780cc390a98e9d4a09a1db1ed483c508f5a632211b2283b1828fb'
+        UndoDigest = 'e0a383a23da1bd6dac5ff67e289fbab63947ce22d6294566a44440f40771d9d1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

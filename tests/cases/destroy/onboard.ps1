@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a12467c35684 of application robot, for the host itself.
+    rarms apply script: plan d95c8af75531 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -40,9 +40,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a12467c35684'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'd95c8af75531'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '10c843a3ce820d96a57b3f396f58baee28dfcd74fd4d3ae8854891e89175e038'
+        UndoDigest = '9ccf85161c55f743bc69e7f42364eb57ccb58a19a677eec7a5c106d4a8b85be0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1e579e55d6b2 of application robot, for the host itself.
+    rarms apply script: plan 71621e226a58 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1e579e55d6b2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '71621e226a58'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'add51d2f517dc52cc55ee2fc932e73ed401dd10284a55fe8203bf914c1768170'
+        UndoDigest = 'edd2440a4ea757ecd79d8cfd2518106d6ac1eca9345ca8f7b41bb2705f5192bf'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

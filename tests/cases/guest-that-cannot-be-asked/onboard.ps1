@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan df24a9c42cb2 of application robot, for the host itself.
+    rarms apply script: plan e3156af1b145 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for as long as it takes to start
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'df24a9c42cb2'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e3156af1b145'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4086479ef38460f62ce2bcb2300b8911de9260d0cef3f9d84f371ce76ff31a3b'
+        UndoDigest = 'c3ed17d38aeeb60828704671031541de03c685aeaabfe1ad969dfeb4ce98327f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

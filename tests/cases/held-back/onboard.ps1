@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d0a4b0bfd66d of application robot, for the host itself.
+    rarms apply script: plan 5548840aee3b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 60 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd0a4b0bfd66d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '5548840aee3b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '81684f805cd044acfc4573609f18a3ecb4182ca09eebacd63f66975f2007f664'
+        UndoDigest = '839bf999991f5e379395cf283f8c96459c5306149695fe0845676da3dafa42f4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b635b276a8aa of application robot, for the host itself.
+    rarms apply script: plan 0734c403a32e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b635b276a8aa'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '0734c403a32e'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4ed7a4ccfa8caf0ea38b8e5df83320ef05d1ea4bdd29452a368a1b6db20df707'
+        UndoDigest = '254809aeed3be9afd529c5dac8c20070e06d297a27606b593e4a6888d133c768'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

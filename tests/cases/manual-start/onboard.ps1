@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c86190ea1493 of application robot, for the host itself.
+    rarms apply script: plan 063596acb186 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c86190ea1493'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '063596acb186'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c997b68dfbaceceaf6f4eedb1492bc39109806a4b6696196c353c1e0726ddfd8'
+        UndoDigest = 'e0874a15be8cb3a33d9a94f2484a215c4266d3b5f03a86b0e1841eefba471976'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 318eb18d8dbd of application robot, for the host itself.
+    rarms apply script: plan 70281f557d6f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB -> 1 GiB)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '318eb18d8dbd'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '70281f557d6f'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '00e3e96af3b0bd23cdd2e03c520b60da021185199672e17d248dfbdb5c040f94'
+        UndoDigest = 'add2d9f3437a527775776cbf3d56506f12659861eca2c32dca61aa5684deff2d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

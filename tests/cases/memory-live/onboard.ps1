@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 531a284110e9 of application robot, for the host itself.
+    rarms apply script: plan 6fda66bd76ff of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB -> 1 GiB)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '531a284110e9'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6fda66bd76ff'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '679e5acd844aa319c0e9eb2492955bb4c4cabe69f59dc27400939a6523aca513'
+        UndoDigest = 'cea7fe56220e6b669ec1f722f6b528a1b9f4f3e50f4273c37176a9b79e73bdcf'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0691cd1ee3b4 of application robot, for the host itself.
+    rarms apply script: plan a43a23e8fe8b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB -> 512 MiB, static). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0691cd1ee3b4'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'a43a23e8fe8b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4fd4023ed5abfee9d6f69b0ca9e0eecd834cc369f0467568541a08c04e4baff7'
+        UndoDigest = '055c686abf7d627da4a1f4fb638619f34e76a3ab53776839f5f292fd03340a4f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

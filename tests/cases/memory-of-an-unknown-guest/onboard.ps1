@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 59adb425dc5a of application robot, for the host itself.
+    rarms apply script: plan 26010fd23ebe of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '59adb425dc5a'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '26010fd23ebe'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '42d4a53412c5d620c3f4d2c81ef3a93877d52b144c18b07895f470f22cba5e0b'
+        UndoDigest = '0d11b5c84a961c572bd99c9bc5ee97cd8f3dfb1f8942f6346ec184e5a62752b1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

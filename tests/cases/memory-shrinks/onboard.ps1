@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 8dc411f15a7d of application robot, for the host itself.
+    rarms apply script: plan f15e7ee6e810 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (memory 1 GiB -> 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '8dc411f15a7d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f15e7ee6e810'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b2dd687417b9183ac484f1ec3901814088c289bbcd5941a7aa3cb79e894a5f8e'
+        UndoDigest = '94cdcc8b8c0c47526fc133cf817d2975b3baeba430e33ea0ffb5907b0401d87b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

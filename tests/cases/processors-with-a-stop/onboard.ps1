@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3e36d4358698 of application robot, for the host itself.
+    rarms apply script: plan 6c07af7acf80 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (reserve 40 -> 20 %; processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3e36d4358698'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6c07af7acf80'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4c969fadb5db851dfc5e1705e30541716fba4b752309e968a3179b5ef81d41d8'
+        UndoDigest = '8431b9a7098f7b9d5ca48ef847e8a9fbd3a9f412da852180c6ff7d1f09ba4c5d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

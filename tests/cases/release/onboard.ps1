@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 69b0d1bd501e of application robot, for the host itself.
+    rarms apply script: plan c40b5e3be529 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (erase the mark)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '69b0d1bd501e'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c40b5e3be529'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '93fc494823dd3cae638bef810b2e496d42337056187372ea40378167de251a3d'
+        UndoDigest = 'f40f3fd3fd9e6318ba7aabdb6886f86976f878a9e36aaa5741a3642d70009af3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ff563b37614c of application robot, for the host itself.
+    rarms apply script: plan 70a5fd2d1417 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ff563b37614c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '70a5fd2d1417'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '36cbffd738c0af80fd09a91ffb2157e3f7b3914c595c766d31b2e70c74471b6b'
+        UndoDigest = 'e757be6feacffa363dfedbcdceb0694921c478ad689f0d117d3b8f8c084ec591'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c5d47bf63b0c of application robot, for the host itself.
+    rarms apply script: plan e4b3450efcd0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c5d47bf63b0c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e4b3450efcd0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6cbd9c29dd69e0c962cdde19c3237c702da4580b05c10849ed7d997b1357297b'
+        UndoDigest = 'dce1994266bc8e3b52d8e5da221a8841a88f96b6a7cd0223c07cce38aad18392'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5ab94578ab95 of application robot, for the host itself.
+    rarms apply script: plan e527af8f46d0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (reserve 20 -> 60 %)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5ab94578ab95'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e527af8f46d0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '203acd26377c1ee2d3f39c754cdbefbe72017f58158e225d4e9871f9ffb5f0f9'
+        UndoDigest = '90a8ca818d627eb02cb7402a91936097df2f2e7978efdaefa4b33d4e9f13894b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

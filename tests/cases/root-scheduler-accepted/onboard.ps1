@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6262b2178d35 of application robot, for the host itself.
+    rarms apply script: plan 5fbd00ad7b79 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6262b2178d35'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5fbd00ad7b79'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2e455803de692f57bd182bf0e55a615bb9729387bedc73fb8160594c29b82f33'
+        UndoDigest = '2ee04314987ab03afebf0e0291e2a3f40d4a0462f7a6ecb810b3a1a948d12af3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

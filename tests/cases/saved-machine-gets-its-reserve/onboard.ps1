@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d4c84212a9af of application robot, for the host itself.
+    rarms apply script: plan d9a7812febab of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, started (reserve 80 -> 40 %, weight 100 -> 200)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd4c84212a9af'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'd9a7812febab'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8bb11283586b67c1cdafaebcecf8d6e386154b59ae189e13bcbd8b9ac2c99c77'
+        UndoDigest = '0343f874cfd5b9e45706a694de140ac54dee4627fd900dcc559236564e66886d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

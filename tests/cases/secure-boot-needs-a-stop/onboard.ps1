@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 676f07ebc8be of application robot, for the host itself.
+    rarms apply script: plan 9602f91f341d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (secure boot MicrosoftWindows -> off). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '676f07ebc8be'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '9602f91f341d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '115dc395f126229189ed3686001594370aebcf7c9bdc0aabd45c2627d301fab5'
+        UndoDigest = '16050815960d074ac7fdf76b7a642da87990afff083d99012e234e5dfa6ddfb8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

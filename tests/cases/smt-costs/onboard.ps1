@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ceea13aae3ce of application robot, for the host itself.
+    rarms apply script: plan 22e1f450f074 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ceea13aae3ce'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '22e1f450f074'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7da012e76b83d5fbbf7d1c6f9d90072f8082b73c417fa1bd5c234bf68a8835bf'
+        UndoDigest = '350729ead5a093cc7271460d7512fa8d7d58972a009055856eb93fd1bd2f3c94'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2

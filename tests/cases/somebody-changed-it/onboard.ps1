@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 342dee0e8f2b of application robot, for the host itself.
+    rarms apply script: plan 40d37249cf7c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 55 -> 80 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '342dee0e8f2b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '40d37249cf7c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ed0a35ba1b5d6333843c1e4bfafe8893bb084025fa3efc54a7d0664ba79fdebb'
+        UndoDigest = '561eaaae76c00583861b7619d95a3a12caafa368b55a71a0463627e28539c2e3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

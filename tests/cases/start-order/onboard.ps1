@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6189ca6ecf4e of application robot, for the host itself.
+    rarms apply script: plan f9a21f2c472a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6189ca6ecf4e'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f9a21f2c472a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '239094572038c70da4049fe2cd6e77a3aa8fb7ab533e9e7ce111aec0e3a3f963'
+        UndoDigest = '1997df31fffb4856da8068afb33ad1a69cfba464dc999d67afc4d0b62e70a247'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a4d64de02528 of application robot, for the host itself.
+    rarms apply script: plan 768037ab2d45 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a4d64de02528'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '768037ab2d45'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f888f9d1b9db21d5a23a265c3416069257f91e4ba19db47e9f5e0e3ccb8e85ba'
+        UndoDigest = 'eda9f5ec1afeac41c37790ae549255d05739f292e02f0ec4a3bd330b2561fd20'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 384f6eb0c989 of application robot, for the host itself.
+    rarms apply script: plan f7618d6f9ddd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '384f6eb0c989'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f7618d6f9ddd'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c4da6ebe31ef2eac903c7b31279327200ba4857910ec999fe0f79cb6f97db84a'
+        UndoDigest = '07548084d452e84e01ce803409cd39ae40583078648f29105ad425bb133112ec'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f995014f2b56 of application robot, for the host itself.
+    rarms apply script: plan 6d170d1031dd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: stopped. It is off after 120 s at the latest, and stays off
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f995014f2b56'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6d170d1031dd'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'fe9320715ff64d3866d3daa9c9497e141129faa5b66bba671d70daf2686cfe48'
+        UndoDigest = '9fd593efa941e228157b860a99fc0d5120d608bfe183ad50c8fff952d518102c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

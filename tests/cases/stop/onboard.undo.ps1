@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f995014f2b56 of application robot, for the host itself.
+    rarms undo script: plan 6d170d1031dd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f995014f2b56'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '6d170d1031dd'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

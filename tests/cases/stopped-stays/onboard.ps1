@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e347a2c0db17 of application robot, for the host itself.
+    rarms apply script: plan 7ac00673757a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e347a2c0db17'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7ac00673757a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '38c8e042a53f2fb4c43bbe7f816ad1f607fdf4169e40cf9b5ddade821c9460e2'
+        UndoDigest = '7ffb4f3edbf072b72abb11210aff725613c8b99669f1b95a191330ed37bb9741'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 819a3336ce73 of application robot, for the host itself.
+    rarms apply script: plan c96ff67ea6dc of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '819a3336ce73'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'c96ff67ea6dc'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '14a2bfb0cb5bbffd1a6b434ddac6c2a0f31110b7b4eb9271783a9ea9c6c1a6e8'
+        UndoDigest = 'b5a295fc5467c6b88488aa6cf391e7737327086a56725d0a9f5e73e5256b6a0a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d7af28f88a7a of application robot, for the guest of partition vision.
+    rarms apply script: plan 5da07e7a84be of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd7af28f88a7a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '31fcaa7426dcc8a461714f1a1d1ab8f99a863aba6b7445f75f04736bca61e556'
+        UndoDigest = 'f2aea47299da7f1ae6994f0d727b6252072d9942b81188a443257cfed3abde20'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d7af28f88a7a of application robot, for the host itself.
+    rarms apply script: plan 5da07e7a84be of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd7af28f88a7a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a1dfa1ad71903d1698985e8d10373cee151627e9cbdec3f6479abf38d3dd1da2'
+        UndoDigest = '26bbc0a11255a883784ebbfb8e8f0a27ac06f09d2ae4bdaf1e8d15bc6ede3d33'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

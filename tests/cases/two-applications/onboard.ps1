@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a07563fdf713 of application robot, for the host itself.
+    rarms apply script: plan 3b9ac59707c6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a07563fdf713'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '3b9ac59707c6'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '37c75d2899e5bbca5e9cb522596301d0339570f720b52dd9ed193d3f705b5a7a'
+        UndoDigest = 'bda99e508783808531754db8cde3aaba222fae7b75bfce81862a3549edf40d8f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

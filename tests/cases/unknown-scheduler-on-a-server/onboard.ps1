@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1d7623c6769b of application robot, for the host itself.
+    rarms apply script: plan 5644023d5012 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1d7623c6769b'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5644023d5012'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '343b8c4b2d63e05a0861e7ce35b602254a5fbbdca199a0e0e238649e3c6c8160'
+        UndoDigest = 'c19a3890a7910f967da400b48dd77a284ea5befce491fef24890b914a3145fe3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d75acfcd748c of application robot, for the host itself.
+    rarms apply script: plan 2df9ea559d9a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped (when the host starts: nothing). It is off after 120 s at the latest, and stays off
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd75acfcd748c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '2df9ea559d9a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5cb32ed2846642d368dbd3024dbae8d21cfcc694f65db9abdee7ba40ac32970c'
+        UndoDigest = 'ff9118b8afa3086b5b8f44f684fec1b7adff58480f1fbbd17f4ef92540d33226'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
