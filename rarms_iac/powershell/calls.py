@@ -38,6 +38,9 @@ _JOINING = (
     | operations.SetSecureBoot
 )
 
+READER, DEVICE_READER = "Read-Partition", "Read-PartitionDevice"
+"""What reads a machine that was there before the plan; the second one also what `_DEVICES` names."""
+
 _DEVICES = frozenset({"secure_boot", "disks", "snapshots"})
 """Readings of a machine that only some steps are about."""
 
@@ -78,7 +81,6 @@ def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
     return replace(
         piece,
         action="give it all its settings, and its name last" if is_new else f"{piece.action}; {following.action}",
-        read=max(piece.read, following.read, key=len),  # of two readers of a machine the one that reads more
         before={**made, **piece.before},
         after={**piece.after, **following.after},
         calls=tuple(calls),
@@ -149,7 +151,7 @@ def _reader(step: Step) -> str:
     if task := SYSTEM_RESPONSIVENESS if at.responsiveness else at.task:
         return call("Read-TaskClass", Task=literal(task))
     if at.machine:
-        reader = "Read-Partition" if _DEVICES.isdisjoint([*step.before, *step.after]) else "Read-PartitionDevice"
+        reader = READER if _DEVICES.isdisjoint([*step.before, *step.after]) else DEVICE_READER
         return call(reader, Machine=literal(at.machine.lower()))
     return call("Read-NewPartition", Name=literal(at.partition))
 

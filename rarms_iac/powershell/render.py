@@ -13,7 +13,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel
-from rarms_iac.powershell.calls import ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
+from rarms_iac.powershell.calls import DEVICE_READER, READER, ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.summary import describe_stop, owner_of, partition_summaries
@@ -161,15 +161,26 @@ def _forward(host_plan: HostPlan, inside: str) -> list[_GuardedPiece]:
 
 
 def _joined(pieces: Iterable[_GuardedPiece]) -> list[_GuardedPiece]:
-    """Those that stand together and can be done together as one step."""
+    """Those that stand together and can be done together as one step; a machine has one reader in all its steps."""
     steps: list[_GuardedPiece] = []
-    for new in pieces:
+    for new in _with_one_reader(list(pieces)):
         old = steps[-1] if steps else new
         if old is not new and _can_join(old, new):
             steps[-1] = replace(old, piece=joined(old.piece, new.piece), steps=old.steps + new.steps)
         else:
             steps.append(new)
     return steps
+
+
+def _with_one_reader(pieces: Sequence[_GuardedPiece]) -> list[_GuardedPiece]:
+    """Where a step is about a machine's devices, all its steps read them: what was done is looked at by the last."""
+    wide = {step.piece.address: step.piece.read for step in pieces if step.piece.read.startswith(DEVICE_READER)}
+    return [
+        replace(step, piece=replace(step.piece, read=wide[step.piece.address]))
+        if step.piece.address in wide and step.piece.read.startswith(READER)
+        else step
+        for step in pieces
+    ]
 
 
 def _can_join(old: _GuardedPiece, new: _GuardedPiece) -> bool:

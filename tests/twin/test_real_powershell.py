@@ -210,12 +210,12 @@ def test_a_failure_names_its_step_its_cmdlet_and_its_error() -> None:
 
 def test_a_reading_that_fails_names_the_step_it_was_read_for() -> None:
     prepared = everything()
-    host = prepared.copy(refusals={"Get-VMMemory": ("InvalidState,GetVMMemory", "InvalidOperation", "it is busy")})
+    host = prepared.copy(refusals={"Get-VMProcessor": ("InvalidState,GetVMCpu", "InvalidOperation", "it is busy")})
 
     failed = apply(host, prepared.plan).events[-1]
 
     assert failed["address"].startswith("partition/")
-    assert "it is busy (Get-VMMemory InvalidState,GetVMMemory, line" in failed["detail"]
+    assert "it is busy (Get-VMProcessor InvalidState,GetVMCpu, line" in failed["detail"]
 
 
 def _effects(prepared: Prepared) -> list[str]:

@@ -49,12 +49,11 @@ function Add-Plan {
     }
 
     # === speech: it is not wanted on this host (rarms.yaml:11:1) ==================================
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
+    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'remove the machine' -Before @{
         disks = 0; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0; state = 'off'
     } -After @{

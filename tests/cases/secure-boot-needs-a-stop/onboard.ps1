@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '9602f91f341d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '16050815960d074ac7fdf76b7a642da87990afff083d99012e234e5dfa6ddfb8'
+        UndoDigest = 'a996a61eb6f9f26357858b806e8678fdffd02a6c725264d0a8a03033ca599c5e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,12 +48,11 @@ function Add-Plan {
     }
 
     # === speech: not as wanted: secure boot; it has to stop for that (rarms.yaml:19:3) ============
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
+    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'secure boot MicrosoftWindows -> off; mark it as robot/speech, set 10dc9af784c3' -Before @{
         mark = 'robot/speech'; secure_boot = 'MicrosoftWindows'; set = '63f8fd0cdc73'; state = 'off'
     } -After @{
@@ -62,7 +61,6 @@ function Add-Plan {
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'Off'
         Write-Mark
     }
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }

@@ -48,12 +48,11 @@ function Add-Plan {
     }
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:19:3) 
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
+    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; secure boot MicrosoftWindows' -Undoes 1 -Before @{
         mark = 'robot/speech'; secure_boot = 'off'; set = '10dc9af784c3'; state = 'off'
     } -After @{
@@ -62,7 +61,6 @@ function Add-Plan {
         Write-Mark
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftWindows'
     }
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{
