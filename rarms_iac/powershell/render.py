@@ -278,7 +278,7 @@ def _plan_lines(kind: RunKind, host_plan: HostPlan, steps: Sequence[_GuardedPiec
             if kind is RunKind.UNDO:
                 reason = "takes back what the apply script did to it, the last step first"
             about = f"{owner_of(step)}: {reason}" + (f" ({step.place})" if step.place else "")
-            yield from ("", "    " + f"# === {remark(about)} ".ljust(96, "="))
+            yield from ("", "    " + f"# === {remark(about)} ".ljust(96, "=").rstrip())
             owners.add(owner_of(step))
         if target != target_line(literal(piece.address), piece.read):
             target = target_line(literal(piece.address), piece.read)

@@ -52,6 +52,12 @@ function Get-Setting {
     if ($null -ne $found) { [string] $found.Value }
 }
 
+function Get-MachineList {
+    # All machines, listed once for all that is read of them.
+    if ($null -eq $script:Machines) { $script:Machines = @(Hyper-V\Get-VM) }
+    $script:Machines
+}
+
 function Read-Machine {
     param($Vm)
     $cpu = Hyper-V\Get-VMProcessor -VM $Vm
@@ -122,6 +128,7 @@ function Read-Journal {
 $root = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
 $profile_ = $root + '\Multimedia\SystemProfile'
 $namespace = 'root/virtualization/v2'
+$script:Machines = $null
 $script:Unread = @()
 $document = [ordered] @{
     format = 'rarms-observation/1'
@@ -174,7 +181,7 @@ $document = [ordered] @{
     }
     switches = Read-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
     machines = Read-Probe -Many -Read {
-        foreach ($vm in @(Hyper-V\Get-VM)) {
+        foreach ($vm in @(Get-MachineList)) {
             $found = Read-Probe -Read { Read-Machine -Vm $vm }
             if ($found['status'] -ceq 'value') { $found['value'] }
             else {
@@ -188,7 +195,7 @@ $document = [ordered] @{
     # A machine whose settings cannot be read hides none of the others.
     unread_machines = Read-Probe -Many -Read { $script:Unread }
     virtual_disks = Read-Probe -Many -Read {
-        foreach ($vm in @(Hyper-V\Get-VM)) {
+        foreach ($vm in @(Get-MachineList)) {
             foreach ($one in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) { Read-VirtualDisk -Path ([string] $one.Path) }
         }
     }
@@ -198,7 +205,7 @@ $document = [ordered] @{
         }
     }
     firmware = Read-Probe -Many -Read {
-        foreach ($vm in @(Hyper-V\Get-VM)) {
+        foreach ($vm in @(Get-MachineList)) {
             if ($vm.Generation -ne 2) { continue }
             $found = Read-Probe -Read { Hyper-V\Get-VMFirmware -VM $vm }
             if ($found['status'] -cne 'value') { continue }

@@ -13,8 +13,8 @@ from tests.twin.values import EMPTY, Enumerated, Guid, Long, Record, ScriptError
 
 Given = Mapping[str, Value]
 WINDOWS_10 = 10240
-ROOT = 4
-"""Event data of the root scheduler."""
+CORE, ROOT = 3, 4
+"""Event data of the schedulers that are told apart."""
 
 ADAPTER = "Network Adapter"
 FIVE_MINUTES = 300_000
@@ -242,14 +242,21 @@ def start_vm(scope: Scope, given: Given) -> Value:
         raise refuse(f"'{vm.name}' failed to start: it is {vm.state}.", "StartVM")
     _check_memory(host, vm, vm.memory, "StartVM")
     claims = [vm, *(other for other in host.vms.values() if other.active and other.id != vm.id)]
+    smt = host.scheduler == CORE and any(each["logical"] != each["cores"] for each in host.processors)
+    places = host.logical_processors // (2 if smt else 1)
     sizes: Counter[int] = Counter()
     for claim in claims:
-        sizes[claim.reserve] += claim.processors
-    wide = vm.reserve and vm.processors > host.logical_processors
-    if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, host.logical_processors))):
+        sizes[claim.reserve] += places_of(claim, smt=smt)
+    wide = vm.reserve and places_of(vm, smt=smt) > places
+    if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, places))):
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
     _set(scope, vm, "Start-VM", {"state": "Running"})
     return EMPTY
+
+
+def places_of(vm: Vm, *, smt: bool) -> int:
+    """The LPs of a machine, or its cores where no core runs two machines: core scheduler with SMT (windows.md 2)."""
+    return -(-vm.processors // 2) if smt and vm.threads_per_core != "1" else vm.processors
 
 
 def stop_vm(scope: Scope, given: Given) -> Value:

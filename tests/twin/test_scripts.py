@@ -481,6 +481,20 @@ def test_a_machine_without_smt_that_came_after_the_plan_takes_whole_cores_from_i
     assert "cannot keep this promise" in ran.says
 
 
+@pytest.mark.parametrize(("scheduler", "code"), [(2, 0), (3, 1)])
+def test_the_stand_in_starts_no_machine_that_finds_no_core_of_its_own(scheduler: int, code: int) -> None:
+    """Issue 16, point 2: a core never runs two machines, so that a fourth of 95 % has no room on three cores."""
+    host = a_windows(scheduler=scheduler, processors=[{"name": "a processor", "cores": 3, "logical": 6}])
+    host.logical_processors = 6
+    for number in range(4):
+        vm = a_stranger(f"m{number}", number, processors=1, reserve=95, state="Running" if number else "Off")
+        host.vms[vm.id] = vm
+    start = "param([switch] $AsJson, [switch] $Abandon)\nHyper-V\\Start-VM -VM (Hyper-V\\Get-VM -Id '{}')\nexit 0\n"
+    put(host, {"s.ps1": start.format(next(iter(host.vms))).encode("ascii")})
+
+    assert run(host, "s.ps1").code == code
+
+
 def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None:
     prepared = everything()
     host = prepared.copy()

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '109cdb246ee8'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd07f98f19092cf8b5021283e8a0224aa58934d92de3ac30abf82a63888eb62fb'
+        UndoDigest = '0128e1a87bd0092f43963af26d582102b523e74f56928e0319b0c4163386af6c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

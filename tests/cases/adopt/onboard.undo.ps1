@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '0badcafe-1111-4000-8000-000000000001' }
     Add-Step -Action 'erase the mark' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '0a9aee4ba82c' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
 }

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f6f72f157729'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3dd8e5fa29cc04380c501e910d9a9487ab0a0b5946e8d9592ce6fa73d30b4871'
+        UndoDigest = '5103ed3633c2290e5076dabe75cbe2d1049021c2aca64562a7caeddbe6d03ecb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

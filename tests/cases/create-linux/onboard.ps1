@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bc98a8c19ff1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3d093e858b9547dd991556b239ab8aea5489264ef8f9c6c17105ced6f72be3ac'
+        UndoDigest = 'bfd61b42de44287defe6e47e438a74b7eacbdd8b24138a084974ca9daca57aa5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5655ba379c51'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '20931d6ec6e8456fa95a29f1dc9368d0e6246982efb891a3dfd2c1fa193474ad'
+        UndoDigest = '40b6df1de066606cab38e572d6e6d12ff61737c3cc65813333f14b354489046c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

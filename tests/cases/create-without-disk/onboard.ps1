@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'fcec76012294'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8acd9a6b94efc897dfc94460ac47e9763f3dd337d6f60fadeb21daa2fc0b2129'
+        UndoDigest = 'dde438673a282d0eb4834ecafcf332e0ee2b4419487a24e93cfea13c453411e9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

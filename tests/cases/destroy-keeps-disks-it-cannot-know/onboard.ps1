@@ -42,7 +42,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7a83d15676ef'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0048a115600bcacb01c1e5ce3d093db082a4252663b6f4425859ba14b88a5879'
+        UndoDigest = 'cfcd84b85e59e11506c86fe74c9ef9ae2816ee15d8e7e5037f0547915db4b9af'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -77,7 +77,7 @@ function Add-Plan {
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Undoes 2 -Lost 3 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         state = 'off'
@@ -85,7 +85,7 @@ function Add-Plan {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:14:3) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:14:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'start it' -Undoes 0 -Lost 1 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'

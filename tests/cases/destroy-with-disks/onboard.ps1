@@ -43,7 +43,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '175325e8317b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e0a383a23da1bd6dac5ff67e289fbab63947ce22d6294566a44440f40771d9d1'
+        UndoDigest = '3f006025a87544e5cb25711e9c4cf771a2a86730fcb104b974b897a4b94aa195'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

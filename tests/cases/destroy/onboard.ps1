@@ -42,7 +42,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'd95c8af75531'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9ccf85161c55f743bc69e7f42364eb57ccb58a19a677eec7a5c106d4a8b85be0'
+        UndoDigest = '03b8b0a1440dda0064f75ff225e9eefcbdc0b1a156d22821396c1cdbb285ce7c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '71621e226a58'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'edd2440a4ea757ecd79d8cfd2518106d6ac1eca9345ca8f7b41bb2705f5192bf'
+        UndoDigest = '9c01e98da3fbe719bd369394b906f8ed663bd65576ad2b01d920ddf3710bc89d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

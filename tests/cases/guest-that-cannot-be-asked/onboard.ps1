@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e3156af1b145'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c3ed17d38aeeb60828704671031541de03c685aeaabfe1ad969dfeb4ce98327f'
+        UndoDigest = '29d4715458bff189d45e8954b1e40fd59f6c4e75a3de04a1dab1cc0ac92cada2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight, start, stop or checkpoint action; it has to stop for that (rarms.yaml:12:3) 
+    # === vision: not as wanted: reserve, limit or weight, start, stop or checkpoint action; it has to stop for that (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     # Turned off at once.
     Add-Step -Action 'stop it (turned off, not asked)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

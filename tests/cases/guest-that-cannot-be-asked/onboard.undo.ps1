@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     # Turned off at once.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Invoke-PartitionStop -GraceMs 0 }

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5548840aee3b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '839bf999991f5e379395cf283f8c96459c5306149695fe0845676da3dafa42f4'
+        UndoDigest = '1591681cc0d3b6cfafe2b8ffff2e41416bf1a9892e06a0aac7f710dbc0b744d0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '0734c403a32e'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '254809aeed3be9afd529c5dac8c20070e06d297a27606b593e4a6888d133c768'
+        UndoDigest = '9ab03cf9405df4ad36c9d112ad38b13ce96e72501e42cac00924f378d9d3b77e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '063596acb186'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e0874a15be8cb3a33d9a94f2484a215c4266d3b5f03a86b0e1841eefba471976'
+        UndoDigest = '62705fc5aba86a9ccebe79bb4c41bb5d645badd3b5a69fcc10663cb6dd733bab'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-NewPartition -Name 'vision' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 4 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
@@ -58,7 +58,7 @@ function Add-Plan {
         Hyper-V\Remove-VM -VM $script:Vm -Force
     }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:16:3) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:16:3)
     Use-Target -Address 'partition/speech' -Read { Read-MadePartition -Name 'speech' }
     Add-Step -Action 'remove the machine' -Undoes 0 -Before @{ added = ''; exists = $true } -After @{ exists = $false } -Set {
         Hyper-V\Remove-VM -VM $script:Vm -Force

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '70281f557d6f'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'add2d9f3437a527775776cbf3d56506f12659861eca2c32dca61aa5684deff2d'
+        UndoDigest = 'b2e26ca1bd908c39421e281ef0081e34716aa2e0beae88c462aacacd7f273796'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:19:3) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:19:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; memory 512 MiB' -Undoes 0 -Before @{
         dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = 'cf356994122a'

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '6fda66bd76ff'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cea7fe56220e6b669ec1f722f6b528a1b9f4f3e50f4273c37176a9b79e73bdcf'
+        UndoDigest = '837e3713511bfa95b97d8359e097fc617245068eb7615eb7c19c075a63b302c4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

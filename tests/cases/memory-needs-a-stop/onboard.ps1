@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'a43a23e8fe8b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '055c686abf7d627da4a1f4fb638619f34e76a3ab53776839f5f292fd03340a4f'
+        UndoDigest = 'f64f7fdd3523fa42dc5277fa6cc6f1cd35ac33ea26852ced64d79b5742de3a62'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: memory; it has to stop for that (memory: it is dynamic, or was) (rarms.yaml:13:3) 
+    # === speech: not as wanted: memory; it has to stop for that (memory: it is dynamic, or was) (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '26010fd23ebe'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0d11b5c84a961c572bd99c9bc5ee97cd8f3dfb1f8942f6346ec184e5a62752b1'
+        UndoDigest = 'c0a630b227af1704a801258e4330899a1e4294544bf585f54bca86e00777b8a5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:13:3) 
+    # === speech: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f15e7ee6e810'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '94cdcc8b8c0c47526fc133cf817d2975b3baeba430e33ea0ffb5907b0401d87b'
+        UndoDigest = 'f06bddbd794254edbbebf78c85617f5f4dbd4639a714e14754c5895092fac66d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:12:3) 
+    # === vision: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '6c07af7acf80'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8431b9a7098f7b9d5ca48ef847e8a9fbd3a9f412da852180c6ff7d1f09ba4c5d'
+        UndoDigest = '9ccd5209d60dfe4529a2b1db557847fb62685164c44b50b63c5fd166f7ec5868'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: processors, reserve, limit or weight; it has to stop for that (rarms.yaml:13:3) 
+    # === speech: not as wanted: processors, reserve, limit or weight; it has to stop for that (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c40b5e3be529'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f40f3fd3fd9e6318ba7aabdb6886f86976f878a9e36aaa5741a3642d70009af3'
+        UndoDigest = 'bab97aaaf31db7adc99906b8543e090767235fe9dcf652113c1f03cbfc5ae9ff'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '70a5fd2d1417'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e757be6feacffa363dfedbcdceb0694921c478ad689f0d117d3b8f8c084ec591'
+        UndoDigest = 'd7ffc35fc6d52606fb779401a69dd52bd8847caf5d287eac0ef7dc1355fa6545'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e4b3450efcd0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dce1994266bc8e3b52d8e5da221a8841a88f96b6a7cd0223c07cce38aad18392'
+        UndoDigest = 'ebf09f0137e34a844670ff11bfb41733a56e8234888b2727bdeca8fa150fbe13'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

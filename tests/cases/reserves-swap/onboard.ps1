@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e527af8f46d0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '90a8ca818d627eb02cb7402a91936097df2f2e7978efdaefa4b33d4e9f13894b'
+        UndoDigest = 'e57eb7de12b84f902c0779d5159a691a6c95fafee9343b740b24130a293b0bdb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

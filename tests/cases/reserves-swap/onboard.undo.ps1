@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; reserve 20 %, limit 100 %, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/speech'; reserve = 60; set = '74f4c70798be'; weight = 100
@@ -58,7 +58,7 @@ function Add-Plan {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision; reserve 60 %, limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 20; set = '846e6d0b17bd'; weight = 100

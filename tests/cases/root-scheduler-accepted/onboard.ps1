@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5fbd00ad7b79'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2ee04314987ab03afebf0e0291e2a3f40d4a0462f7a6ecb810b3a1a948d12af3'
+        UndoDigest = '1bb8e38d613a404607cc689df321367177cab3bb4d8dd686edebf659af0648d9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

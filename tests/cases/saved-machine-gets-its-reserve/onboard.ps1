@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'd9a7812febab'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0343f874cfd5b9e45706a694de140ac54dee4627fd900dcc559236564e66886d'
+        UndoDigest = 'd0d5f96fb7c3aaa74a97a5f37af9f54d2e7b78b2e7eeaf365047b3d420997aff'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '9602f91f341d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a996a61eb6f9f26357858b806e8678fdffd02a6c725264d0a8a03033ca599c5e'
+        UndoDigest = '857e4c3e7921fe16b444cfed587fc3d18804ca9ae230895cdb62a6da3d4e7fcf'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '22e1f450f074'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '350729ead5a093cc7271460d7512fa8d7d58972a009055856eb93fd1bd2f3c94'
+        UndoDigest = '4379604bc9f21d890cf552b49d6da93ade590b19a7f70664845bdcaed0089af2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2

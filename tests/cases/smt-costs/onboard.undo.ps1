@@ -48,21 +48,21 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === mapping: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) 
+    # === mapping: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/mapping' -Read { Read-NewPartition -Name 'mapping' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 8 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/speech' -Read { Read-NewPartition -Name 'speech' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 7 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:11:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:11:3)
     Use-Target -Address 'partition/vision' -Read { Read-NewPartition -Name 'vision' }
     # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 6 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '40d37249cf7c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '561eaaae76c00583861b7619d95a3a12caafa368b55a71a0463627e28539c2e3'
+        UndoDigest = '0003bce3d9d1723e30bbbbc120cb7c98a5a4e68b67bbf72b0a37b02b4b81a42d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 55 %, limit 100 %, weight 100' -Undoes 0 -Before @{ limit = 100; reserve = 80; weight = 100 } -After @{
         limit = 100; reserve = 55; weight = 100

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f9a21f2c472a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1997df31fffb4856da8068afb33ad1a69cfba464dc999d67afc4d0b62e70a247'
+        UndoDigest = 'ce8351d7a1049def63c7a42f07f26e82c544470d3a22773e361ad85e05a680eb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

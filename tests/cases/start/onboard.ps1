@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '768037ab2d45'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'eda9f5ec1afeac41c37790ae549255d05739f292e02f0ec4a3bd330b2561fd20'
+        UndoDigest = '4713da2fc119db3b9e958c509d896e082167c9e761a6f78faa0867970e1d521b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '6d170d1031dd'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9fd593efa941e228157b860a99fc0d5120d608bfe183ad50c8fff952d518102c'
+        UndoDigest = 'd9cc4b1bf83e6a6746ba704e1f248712d2ca557d5f2a7d6b256f4377b6bcd365'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

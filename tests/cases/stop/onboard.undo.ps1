@@ -48,7 +48,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision' -Undoes 3 -Before @{ mark = 'robot/vision'; set = '361ebcdb6468 stopped' } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Undoes 2 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
@@ -57,7 +57,7 @@ function Add-Plan {
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech' -Undoes 1 -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73 stopped' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{

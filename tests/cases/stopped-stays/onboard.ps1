@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7ac00673757a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7ffb4f3edbf072b72abb11210aff725613c8b99669f1b95a191330ed37bb9741'
+        UndoDigest = 'b27680165520fc8e0d7b88bb8b3861d98c91674ebefc9db8f3eeafdc89b5a9d2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: `rarms measure` stopped it and ended before it started it again (rarms.yaml:13:3) 
+    # === speech: `rarms measure` stopped it and ended before it started it again (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech, set 63f8fd0cdc73' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73 measuring' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{

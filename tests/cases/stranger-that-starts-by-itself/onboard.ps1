@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'c96ff67ea6dc'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b5a295fc5467c6b88488aa6cf391e7737327086a56725d0a9f5e73e5256b6a0a'
+        UndoDigest = 'e3437d323ee41e715093df975d4602de32c3f2d3e8e91a658e1b6ecffa8ae54f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'f2aea47299da7f1ae6994f0d727b6252072d9942b81188a443257cfed3abde20'
+        UndoDigest = '5411e7ec9f688581b81523eb8aefcd9711477cbe446f5078f165ba987993e6e5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-Guest }
     }
 
-    # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65) 
+    # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
     Use-Target -Address 'partition/vision/task/MotionControl' -Read { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
     Add-Step -Action 'write the class MotionControl, and keep what was there before' -Before @{ taken = $false } -After @{
         exists = $true; record = 'robot'; set = '59f2d42fe4cf'; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'

@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-Guest }
     }
 
-    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:65) 
+    # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:65)
     Use-Target -Address 'partition/vision/task/MotionControl' -Read { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
     Add-Step -Action 'bring back what MotionControl was before rarms' -Undoes 0 -Before @{
         record = 'robot'; set = '59f2d42fe4cf'; taken = $false

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '26bbc0a11255a883784ebbfb8e8f0a27ac06f09d2ae4bdaf1e8d15bc6ede3d33'
+        UndoDigest = 'ddf50fd878bcfbd451faa91c4ea5b2eb05432255ec627aac802094ee4ff17680'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ad6299659361'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'df0ef7974d5528108c1a7de045c4c1467462ccd46c800299f9dd785d0c042d9d'
+        UndoDigest = '38b7be1b4c50cd5df7d3835f77d4838ba086bb838e8ddbc9cecaea00940e9ad4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

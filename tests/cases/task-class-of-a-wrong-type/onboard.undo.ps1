@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/MotionControl: takes back what the apply script did to it, the last step first (rarms.yaml:12:51) 
+    # === task/MotionControl: takes back what the apply script did to it, the last step first (rarms.yaml:12:51)
     Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
     Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Undoes 3 -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
@@ -73,7 +73,7 @@ function Add-Plan {
         record = 'robot'; set = '432731d71cf4'
     } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '432731d71cf4' -Before 'null' }
 
-    # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51) 
+    # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51)
     Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
     Add-Step -Action 'set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'

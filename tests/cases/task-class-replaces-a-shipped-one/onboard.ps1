@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f8a4a02cb19a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f371301398cc4b6a34d071e828bf3fcf13e57e8cfd006aac6c7016e1cbeb06bc'
+        UndoDigest = '7d2df8efcb4edf2979c882cc31267b616301bb85621342d97393c601f5557c2e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -46,7 +46,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/Games: takes back what the apply script did to it, the last step first (rarms.yaml:12:50) 
+    # === task/Games: takes back what the apply script did to it, the last step first (rarms.yaml:12:50)
     Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
     Add-Step -Action 'set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium' -Undoes 1 -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:4'

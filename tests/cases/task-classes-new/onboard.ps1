@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e527d23cb9e6'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4c723c0fd5d0f889f27ce87ba89c113c6d0fa8079985ecabf09abe6ff356212e'
+        UndoDigest = 'b6015242ce39e6024787b469275952c20ba495a08b74d5aeaff450c97ce221e1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === task/MotionControl: takes back what the apply script did to it, the last step first (rarms.yaml:12:51) 
+    # === task/MotionControl: takes back what the apply script did to it, the last step first (rarms.yaml:12:51)
     Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
     Add-Step -Action 'remove the class' -Undoes 3 -Before @{
         exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:7'
@@ -61,7 +61,7 @@ function Add-Plan {
         empty = $false; record = ''; set = ''
     } -Set { Clear-TaskRecord -Task 'MotionControl' -Application 'robot' }
 
-    # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51) 
+    # === task/Localization: takes back what the apply script did to it, the last step first (rarms.yaml:13:51)
     Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
     Add-Step -Action 'remove the class' -Undoes 1 -Before @{
         exists = $true; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'; 'value:backgroundpriority' = 'dword:5'

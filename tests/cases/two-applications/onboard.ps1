@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '3b9ac59707c6'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bda99e508783808531754db8cde3aaba222fae7b75bfce81862a3549edf40d8f'
+        UndoDigest = 'a8dd52798692d554c9cd330c10dde00b2fadfd8f6d9def0d3c600bcc4fac1850'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5644023d5012'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c19a3890a7910f967da400b48dd77a284ea5befce491fef24890b914a3145fe3'
+        UndoDigest = 'd3d6f783e2ead75486f5b7004fc3d9dd537bc3204cc6c6b99dfafd51310da450'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

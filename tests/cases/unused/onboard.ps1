@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '2df9ea559d9a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ff9118b8afa3086b5b8f44f684fec1b7adff58480f1fbbd17f4ef92540d33226'
+        UndoDigest = 'dac7b71351d951448b6e8f5107e65e6e20a2ec4d4203312836d0619365cd948b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

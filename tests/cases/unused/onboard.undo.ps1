@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:11:1) 
+    # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:11:1)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; when the host starts: start' -Undoes 1 -Before @{
         mark = 'robot/speech'; set = 'e9f28d224f00'; start_action = 'nothing'
