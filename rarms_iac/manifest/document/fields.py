@@ -83,6 +83,7 @@ VARIABLE_PATTERN = "^[A-Za-z_][A-Za-z0-9_]{0,254}$"
 CALL_PATTERN = rf"^{_PYTHON}(\.{_PYTHON})*:{_PYTHON}$"
 SSH_PATTERN = r"^([A-Za-z0-9_][A-Za-z0-9_.\\-]{0,127}@)?[A-Za-z0-9\[][A-Za-z0-9_.:%\[\]-]{0,254}$"
 SLICE_PATTERN = "^[a-z0-9][a-z0-9_-]{0,62}$"
+STRESSOR_PATTERN = "^[a-z][a-z0-9-]{0,39}$"
 OPERATION_PATTERN = "^[a-z][a-z_]{0,62}$"
 CODE_PATTERN = "^RARMS[0-9]{3}$"
 VERSION_PATTERN = "^>= ?[0-9]{1,6}([.][0-9]{1,6}){0,2}$"
@@ -107,6 +108,7 @@ FORMS: dict[str, tuple[str, str]] = {
         "the name of a control group",
         "Such names have small letters, digits, hyphens and underscores, and start with a letter or digit.",
     ),
+    STRESSOR_PATTERN: ("a stressor", "Write a name that stress-ng --stressors shows, as in timer."),
     OPERATION_PATTERN: ("an operation", "Write its kind in small letters and underscores, as in start_partition."),
     VERSION_PATTERN: ("a least version", "Write >= and the version, as in '>=0.2'."),
     CODE_PATTERN: ("a finding's id", "Write RARMS and three digits, as in RARMS041."),
@@ -120,6 +122,7 @@ Variable = Annotated[str, StringConstraints(pattern=VARIABLE_PATTERN)]
 CallTarget = Annotated[str, StringConstraints(pattern=CALL_PATTERN)]
 SshTarget = Annotated[str, StringConstraints(pattern=SSH_PATTERN)]
 SliceName = Annotated[str, StringConstraints(pattern=SLICE_PATTERN)]
+Stressor = Annotated[str, StringConstraints(pattern=STRESSOR_PATTERN)]
 Operation = Annotated[str, StringConstraints(pattern=OPERATION_PATTERN)]
 Code = Annotated[str, StringConstraints(pattern=CODE_PATTERN)]
 LeastVersion = Annotated[str, StringConstraints(pattern=VERSION_PATTERN)]

@@ -15,6 +15,7 @@ from rarms_iac.manifest.document.fields import (
     LeastVersion,
     Maybe,
     Name,
+    Stressor,
     TaskName,
     by_name,
     needed,
@@ -98,7 +99,7 @@ class StressBlock(Block):
     """Workers of stress-ng, which must be installed: `timer`, `hdd` (disk), `stream` (memory), `switch`, `sock`."""
 
     kind: Literal["stress"] = needed("Workers of stress-ng.")
-    stressor: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,39}$")] = needed(
+    stressor: Stressor = needed(
         "What they do, by its name in `stress-ng --stressors`: `timer` (interrupts), `hdd` (disk), `stream` (memory "
         "bandwidth), `switch` (context switches), `sock` (soft interrupts of the network)."
     )

@@ -130,3 +130,22 @@ def test_manifests_and_overlays_are_overlays_of_some_manifest(file: Path) -> Non
 )
 def test_an_overlay_may_lack_and_remove_but_not_misspell(overlay: str, *, right: bool) -> None:
     assert OVERLAY.is_valid(read_text(overlay.encode(), "robot-7.yaml", ".").value) is right
+
+
+def test_every_pattern_says_what_is_written_instead() -> None:
+    patterns = [node for node in _nodes(manifest_schema()) if isinstance(node.get("pattern"), str)]
+
+    silent = {node["pattern"] for node in patterns if "errorMessage" not in node}
+
+    assert patterns
+    assert silent == set()
+
+
+def _nodes(value: Any) -> Iterator[dict[str, Any]]:
+    if isinstance(value, dict):
+        yield value
+        for inner in value.values():
+            yield from _nodes(inner)
+    if isinstance(value, list):
+        for inner in value:
+            yield from _nodes(inner)
