@@ -278,7 +278,7 @@ def _refuse(experiment: Experiment, request: MeasureRequest, seen: _BenchState) 
 
 
 def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _BenchState, book: SettingsLog) -> str:
-    """Say how long measuring takes, at least and at most."""
+    """Say how long measuring takes: at least, while jobs are as fast as they should be, and at most."""
     bounds = expected_duration(
         experiment,
         book.settings(),
@@ -293,8 +293,10 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
         settings = f"{bounds.least_settings} to {settings}"
     least = f"{show_duration(bounds.least_ms)} to " if bounds.least_ms else "at most "
     clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
-    most = f"{show_duration(bounds.most_ms)}{clock}"
-    return f"{experiment.name} on {experiment.host.name}: {settings}, {least}{most}."
+    most = show_duration(bounds.most_ms)
+    if bounds.usual_ms < bounds.most_ms:
+        most = f"{show_duration(bounds.usual_ms)} while jobs meet their thresholds, {most} if each takes its timeout"
+    return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}{most}."
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

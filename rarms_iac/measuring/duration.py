@@ -5,13 +5,16 @@ Begin at `expected_duration`. Times are of the host's own clock; a simulated hos
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, inf
 
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.settling import PATIENCE
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.measurement import Setting
+from rarms_iac.model.indexes import index_named
+from rarms_iac.model.measurement import Setting, run_of
+from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Elapsed, Periodic, Run
+from rarms_iac.model.system import AtLeast, AtMost, Component
 from rarms_iac.statistics.errors import FIRST_LOOK
 
 STEPS_OF_PAPER = 10
@@ -22,13 +25,15 @@ STEPS_OF_PAPER = 10
 class DurationBounds:
     """Between what numbers the settings and the time of an experiment will lie.
 
-    A search may ask for more settings than `most_settings` where settings reach no steady state, or noise turns the
-    verdict on one at the threshold.
+    `usual_ms` is a bound where jobs answer as fast as their thresholds ask; a search ends a setting whose jobs are much
+    slower at its first look. A search may ask for more settings than `most_settings` where settings reach no steady
+    state, or noise turns the verdict on one at the threshold.
     """
 
     least_settings: int
     most_settings: int
     least_ms: float
+    usual_ms: float
     most_ms: float
 
 
@@ -54,8 +59,9 @@ def expected_duration(
         settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
     Returns:
-        Bounds of what is still to be run. At most, every job takes its `run.timeout`; at least, jobs are as fast as the
-        fastest recorded, and without a record take no time unless they have a period.
+        Bounds of what is still to be run. At most, every job takes its `run.timeout`; usually, no longer than its
+        thresholds allow; at least, jobs are as fast as the fastest recorded, and without a record take no time unless
+        they have a period.
     """
     known = {setting.reserve for setting in recorded}
     if reserves:
@@ -67,10 +73,23 @@ def expected_duration(
     # Members run together: a setting ends when each has what it needs.
     shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
     shortest = settles_ms + max(shortest, settles_ms)
-    longest = max(_most_ms(run) for run in experiment.runs.values())
+    usual = settles_ms + max(
+        settles_ms, *(_ends_ms(run_of(member), _allowed_ms(member)) for member in experiment.members)
+    )
+    longest = max(_ends_ms(run, float(run.timeout)) for run in experiment.runs.values())
     if settles_ms:  # every component has another two jobs at least, and one that is under way
-        longest = max(longest, settles_ms) + PATIENCE * settles_ms + 3 * max(map(_job_ms, experiment.runs.values()))
-    return DurationBounds(least_settings=least, most_settings=most, least_ms=least * shortest, most_ms=most * longest)
+        longest = (
+            max(longest, settles_ms)
+            + PATIENCE * settles_ms
+            + 3 * max(_between_ms(run, float(run.timeout)) for run in experiment.runs.values())
+        )
+    return DurationBounds(
+        least_settings=least,
+        most_settings=most,
+        least_ms=least * shortest,
+        usual_ms=most * min(usual, longest),
+        most_ms=most * longest,
+    )
 
 
 def _least_ms(run: Run, name: str, earlier: Sequence[Setting], *, early: bool) -> float:
@@ -94,13 +113,28 @@ def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:
     return min(paces, default=0.0)
 
 
-def _most_ms(run: Run) -> float:
-    """A job that takes longer than its `timeout` is over; the last one may begin when the time is up."""
+def _allowed_ms(member: Component) -> float:
+    """The longest that a job may take by the thresholds; without one that tells, its timeout."""
+    run = run_of(member)
+    times = [float(run.deadline)] if run.deadline is not None else []
+    for name, threshold in member.apt.items():
+        match index_named(name).unit, threshold:
+            case Unit.TIME, AtMost(value=value):
+                times.append(float(value))
+            case Unit.RATE, AtLeast(value=value) if value > 0:
+                times.append(float(1000 / value))
+            case _:
+                pass
+    return min(max(times, default=inf), float(run.timeout))
+
+
+def _ends_ms(run: Run, job_ms: float) -> float:
+    """When a setting ends whose jobs take so long; the last one may begin when the time is up."""
     if isinstance(run.until, Elapsed):
-        return float(run.until.time + run.timeout)
-    return run.until.samples * _job_ms(run)
+        return float(run.until.time) + job_ms
+    return run.until.samples * _between_ms(run, job_ms)
 
 
-def _job_ms(run: Run) -> float:
-    """The longest from one job to the next."""
-    return float(max(run.timeout, run.arrival.period if isinstance(run.arrival, Periodic) else 0))
+def _between_ms(run: Run, job_ms: float) -> float:
+    """From the start of one job to the next."""
+    return max(job_ms, float(run.arrival.period)) if isinstance(run.arrival, Periodic) else job_ms

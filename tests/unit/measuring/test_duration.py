@@ -1,5 +1,7 @@
 """How long measuring will take: bounds from the settings that may be asked for, and from how each setting ends."""
 
+from collections.abc import Mapping
+
 import pytest
 
 from rarms_iac.measuring.duration import DurationBounds, expected_duration
@@ -7,13 +9,14 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Run, SampleCount
-from tests.builders import a_component, a_run, a_simulation, a_system, milliseconds
+from rarms_iac.model.system import Threshold
+from tests.builders import a_component, a_run, a_simulation, a_system, at_least, at_most, milliseconds
 from tests.builders_measured import a_series, a_setting
 
 
-def an_experiment(*runs: Run) -> Experiment:
+def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Experiment:
     components = [
-        a_component(f"member-{number}", run=run, simulation=a_simulation()) for number, run in enumerate(runs)
+        a_component(f"member-{number}", run=run, apt=apt, simulation=a_simulation()) for number, run in enumerate(runs)
     ]
     system = a_system(components=components)
     return experiment_of(system, system.hosts["onboard"], tuple(system.components), "busy-loop")
@@ -56,6 +59,23 @@ def test_a_setting_that_lasts_a_time_lasts_that_and_one_job_more() -> None:
     found = bounds(an_experiment(run), sweep=(50,))
 
     assert (found.least_ms, found.most_ms) == (20_000, 22_000)
+
+
+@pytest.mark.parametrize(
+    ("apt", "each_ms"),
+    [
+        ({"mean_response_time": at_most(50), "maximum_response_time": at_most(400)}, 400),
+        ({"throughput": at_least(10)}, 100),
+        ({"success_rate": at_least(95)}, 1000),
+        ({"mean_response_time": at_most(3000)}, 1000),
+    ],
+)
+def test_usually_jobs_take_no_longer_than_their_thresholds_allow(apt: dict[str, Threshold], each_ms: int) -> None:
+    run = a_run(timeout="1 s", until=SampleCount(samples=100))
+
+    found = bounds(an_experiment(run, apt=apt), sweep=(20, 40))
+
+    assert (found.usual_ms, found.most_ms) == (2 * 100 * each_ms, 200_000)
 
 
 def test_members_that_run_together_end_with_the_slowest() -> None:
