@@ -1,13 +1,12 @@
 """`rarms` itself: a group that imports a command only when it is called."""
 
 import os
-from importlib import import_module
 from pathlib import Path
 
 import click
 
 from rarms_iac.cli.session import common_options
-from rarms_iac.cli.table import COMMANDS, module_of
+from rarms_iac.cli.table import COMMANDS, load_command
 
 HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
 
@@ -23,7 +22,7 @@ EPILOG = "`rarms COMMAND --help` tells more of each; `rarms explain RARMS014` ex
 
 
 class LazyGroup(click.Group):
-    """Its commands are a table of names; a command's module is imported when the command is looked up."""
+    """Its commands are a table of names; a command's module is imported when it is looked up."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         """All names, in the table's order."""
@@ -33,9 +32,7 @@ class LazyGroup(click.Group):
         """The command of this name, imported now."""
         if cmd_name not in COMMANDS:
             return None
-        command = import_module(module_of(cmd_name)).command
-        assert isinstance(command, click.Command)
-        return command
+        return load_command(cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
         """The list in `rarms --help`, from the table."""
@@ -92,7 +89,7 @@ def _status_without_command(context: click.Context) -> int | None:
     if not manifest.exists():
         message = f"There is no {manifest} here: `rarms init` writes one, `rarms --help` lists the commands."
         raise click.UsageError(message, context)
-    command: click.Command = import_module(module_of("status")).command
+    command = load_command("status")
     with command.make_context("status", [], parent=context) as status:
         code: int = command.invoke(status)
     return code

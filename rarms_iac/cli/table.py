@@ -1,7 +1,10 @@
 """All commands with the line that `rarms --help` shows: a table, so that help imports no command."""
 
 from collections.abc import Mapping
+from importlib import import_module
 from types import MappingProxyType
+
+import click
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
@@ -36,9 +39,22 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "completion": "Print a completion script for a shell.",
     }
 )
-"""In the order in which they are met. `cli/commands/<name>_command.py` holds each (`import` is a keyword)."""
+"""In the order in which they are met."""
+
+_TOGETHER = {
+    "manifest_commands": ("init", "validate", "fmt"),
+    "host_commands": ("doctor", "status", "history", "drift", "snapshot", "simulate"),
+    "component_commands": ("select", "prove", "run"),
+    "apply_commands": ("apply", "undo"),
+    "partition_commands": ("stop", "start", "destroy", "import", "release"),
+    "report_commands": ("graph", "report", "export"),
+    "help_commands": ("explain", "schema", "completion"),
+}
+"""Modules of more than one command, by name; each of the rest has its own, `measure_command`."""
 
 
-def module_of(command: str) -> str:
-    """The module that holds a command, as `command`."""
-    return f"rarms_iac.cli.commands.{command}_command"
+def load_command(name: str) -> click.Command:
+    """The command of this name, which is one of `COMMANDS`; its module is imported now."""
+    module = next((module for module, names in _TOGETHER.items() if name in names), f"{name}_command")
+    command: click.Command = getattr(import_module(f"rarms_iac.cli.commands.{module}"), f"{name}_command")
+    return command

@@ -70,7 +70,7 @@ STRATEGIES = ("default", "bisection", "paper")
 )
 @lock_timeout_option
 @json_option
-def command(
+def measure_command(
     session: Session,
     *,
     components: tuple[str, ...],

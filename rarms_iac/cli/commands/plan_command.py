@@ -28,7 +28,7 @@ from rarms_iac.views.pull_request import is_for_findings, no_plan_as, plan_as
 @click.option("--base", metavar="FOLDER", help="A checkout before the change, which --output markdown compares with.")
 @click.option("--verbose", "-v", is_flag=True, help="Show every attribute, reason and step, too.")
 @output_option
-def command(
+def plan_command(
     session: Session,
     *,
     source: ManifestSource,

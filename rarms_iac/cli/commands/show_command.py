@@ -45,7 +45,7 @@ from rarms_iac.views.scripts import difference_json, difference_text, left_out, 
 @manifest_options
 @host_or_snapshot_options
 @json_option
-def command(
+def show_command(
     session: Session,
     *,
     plan_file: str | None,

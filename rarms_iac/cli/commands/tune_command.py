@@ -42,7 +42,7 @@ from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
 @stop_option
 @lock_timeout_option
 @json_option
-def command(
+def tune_command(
     session: Session,
     *,
     source: ManifestSource,

@@ -1,4 +1,6 @@
-"""`rarms apply`: do what a plan says, finish what was begun, or plan, ask and do it."""
+"""`rarms apply` does what a plan says, and `rarms undo` takes it back."""
+
+from collections.abc import Sequence
 
 import click
 from click.core import ParameterSource
@@ -10,18 +12,22 @@ from rarms_iac.app.applying import (
     hosts_to_apply,
     manifest_of,
 )
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
+from rarms_iac.app.undo import LastApply, last_applies, preview, undo_applies
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.cli.applying import finish_first, plan_ask_apply, report_end, run
+from rarms_iac.cli.applying import ask, finish_first, plan_ask_apply, report_end, run
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import change_options, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
+from rarms_iac.views.run import undo_text
 
 
 @rarms_command("apply")
@@ -33,7 +39,7 @@ from rarms_iac.providers.interface import LiveHost
 @click.option("--prove", "proving", is_flag=True, help="Then run all components in the layout: rarms prove.")
 @click.option("--abandon", "abandoning", is_flag=True, help="Close an unfinished run and leave the host as it is.")
 @json_option
-def command(
+def apply_command(
     session: Session,
     *,
     plan_file: str | None,
@@ -89,7 +95,7 @@ def _then_prove(
     if code is not ExitCode.DONE:
         return code
     from rarms_iac.app.prove import ProveRequest
-    from rarms_iac.cli.commands.prove_command import prove_and_show
+    from rarms_iac.cli.commands.component_commands import prove_and_show
 
     hosts = select_hosts(load_manifest(source), host_selection)
     return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms), as_json=as_json)
@@ -119,3 +125,32 @@ def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOp
 def _is_named() -> bool:
     """Whether a manifest is named beside the plan."""
     return click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
+
+
+@rarms_command("undo")
+@manifest_options
+@host_options
+@run_options
+@json_option
+def undo_command(
+    session: Session, *, source: ManifestSource, host_selection: HostSelection, how: RunOptions, as_json: bool
+) -> ExitCode:
+    """Take the last apply back, finished or not: its steps' undos, the last one first.
+
+    Shows what comes back and what cannot, and asks. Where hosts have different last applies, --host says which.
+    """
+    applies = last_applies(select_hosts(load_manifest(source), host_selection))
+    if not how.auto_approve and any(last.can_be_undone for last in applies):
+        _show_and_ask(session, applies)
+    with TerminalReporter(session, steps_as_json=as_json) as reporter:
+        report = undo_applies(applies, waits=how.waits, reporter=reporter, stop=session.interrupts)
+    return report_end(session, report, as_json=as_json)
+
+
+def _show_and_ask(session: Session, applies: Sequence[LastApply]) -> None:
+    if not session.terminal.answers:
+        raise RequestError("There is no terminal to ask at. Give --auto-approve.")
+    for undo in preview(applies):
+        session.terminal.talk(undo_text(undo.host, undo.started, undo.steps))
+        tell(session.terminal, undo.remaining)
+    ask(session, "Take this back?")

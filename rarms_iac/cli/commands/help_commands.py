@@ -1,4 +1,4 @@
-"""`rarms explain`: the page of a finding, the reasons behind a reservation, and the guide to set it up by hand."""
+"""What helps to use rarms: `rarms explain`, `schema` and `completion`."""
 
 import click
 
@@ -6,8 +6,11 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.shape import command_shapes, top_shape
 from rarms_iac.storage.finding_pages import code_of, finding_page, is_code
+from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.views.as_json import as_json as to_json
+from rarms_iac.views.completion import Shell, completion_script
 from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.output.common import ExplanationOutput
 
@@ -17,7 +20,7 @@ from rarms_iac.views.output.common import ExplanationOutput
 @click.option("--guide", is_flag=True, help="Show how to set COMPONENT up by hand: Hyper-V, MMCSS, Linux, in order.")
 @manifest_options
 @json_option
-def command(session: Session, *, subject: str, guide: bool, source: ManifestSource, as_json: bool) -> ExitCode:
+def explain_command(session: Session, *, subject: str, guide: bool, source: ManifestSource, as_json: bool) -> ExitCode:
     """Say what a finding means and how to mend it, or how a component comes to what it gets.
 
     FINDING is the id that stands before it, such as RARMS014; its number alone is enough. COMPONENT is one of the
@@ -68,4 +71,31 @@ def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
         session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)))
     else:
         session.terminal.show(page_text(page))
+    return ExitCode.DONE
+
+
+SCHEMAS = ("manifest", "overlay", "plan", "snapshot", "output", "datalog")
+
+
+@rarms_command("schema")
+@click.argument(
+    "name", type=click.Choice(SCHEMAS), default="manifest", metavar="[manifest|overlay|plan|snapshot|output|datalog]"
+)
+def schema_command(session: Session, *, name: str) -> ExitCode:
+    """Print a JSON Schema: of a manifest, an overlay, a plan, a snapshot, what --json prints, or a line of a data log.
+
+    An editor that knows the manifest's schema completes keys and shows what each is for.
+    """
+    session.terminal.data(shipped_text(f"schemas/{name}.json"))
+    return ExitCode.DONE
+
+
+@rarms_command("completion")
+@click.argument("shell", type=click.Choice([shell.value for shell in Shell]))
+def completion_command(session: Session, *, shell: str) -> ExitCode:
+    """Print a completion script for a shell, to be sourced or saved.
+
+    It completes commands, options and their fixed values, and starts no Python for that.
+    """
+    session.terminal.data(completion_script(Shell(shell), top_shape(), command_shapes()))
     return ExitCode.DONE
