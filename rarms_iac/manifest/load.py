@@ -111,8 +111,9 @@ def _with_structural_errors(
     findings = findings_of_structure(problem, combined.value, combined.places)
     if problem.error_count() > MOST_ERRORS:
         return findings, None
-    errors = structure_errors(problem, combined.value, combined.places)
-    partial = without_errors(combined.value, [error.path for error in errors])
+    paths = [error.path for error in structure_errors(problem, combined.value, combined.places)]
+    findings += _errors_beside_wrong_keys(combined.value, paths, checks)
+    partial = without_errors(combined.value, paths)
     if partial is None:
         return findings, None
     document, gap = partial
@@ -122,6 +123,26 @@ def _with_structural_errors(
         return findings, None
     findings += [finding for finding in checks(remaining) if not gap.explains(finding)]
     return findings, None if gap.lacks_hosts else remaining
+
+
+def _errors_beside_wrong_keys(
+    document: Any, paths: list[tuple[str | int, ...]], checks: Callable[[System], Iterable[Diagnostic]]
+) -> list[Diagnostic]:
+    """What is wrong with an entry beside its structural errors."""
+    from pydantic import ValidationError
+
+    from rarms_iac.manifest.partial import without_errors
+
+    for _ in range(2):
+        partial = without_errors(document, paths, depth=3)
+        if partial is None:
+            break
+        remaining, gap = partial
+        try:
+            return [finding for finding in checks(_to_system(remaining)) if gap.admits(finding)]
+        except ValidationError as lacking:  # an entry needs a key that was left out: the next round goes without it
+            paths = [*paths, *(error["loc"][:2] for error in lacking.errors(include_url=False))]
+    return []
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:

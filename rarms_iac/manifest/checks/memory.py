@@ -81,5 +81,7 @@ def _memory_of_partitions(system: System) -> Iterator[tuple[str, str, int, list[
             yield "components", component.name, component.memory, may_run_on(system, component)
     for partition in system.partitions.values():
         inside = members(system, partition)
+        if partition.components and not inside and partition.memory is None:
+            continue  # RARMS042 reports that its components do not exist
         memory = sum(component.memory for component in inside) if partition.memory is None else partition.memory
         yield "partitions", partition.name, memory, hosts_for(system, inside)

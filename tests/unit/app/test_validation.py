@@ -132,6 +132,31 @@ def test_structural_and_semantic_errors_come_in_one_round(tmp_path: Path) -> Non
     assert "nobody" in found.findings[1].detail
 
 
+def test_an_entry_with_a_structural_error_shows_its_other_errors_in_the_same_round(tmp_path: Path) -> None:
+    file = manifest(
+        tmp_path,
+        component("a", memory="512", more=", together: [nobody, b], apart: [b], hosts: [faar], task: Trakcing"),
+        component("b", "10 %", more=", aparts: [a], criticalty: 5, interference: webcam"),
+        "  c: { critical: 3, together: [nobody-else], cpu: { reserve: 95 %, limit: 5 % } }\n",
+    )
+
+    findings = validated(file).findings
+
+    assert [(finding.code, finding.place and finding.place.path) for finding in findings] == [
+        ("RARMS019", "components.a.memory"),
+        ("RARMS042", "components.a.together[0]"),
+        ("RARMS049", "components.a.apart[0]"),
+        ("RARMS042", "components.a.hosts[0]"),
+        ("RARMS054", "components.a.task"),
+        ("RARMS015", "components.b.aparts"),
+        ("RARMS015", "components.b.criticalty"),
+        ("RARMS042", "components.b.interference"),
+        ("RARMS016", "components.c.criticality"),
+        ("RARMS015", "components.c.critical"),
+        ("RARMS042", "components.c.together[0]"),
+    ]
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -22,6 +22,15 @@ def test_memory_of_partitions() -> None:
     assert found(a_system(hosts=[a_host(), BIG], components=[a_component(memory="8 GiB")])) == []
 
 
+def test_the_memory_of_members_that_do_not_exist_is_no_second_error() -> None:
+    unknown = a_partition("vision", components=["nobody"])
+
+    assert found(a_system(components=[], partitions=[unknown])) == [
+        ("RARMS042", "partitions.vision.components.0"),
+        ("RARMS089", "components"),
+    ]
+
+
 @pytest.mark.parametrize("memory", ["1000 KiB", "30 MiB", "513 MiB", "512.5 MiB"])
 def test_hyperv_takes_an_even_number_of_mebibytes_and_linux_all(memory: str) -> None:
     odd = [a_component(memory=memory)]
