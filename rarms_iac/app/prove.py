@@ -31,6 +31,7 @@ from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
@@ -217,6 +218,11 @@ def applied_layouts(
                 reserves={name: float(processors) for name, processors in reserves.items()},
                 on_host=on_host,
                 tasks=system.tasks,
+                deadline_periods_us={
+                    group.name: period
+                    for group in groups
+                    if group.name in partitions and (period := deadline_period_us(group, system.hosts[name]))
+                },
             )
     return layouts
 

@@ -23,6 +23,7 @@ from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.interface import HostError
 from rarms_iac.providers.measuring import PartitionWork
@@ -294,8 +295,9 @@ def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter
     if group is None or not hosts:
         return ProcessPlace()
     classes = classes_of(group.members, system.tasks, group.name, manifest.places).classes
-    part = PartitionWork(partition=group.name, components=(component,), classes=classes)
     for host in hosts:
+        period = deadline_period_us(group, host)
+        part = PartitionWork(partition=group.name, components=(component,), classes=classes, deadline_period_us=period)
         try:
             place = place_on(host, part, system.application.name)
         except HostError as problem:

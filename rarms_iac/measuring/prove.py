@@ -49,6 +49,7 @@ class AppliedLayout:
     reserves: Mapping[str, float] = field(default_factory=dict)  # LPs of each that has a reserve, by name
     on_host: tuple[Component, ...] = ()  # in the host's own operating system
     tasks: Mapping[str, TaskRequest] = field(default_factory=dict)  # what the manifest fixes of task classes
+    deadline_periods_us: Mapping[str, int] = field(default_factory=dict)  # of partitions with that mechanism, by name
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -169,6 +170,7 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settli
             partition=name,
             components=members,
             classes=classes_of(members, layout.tasks, name, FirstLine(file="")).classes,
+            deadline_period_us=layout.deadline_periods_us.get(name),
         )
         for name, members in sorted(layout.partitions.items())
     ]

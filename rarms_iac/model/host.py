@@ -91,6 +91,7 @@ class Mechanism(StrEnum):
     AUTOMATIC = "automatic"  # rarms chooses, and says why
     SHARE = "share"  # of the processors, counted against the shares of the others as soon as they are short
     QUOTA = "quota"  # also a limit: no more than is reserved, even where processors are idle
+    DEADLINE = "deadline"  # SCHED_DEADLINE: so much in each period of the component's first thread, before all others
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

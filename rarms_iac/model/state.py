@@ -35,6 +35,10 @@ class Facet(StrEnum):
     SECURE_BOOT = "secure_boot"
 
 
+USUAL_DEADLINE_PERCENT = 95
+"""The kernel's own: `sched_rt_runtime_us` 950000 of `sched_rt_period_us` 1000000."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostFacts:
     """The facts of a host that decisions rest on."""
@@ -51,6 +55,8 @@ class HostFacts:
     memory: int  # bytes
     rights: Rights
     disk_folder: str = ""  # where new disks lie unless a partition says otherwise
+    # Of each processor, what Linux admits for SCHED_DEADLINE: 0 where its control groups hold only some processors.
+    deadline_percent: int | None = field(default=None, metadata=SPARSE)  # None: `USUAL_DEADLINE_PERCENT`
 
 
 class RunState(StrEnum):

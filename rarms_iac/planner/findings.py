@@ -36,6 +36,7 @@ NOT_PROVEN = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layou
 LATE_JOBS = Finding(
     code="RARMS313", severity=Severity.NOTE, summary="Short jobs may be later beside the other partitions"
 )
+DEADLINES = Finding(code="RARMS314", severity=_ERROR, summary="SCHED_DEADLINE cannot keep a reservation")
 KINDS = {
     finding.code: finding
     for finding in (

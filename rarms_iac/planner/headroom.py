@@ -7,11 +7,11 @@ asks, by weight: so the policy decides weights, and what one component needs nev
 from fractions import Fraction
 from typing import assert_never
 
-from rarms_iac.model.host import Host, LinuxHost, Mechanism, ProviderKind
-from rarms_iac.model.indexes import index_named
-from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Unit, in_processors, per_virtual_processor
-from rarms_iac.model.system import AtMost, Headroom
+from rarms_iac.model.host import Host, Mechanism, ProviderKind
+from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, in_processors, per_virtual_processor
+from rarms_iac.model.system import Headroom
 from rarms_iac.planner.groups import Group, Rank
+from rarms_iac.planner.mechanism import mechanism_of
 
 WEIGHT = 100
 """The weight that components are measured with: in service, a lower one could falsify that."""
@@ -19,10 +19,6 @@ WEIGHT = 100
 MAX_WEIGHT = 10_000
 LAST = 1
 """The weight of a partition that gets no headroom but what all others leave."""
-
-LEAST_QUOTA_US = 1_000
-LONGEST_PERIOD_US, SHORTEST_PERIOD_US = 100_000, 1_000
-"""The kernel takes no smaller quota than 1 ms; we take no period outside 1 to 100 ms, its own default."""
 
 OPEN = 100
 """A limit that caps nothing."""
@@ -58,7 +54,7 @@ def limit_of(group: Group, host: Host, processors: int, reserve: int) -> tuple[i
         if fixed < reserve:
             return reserve, "the manifest fixes less than is reserved: a limit below the reservation would break it"
         return fixed, "the manifest fixes it"
-    if reserve and mechanism_of(group, host) is Mechanism.QUOTA:
+    if reserve and mechanism_of(group, host)[0] is Mechanism.QUOTA:
         return reserve, "the mechanism is quota: it gets what it reserves and no more"
     if group.headroom is Headroom.NONE and not group.has_apt and reserve:
         return reserve, "policy.headroom is none, and no APT was measured that a cap could falsify"
@@ -85,58 +81,6 @@ def limit_in_manifest(group: Group, host: Host, processors: int) -> int | None:
             return None
         total += in_processors(amount, host.logical_processors)
     return min(OPEN, per_virtual_processor(LogicalProcessors(total), processors))
-
-
-def mechanism_of(group: Group, host: Host) -> Mechanism:
-    """Return how a Linux host keeps the reservation of a partition.
-
-    Args:
-        group: its own request counts first.
-        host: where it would be; of another provider, it has nothing to choose.
-
-    Returns:
-        Never `automatic`: that is a share, with which processors that are idle serve everybody.
-    """
-    usual = host.settings.mechanism if isinstance(host.settings, LinuxHost) else Mechanism.SHARE
-    chosen = group.request.mechanism or usual
-    return Mechanism.QUOTA if chosen is Mechanism.QUOTA and host.provider is ProviderKind.LINUX else Mechanism.SHARE
-
-
-def shortest_apt_ms(group: Group) -> float | None:
-    """Find the shortest response time that a partition promises.
-
-    Args:
-        group: its members' thresholds count.
-
-    Returns:
-        Milliseconds; None: it promises none.
-    """
-    return min(
-        (
-            float(threshold.value)
-            for member in group.members
-            for name, threshold in member.apt.items()
-            if isinstance(threshold, AtMost) and index_named(name).unit is Unit.TIME
-        ),
-        default=None,
-    )
-
-
-def quota_period_us(apt_ms: float | None, quota_percent: int) -> int:
-    """Return how often a quota is counted anew: ten times within a threshold, within what the kernel takes.
-
-    With the kernel's own 100 ms, a response time is a staircase: who used up the quota waits for the next period.
-
-    Args:
-        apt_ms: the shortest response time that is promised; None: none is.
-        quota_percent: of one logical processor, above 0.
-
-    Returns:
-        Microseconds, 1,000 to 100,000; more where the quota would be less than the kernel's 1,000.
-    """
-    wanted = LONGEST_PERIOD_US if apt_ms is None else round(apt_ms * 100)
-    period = min(max(wanted, SHORTEST_PERIOD_US), LONGEST_PERIOD_US)
-    return max(period, -(-LEAST_QUOTA_US * 100 // max(1, quota_percent)))
 
 
 def weight_of(group: Group, host: Host) -> tuple[int, str]:

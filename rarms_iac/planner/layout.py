@@ -10,12 +10,15 @@ from fractions import Fraction
 from itertools import takewhile
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.host import Mechanism
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, Disruption, Measured, System, Threshold
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner import findings
+from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
@@ -62,6 +65,7 @@ def plan_layout(
         notes += _moves(answer, problem, places)
         notes += _remarks(answer, problem, places)
         notes += _late_jobs(answer, problem, places)
+        notes += _deadlines(answer, problem, hosts, places)
         notes += _placement(answer, places)
     else:
         if not answer.causes:
@@ -202,6 +206,26 @@ def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Dia
                 "or reserve more.",
                 address=f"host/{host.name}",
             )
+
+
+def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:
+    """Report the deadlines of Linux hosts that the kernel would refuse, before anything is changed."""
+    groups = {group.name: group for group in problem.groups}
+    for host in by_name(problem.system.hosts):
+        facts = views.get(host.name, HostView()).facts
+        processors = facts.logical_processors if facts else host.logical_processors
+        percent = None if facts is None else facts.deadline_percent
+        admitted = USUAL_DEADLINE_PERCENT if percent is None else percent
+        placed = [
+            (partition, groups[partition.name])
+            for partition in answer.partitions
+            if partition.host == host.name
+            and partition.reserve
+            and mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE
+        ]
+        for name, message, advice in deadline_problems(placed, host, processors, admitted):
+            place = places.key(problem.system.section_of(name), name)
+            yield findings.DEADLINES.at(place, message, advice, address=f"partition/{name}")
 
 
 def _is_about_late_jobs(index: str, threshold: Threshold, member: Component) -> bool:

@@ -21,7 +21,8 @@ from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.headroom import OPEN, limit_of, quota_period_us, shortest_apt_ms, weight_of
+from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
+from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
 from rarms_iac.planner.reservations import NotMeasured, ReservationSource
 
 
@@ -176,4 +177,6 @@ def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, p
     names = ", ".join(member.name for member in group.members)
     lost = guaranteed(reserve, processors) - wanted
     rounding = f", rounded up by {show_processors(lost)}" if lost else ""
-    return f"{share} of {host.name} for {names}: {reserve} % of {each_processor(processors)}{rounding}"
+    mechanism = mechanism_of(group, host)[1]
+    how = f"; {mechanism}" if mechanism else ""
+    return f"{share} of {host.name} for {names}: {reserve} % of {each_processor(processors)}{rounding}{how}"

@@ -23,6 +23,7 @@ class PartitionWork:
     components: tuple[Component, ...] = ()
     load: Interference | None = None
     classes: tuple[ClassValues, ...] = ()  # of the components' tasks, where they go with the processes
+    deadline_period_us: int | None = None  # Linux: its component's first thread gets the reservation in each (deadline)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -48,6 +48,7 @@ CHECKS: Mapping[Finding, Check] = {
     processors.MORE_PROCESSORS_THAN_HOST: processors.more_processors_than_host,
     processors.DIFFERENT_CPU: processors.different_cpu,
     processors.HELD_BACK: processors.held_back,
+    processors.WEIGHT_ON_LINUX: processors.weight_on_linux,
     memory.BELOW_MEMBERS: memory.partition_memory_below_members,
     memory.MEMORY_OVER_HOST: memory.memory_over_host,
     memory.NOT_A_MACHINES: memory.memory_not_a_machines,

@@ -10,12 +10,13 @@ from rarms_iac.manifest.checks.common import (
     cpu_settings,
     fixed_reserve,
     hosts_for,
+    list_names,
     may_run_on,
     members,
     on_every,
 )
 from rarms_iac.model.diagnostics import Finding, Severity
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
     CpuAmount,
     ProcessorTime,
@@ -47,7 +48,21 @@ HELD_BACK = Finding(
     code="RARMS130", severity=Severity.NOTE, summary="A fixed limit or weight slows a component with an APT"
 )
 
+WEIGHT_ON_LINUX = Finding(code="RARMS315", severity=Severity.WARNING, summary="A weight has no effect on a Linux host")
+
 USUAL_WEIGHT = 100
+
+
+def weight_on_linux(system: System) -> Iterator[Violation]:
+    """Weights that the manifest fixes for what may run on a Linux host: its only weight is the reserve."""
+    for section, name, cpu, hosts in cpu_settings(system):
+        found = [host.name for host in hosts if host.provider is ProviderKind.LINUX]
+        if cpu.weight is not None and found:
+            yield Violation(
+                path=(section, name, "cpu", "weight"),
+                detail=f'"{name}" may run on {list_names(found)}, a Linux host, where its reserve is its weight.',
+                advice="Remove `weight`, or reserve more.",
+            )
 
 
 def reserve_over_limit(system: System) -> Iterator[Violation]:

@@ -96,7 +96,8 @@ class HypervHostBlock(Block):
 MechanismName = Annotated[Mechanism, Field(strict=False)]
 MECHANISM = (
     "How a reservation is kept: `share` (weight against the others as soon as processors are short), `quota` (also a "
-    "limit, counted anew ten times within the shortest threshold), or `automatic` (`share`)."
+    "limit, counted anew ten times within the shortest threshold), `deadline` (SCHED_DEADLINE for a component's first "
+    "thread, a share for its others), or `automatic` (`share`)."
 )
 
 

@@ -85,6 +85,10 @@ class GroupTree(ABC):
         """Return the time, in ms, that its quota kept the group waiting. Raises OSError."""
 
     @abstractmethod
+    def usable_processors(self) -> int:
+        """Return how many of the machine's processors groups may use at all. Raises OSError."""
+
+    @abstractmethod
     def _prepare_slice(self) -> None:
         """Make the slice with the highest weight, and what groups below it need."""
 
@@ -232,6 +236,11 @@ class GroupTreeV1(GroupTree):
         """See `GroupTree.throttled_ms`."""
         return _entry(self._file("cpu", name, "cpu.stat"), "throttled_time") / 1e6
 
+    def usable_processors(self) -> int:
+        """See `GroupTree.usable_processors`."""
+        folder = self._slices["cpuset"]
+        return len(_numbers(_read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus")))
+
     def _prepare_slice(self) -> None:
         for folder in self._folders:
             _make_folder(folder)
@@ -294,6 +303,11 @@ class GroupTreeV2(GroupTree):
     def throttled_ms(self, name: str) -> float:
         """See `GroupTree.throttled_ms`."""
         return _entry(self._file("cpu", name, "cpu.stat"), "throttled_usec") / 1e3
+
+    def usable_processors(self) -> int:
+        """See `GroupTree.usable_processors`."""
+        folder = self._slices["cpu"]
+        return len(_numbers(_read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus.effective")))
 
     def _prepare_slice(self) -> None:
         folder = self._slices["cpu"]

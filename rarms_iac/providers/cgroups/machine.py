@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
-from rarms_iac.model.state import HostFacts, Rights
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, Rights
 from rarms_iac.storage.reading import read_file
 
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
@@ -15,6 +15,7 @@ NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 
 _MACHINE_ID = Path("/etc/machine-id")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+_REAL_TIME = Path("/proc/sys/kernel")
 _SMT = Path("/sys/devices/system/cpu/smt/active")
 _LIMIT = 4096
 MEBIBYTE = 2**20
@@ -30,6 +31,7 @@ class LinuxMachine:
     memory: int  # bytes, whole MiB
     smt: bool
     boot: str  # id of its latest start
+    deadline_percent: int = USUAL_DEADLINE_PERCENT  # of each processor, that the kernel admits for SCHED_DEADLINE
 
 
 def this_machine() -> LinuxMachine:
@@ -46,11 +48,24 @@ def this_machine() -> LinuxMachine:
         memory=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // MEBIBYTE * MEBIBYTE,
         smt=_text(_SMT) == "1",
         boot=read_file(_BOOT_ID, _LIMIT).decode("ascii").strip(),
+        deadline_percent=_deadline_percent(),
     )
 
 
-def facts_of(host: Host, machine: LinuxMachine) -> HostFacts:
-    """The facts of the host that decisions rest on."""
+def _deadline_percent() -> int:
+    runtime, period = (int(_text(_REAL_TIME / f"sched_rt_{name}_us") or 0) for name in ("runtime", "period"))
+    return 100 if runtime < 0 else runtime * 100 // period if period else 0
+
+
+def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFacts:
+    """The facts of the host that decisions rest on.
+
+    Args:
+        host: as the manifest describes it.
+        machine: what rarms runs on.
+        group_processors: how many of its processors control groups may use.
+    """
+    percent = machine.deadline_percent if group_processors == machine.logical_processors else 0
     return HostFacts(
         name=host.name,
         id=machine.id,
@@ -63,6 +78,7 @@ def facts_of(host: Host, machine: LinuxMachine) -> HostFacts:
         logical_processors=machine.logical_processors,
         memory=machine.memory,
         rights=Rights.PROVEN,  # without them nothing is observed (`run.py`)
+        deadline_percent=None if percent == USUAL_DEADLINE_PERCENT else percent,
     )
 
 

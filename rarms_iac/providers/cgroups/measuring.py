@@ -17,6 +17,7 @@ from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, Interference
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
@@ -133,7 +134,23 @@ class LinuxMeasuringHost(LinuxHostProvider):
         """The components of a partition, which go on until they are ended: how often one may fail, others judge."""
         for component in part.components:
             run = replace(run_of(component), until=ENDLESS, failures=10**9)
-            yield ComponentRun(component.name, run, self._inside(part, groups, class_words(component, part.classes)))
+            words = self._words(component, part, groups[part.partition]) if part.partition else ()
+            yield ComponentRun(component.name, run, self._inside(part, groups, words))
+
+    def _words(self, component: Component, part: PartitionWork, group: str) -> tuple[str, ...]:
+        """What stands before a component's own words: its deadline, or its task class.
+
+        Raises:
+            HostRefused: the kernel would refuse the deadline.
+        """
+        values = self.tree.read(group)
+        if part.deadline_period_us is None or values.shares_percent <= LEAST_SHARES_PERCENT:
+            return class_words(component, part.classes)
+        if values.processors is not None:
+            message = f"{part.partition} holds {len(values.processors)} of {self._processors} processors, and the "
+            message += "kernel refuses SCHED_DEADLINE to a thread that may not run on all"
+            raise HostRefused(self.name, message, "rarms plan shows what somebody changed (cpuset.cpus)")
+        return deadline_words(values.shares_percent, part.deadline_period_us)
 
     def _inside(self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()) -> StartContext:
         place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
@@ -150,9 +167,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
             HostRefused: the partition is not there or does not run.
         """
         (component,) = part.components
-        words = class_words(component, part.classes)
-        group = self._running_group(part.partition, application, real_time=bool(words))
-        return replace(self.tree.place(group), words=words)
+        real_time = part.deadline_period_us is None and bool(class_words(component, part.classes))
+        group = self._running_group(part.partition, application, real_time=real_time)
+        return replace(self.tree.place(group), words=self._words(component, part, group))
 
     def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
         """The control group of a partition that runs, with a budget for task classes where some are to run there."""
@@ -171,6 +188,25 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 advice = "take real-time budgets (cpu.rt_runtime_us) from other control groups"
                 raise HostRefused(self.name, message, advice) from problem
         return group
+
+
+LEAST_SHARES_PERCENT = 1.0
+"""What a group without reservation shows: the kernel knows no weight of 0."""
+
+
+def deadline_words(reserved_percent: float, period_us: int) -> tuple[str, ...]:
+    """Return the words that give a component's first thread its time in each period, before all other threads.
+
+    Threads that it makes are ordinary ones (the kernel lets no other be made): they have their group's share.
+
+    Args:
+        reserved_percent: of one logical processor, as the group has it.
+        period_us: of SCHED_DEADLINE, its deadline too.
+    """
+    period = period_us * 1000
+    runtime = round(min(reserved_percent, USUAL_DEADLINE_PERCENT) * period / 100)
+    values = ("--sched-runtime", str(runtime), "--sched-deadline", str(period), "--sched-period", str(period))
+    return ("chrt", "--reset-on-fork", "--deadline", *values, "0")
 
 
 def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[str, ...]:

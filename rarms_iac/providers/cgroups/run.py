@@ -142,7 +142,7 @@ class LinuxHostProvider(JournaledHost):
         running = self._running(tree, definitions)
         known = [*definitions, *self._foreign(running, definitions)]
         state = State(
-            facts=facts_of(self._host, machine),
+            facts=facts_of(self._host, machine, tree.usable_processors()),
             partitions=to_partitions(known, running, machine.boot, machine.logical_processors),
             serials=self._serials(),
         )

@@ -6,6 +6,8 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -180,30 +182,55 @@ while True:
 """
 
 
+@pytest.fixture
+def linux_folder(tmp_path: Path) -> Iterator[Path]:
+    """A folder whose host makes control groups; they are gone after the test."""
+    yield tmp_path
+    forget_groups(tmp_path)
+    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+
+
+def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
+    """Write a manifest whose host is this machine; return the file that tells where its component ran."""
+    manifest(folder, vision=WHERE)
+    file = folder / "rarms.yaml"
+    text = file.read_text(encoding="utf-8").replace("criticality: 10", f"criticality: 10{component}")
+    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_of(folder)}{settings} }}, "
+    file.write_text(text.replace("onboard: {", linux), encoding="utf-8")
+    return folder / "where.json"
+
+
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
-def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(tmp_path: Path) -> None:
+def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(linux_folder: Path) -> None:
     """And without, as long as it is not applied; what it left behind is gone with it."""
-    manifest(tmp_path, vision=WHERE)
-    file, slice_name = tmp_path / "rarms.yaml", slice_of(tmp_path)
-    text = file.read_text(encoding="utf-8").replace("criticality: 10", "criticality: 10\n    task: MotionControl")
-    linux = f"onboard: {{ provider: linux, linux: {{ slice: {slice_name} }}, "
-    file.write_text(text.replace("onboard: {", linux), encoding="utf-8")
-    seen = tmp_path / "where.json"
-    try:
-        before = rarms("run", "-f", str(tmp_path), "--samples", "2")
-        outside = json.loads(seen.read_text(encoding="utf-8"))
-        assert rarms("apply", "-f", str(tmp_path), "--auto-approve").code == 0
-        after = rarms("run", "-f", str(tmp_path), "--samples", "2")
-        inside = json.loads(seen.read_text(encoding="utf-8"))
-        left_over = groups_of(tmp_path).processes("vision")
-    finally:
-        forget_groups(tmp_path)
-        shutil.rmtree(STATE_FOLDER / slice_name, ignore_errors=True)
+    seen, slice_name = on_linux(linux_folder, "\n    task: MotionControl"), slice_of(linux_folder)
+
+    before = rarms("run", "-f", str(linux_folder), "--samples", "2")
+    outside = json.loads(seen.read_text(encoding="utf-8"))
+    assert rarms("apply", "-f", str(linux_folder), "--auto-approve").code == 0
+    after = rarms("run", "-f", str(linux_folder), "--samples", "2")
+    inside = json.loads(seen.read_text(encoding="utf-8"))
 
     assert "vision runs without a reservation, beside everything else: onboard: no partition vision" in before.err
     assert after.err.startswith("vision runs in its partition vision on onboard (chrt --fifo 23).")
     assert slice_name not in outside[0]
     assert f"/{slice_name}/vision" in inside[0]
     assert (outside[1], inside[1], inside[2]) == (os.SCHED_OTHER, os.SCHED_FIFO, 23)
-    assert left_over == ()
+    assert groups_of(linux_folder).processes("vision") == ()
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_a_deadline_is_of_the_components_first_thread_and_needs_all_processors(linux_folder: Path) -> None:
+    seen = on_linux(linux_folder, settings=", mechanism: deadline")
+    assert rarms("apply", "-f", str(linux_folder), "--auto-approve").code == 0
+
+    ran = rarms("run", "-f", str(linux_folder), "--samples", "2")
+
+    assert ran.code == 0, ran.err
+    assert json.loads(seen.read_text(encoding="utf-8"))[1] == 6 | os.SCHED_RESET_ON_FORK, "SCHED_DEADLINE"
+    tree = groups_of(linux_folder)
+    tree.write("vision", replace(tree.read("vision"), processors=(0,)))
+    refused = rarms("run", "-f", str(linux_folder), "--samples", "2")
+    assert "the kernel refuses SCHED_DEADLINE to a thread that may not run on all" in refused.err

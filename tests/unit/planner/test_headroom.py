@@ -1,17 +1,15 @@
 from dataclasses import replace
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.model.host import LinuxHost, Mechanism, ProviderKind
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.system import Headroom, System
 from rarms_iac.planner.groups import ranks_of
-from rarms_iac.planner.headroom import MAX_WEIGHT, WEIGHT, quota_period_us, weight_of_rank
+from rarms_iac.planner.headroom import MAX_WEIGHT, WEIGHT, weight_of_rank
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import FixedReservations
-from tests.builders import a_component, a_host, a_system, at_most
+from tests.builders import a_component, a_system, at_most
 from tests.planning import PLACES
 
 
@@ -84,40 +82,3 @@ def test_the_order_of_criticalities_is_the_order_of_weights(criticalities: set[i
     assert weights == sorted(set(weights))
     assert weights[0] == WEIGHT
     assert weights[-1] <= MAX_WEIGHT
-
-
-def on_linux(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPartition:
-    host = a_host(provider=ProviderKind.LINUX, settings=LinuxHost(mechanism=mechanism))
-    apt = {"mean_response_time": at_most(88), "maximum_response_time": at_most(400)}
-    vision = a_component("vision", reserve="35 %", apt=apt, processors=processors)
-    return placed(a_system(hosts=[host], components=[vision, a_component("speech", reserve="20 %")]))["vision"]
-
-
-def test_a_share_caps_nothing_and_nobody_has_a_weight_on_linux() -> None:
-    found = on_linux(Mechanism.AUTOMATIC)
-
-    assert (found.limit, found.weight, found.quota_period_us, found.generation) == (100, 100, None, 0)
-    assert found.why_weight == "Linux shares what nobody reserved in proportion to the reservations"
-
-
-def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_threshold() -> None:
-    found = on_linux(Mechanism.QUOTA)
-
-    assert (found.reserve, found.limit, found.quota_period_us) == (35, 35, 8_800)
-    assert "the mechanism is quota" in found.why_limit
-
-
-def test_fewer_processors_than_the_host_has_are_a_quota_on_linux() -> None:
-    found = on_linux(Mechanism.SHARE, processors=1)
-
-    assert (found.processors, found.limit, found.quota_period_us) == (1, 100, 8_800)
-
-
-@pytest.mark.parametrize(
-    ("apt_ms", "quota_percent", "period_us"),
-    [(88, 70, 8_800), (2, 70, 1_429), (5_000, 70, 100_000), (None, 70, 100_000), (10, 5, 20_000)],
-)
-def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
-    apt_ms: float | None, quota_percent: int, period_us: int
-) -> None:
-    assert quota_period_us(apt_ms, quota_percent) == period_us
