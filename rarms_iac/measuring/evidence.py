@@ -1,13 +1,14 @@
 """Whether a setting was what it says: what the host counted beside what was asked of it. Pure.
 
-P2 is to take all that it reserves; where it did not, something else had the processors, and P1 may have had more than
-CR, or less. Time that the machine below took makes a component look slower than it is.
+P2 is to take all that it reserves; where neither it nor P1 had that time, something else had the processors, and P1 may
+have had less than CR. What P1 got of it, because threads that wake up get theirs at once, is the mechanism's own
+doing, and in service it is the same. Time that the machine below took makes a component look slower than it is.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rarms_iac.model.measurement import P2, Setting, SettingEvidence
+from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
 
 TRIES = 3
 """So often a disturbed setting is measured at most."""
@@ -16,7 +17,7 @@ STOLEN = 0.02
 """The part of all processors' time that the machine below may take."""
 
 SHORT = 0.03
-"""The part of all processors' time by which P2 may stay below what it reserves: what rarms itself consumes is in it."""
+"""The part of all processors' time that neither P1 nor P2 may get of what P2 reserves: rarms' own time is in it."""
 
 
 def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | None) -> str:
@@ -36,9 +37,12 @@ def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | 
     stolen = evidence.stolen_ms / whole
     if stolen > STOLEN:
         return f"the machine below took {stolen:.1%} of the processors' time, and {STOLEN:.0%} may be"
-    taken = evidence.cpu_ms.get(P2, 0.0) / evidence.elapsed_ms
-    if load_takes is not None and taken < load_takes - SHORT * processors:
-        return f"the load in P2 got {taken:.2f} LP where {load_takes:.2f} are reserved"
+    if load_takes is None:
+        return ""
+    p1, p2 = (evidence.cpu_ms.get(name, 0.0) / evidence.elapsed_ms for name in (P1, P2))
+    beyond_reserve = max(0.0, p1 - (processors - load_takes))
+    if p2 + beyond_reserve < load_takes - SHORT * processors:
+        return f"the load in P2 got {p2:.2f} LP where {load_takes:.2f} are reserved"
     return ""
 
 

@@ -22,6 +22,14 @@ def test_a_load_that_does_not_get_its_reserve_disturbs() -> None:
     assert disturbance(SHORT_LOAD, 2, load_takes=None) == "", "browsers may rest"
 
 
+def test_what_p1_had_beyond_its_reserve_disturbs_nobody() -> None:
+    """Three threads that sleep and wake got 0.31 LP of a group that reserves 0.2."""
+    woken = replace(QUIET, cpu_ms={P1: 3_100.0, P2: 16_800.0})
+
+    assert disturbance(woken, 2, load_takes=1.8) == ""
+    assert disturbance(replace(woken, cpu_ms={P1: 2_100.0, P2: 16_800.0}), 2, load_takes=1.8).startswith("the load")
+
+
 def test_stolen_time_disturbs() -> None:
     stolen = replace(QUIET, stolen_ms=900)
 
