@@ -1,21 +1,27 @@
 """The Linux delivery robot's components at work in control groups: what each shows at one reservation or one load.
 
 Independent of `rarms measure`: groups are written by hand, so that its answers can be held against what is seen here.
+Each experiment is recorded in a file as it ends, so that it is done once, however often the evaluation is ended.
 """
 
+import json
+import os
+import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
 from math import ceil, inf
 from pathlib import Path
+from statistics import median
+from typing import Any
 
-from rarms_iac.model.measurement import Series
+from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed
-from rarms_iac.model.system import AtMost, BusyLoop, CommandLoad, Component, Interference
+from rarms_iac.model.system import AtMost, Browser, BusyLoop, CommandLoad, Component, Interference
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues, MissingFeatures, find_tree
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.loads import InterferingLoad
@@ -24,10 +30,65 @@ from rarms_iac.running.start import ProcessPlace, StartContext
 SLICE = "rarms-evaluation"
 COMPONENT_GROUP, LOAD_GROUP = "components", "load"
 BUSY = BusyLoop()
-USAGE_WINDOW_S = 1.0
+SETTLE_MS = 500.0
+"""What a component does in so long from its first job on is not counted."""
+
+FEWEST_JOBS, MOST_SECONDS = 40, 12.0
+"""A run of a reservation goes on until it has so many jobs, or for so long."""
+
+SECONDS, USAGE_SECONDS, USAGE_WINDOW_S = 4.0, 20.0, 1.0
+PAIRS = ((50, 50), (75, 25), (75, 0))
+"""What P1 and P2 reserve in the paper's Fig. 4."""
 
 Values = Mapping[str, float]
 """By index of the APT, in its own unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """One thing to try with a component; `setting` is a reservation, what a load uses, or a number of browsers."""
+
+    kind: str  # measured, alone, reserve, class, browsers
+    component: str
+    setting: int = 0
+    repeat: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.component}, {self.kind} {self.setting}, run {self.repeat}"
+
+
+Record = Mapping[str, Any]
+"""What an experiment showed, as JSON."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Log:
+    """The experiments that were done, in a file with a line each."""
+
+    path: Path
+    records: dict[Experiment, Record] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.path.exists():
+            for line in self.path.read_text(encoding="utf-8").splitlines():
+                record = json.loads(line)
+                self.records[Experiment(**record.pop("experiment"))] = record
+
+    def add(self, experiment: Experiment, record: Record) -> None:
+        """Record an experiment that was done."""
+        of = {name: getattr(experiment, name) for name in Experiment.__slots__}
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"experiment": of, **record}) + "\n")
+        self.records[experiment] = record
+
+    def runs(self, kind: str, component: str, setting: int) -> list[Series]:
+        """All runs of a component at one setting, in order."""
+        found = sorted(
+            (experiment.repeat, record)
+            for experiment, record in self.records.items()
+            if (experiment.kind, experiment.component, experiment.setting) == (kind, component, setting)
+        )
+        return [series_of(component, record["series"]) for _, record in found]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,12 +99,38 @@ class Laboratory:
     robot: Path  # a copy with `data`
     environment: Mapping[str, str]  # the PATH begins with the robot's own programs
     processors: int
-    seconds: float  # a run goes on for so long
 
-    def split(self, reserve: float) -> None:
-        """Give the component so many per cent of the host, and the load the rest."""
-        self.tree.write(COMPONENT_GROUP, GroupValues(shares_percent=reserve * self.processors))
-        self.tree.write(LOAD_GROUP, GroupValues(shares_percent=(100 - reserve) * self.processors))
+    def perform(self, experiment: Experiment, component: Component, priority: int | None) -> Record:
+        """Do an experiment.
+
+        Args:
+            experiment: Which.
+            component: Its component.
+            priority: SCHED_FIFO's of its class; None: the ordinary class.
+
+        Returns:
+            What is to be recorded.
+        """
+        match experiment.kind:
+            case "measured":
+                return {"reserve": self._measured(component)}
+            case "alone":
+                return self._alone(component)
+            case "reserve":
+                self.split(experiment.setting, 100 - experiment.setting)
+                with self.load(BUSY):
+                    return self.run(component, self.tree.place(COMPONENT_GROUP), SECONDS, fewest=FEWEST_JOBS)
+            case "class":
+                return self._at_load(component, experiment.setting, priority)
+            case "browsers":
+                return self._beside_browsers(component, experiment.setting)
+            case _:
+                raise ValueError(experiment.kind)
+
+    def split(self, p1: float, p2: float) -> None:
+        """Give the component and the load so many per cent of the host."""
+        self.tree.write(COMPONENT_GROUP, GroupValues(shares_percent=p1 * self.processors))
+        self.tree.write(LOAD_GROUP, GroupValues(shares_percent=p2 * self.processors))
 
     def context(self, place: ProcessPlace) -> StartContext:
         """The surroundings of something that starts in this place."""
@@ -58,58 +145,68 @@ class Laboratory:
         with InterferingLoad("load", load, self.context(self.tree.place(LOAD_GROUP)), processors=self.processors):
             yield
 
-    def run(self, component: Component, place: ProcessPlace) -> Series:
-        """Run a component for a while."""
+    def run(self, component: Component, place: ProcessPlace, seconds: float, *, fewest: int = 0) -> Record:
+        """Run a component for so long, and on until it has so many jobs, `MOST_SECONDS` at most."""
         assert component.run is not None
-        elapsed = Elapsed(time=Milliseconds(Fraction(round(1000 * self.seconds))))
+        elapsed = Elapsed(time=Milliseconds(Fraction(round(SETTLE_MS + 1000 * max(seconds, MOST_SECONDS)))))
+        samples: list[Sample] = []
+        consumed: list[tuple[float, float, float]] = []  # time in ms, processor time of component and load
         with ComponentRun(component.name, replace(component.run, until=elapsed), self.context(place)) as run:
-            for _ in run:
-                pass
-        return run.series()
+            for sample in run:
+                now = 1000 * (time.perf_counter() - run.began)
+                if now < SETTLE_MS:
+                    continue
+                if not consumed or now - consumed[-1][0] >= 1000 * USAGE_WINDOW_S:
+                    consumed.append((now, self.tree.cpu_ms(COMPONENT_GROUP), self.tree.cpu_ms(LOAD_GROUP)))
+                samples.append(sample)
+                if now - consumed[0][0] >= 1000 * seconds and len(samples) >= fewest:
+                    break
+        began = min(sample.began_ms for sample in samples)
+        ended = max(sample.began_ms + (sample.response_ms or 0.0) for sample in samples)
+        rows = [(round(each.began_ms - began, 3), each.response_ms, each.successful, each.count) for each in samples]
+        return {"series": {"elapsed_ms": ended - began, "samples": rows}, "consumed": consumed}
 
-    def at(self, component: Component, reserve: float) -> Series:
-        """Run a component at one reservation beside busy loops on every processor."""
-        self.split(reserve)
-        with self.load(BUSY):
-            return self.run(component, self.tree.place(COMPONENT_GROUP))
+    def _measured(self, component: Component) -> float:
+        """What `rarms measure` finds, in per cent of the host."""
+        words = ("rarms", "measure", component.name, "--json")
+        done = subprocess.run(
+            words, cwd=self.robot, env=dict(self.environment), stdout=subprocess.PIPE, text=True, check=True
+        )
+        (found,) = json.loads(done.stdout)["components"]
+        return float(found["reserve"])
 
-    def at_load(self, component: Component, percent: int, priority: int | None) -> Series:
+    def _alone(self, component: Component) -> Record:
+        """Nothing runs beside the component."""
+        self.split(50, 50)
+        return self.run(component, self.tree.place(COMPONENT_GROUP), USAGE_SECONDS)
+
+    def _at_load(self, component: Component, percent: int, priority: int | None) -> Record:
         """Run a component in one system with a load that uses so many per cent of every processor.
 
-        Args:
-            component: Shares a group with the load, so that the two are alike but for their class.
-            percent: 0 to 100.
-            priority: A SCHED_FIFO priority; None: the ordinary class. A thread of that class runs outside the groups,
-                whose budget of such time is none under version 1.
+        It shares a group with the load, so that the two are alike but for their class. A thread of SCHED_FIFO runs
+        outside the groups, whose budget of such time is none under version 1.
         """
         words = ("stress-ng", "--cpu", str(self.processors), "--cpu-load", str(percent), "--cpu-load-slice", "20")
         load = CommandLoad(command=words) if percent else None
         place = self.tree.place(LOAD_GROUP) if priority is None else ProcessPlace(words=("chrt", "-f", str(priority)))
+        self.split(50, 50)
         with self.load(load):
-            return self.run(component, place)
+            return self.run(component, place, SECONDS)
 
-    def usage(self, component: Component, seconds: int) -> tuple[float, ...]:
-        """Measure what a component consumes of the host, in per cent, second by second, with nothing beside it."""
-        assert component.run is not None
-        elapsed = Elapsed(time=Milliseconds(Fraction(1000 * seconds)))
-        self.split(50)
-        consumed: list[tuple[float, float]] = []
-        with ComponentRun(
-            component.name, replace(component.run, until=elapsed), self.context(self.tree.place(COMPONENT_GROUP))
-        ) as run:
-            for _ in run:
-                now = time.perf_counter()
-                if not consumed or now - consumed[-1][0] >= USAGE_WINDOW_S:
-                    consumed.append((now, self.tree.cpu_ms(COMPONENT_GROUP)))
-        return tuple(
-            (after - before) / (end - begin) / 10 / self.processors
-            for (begin, before), (end, after) in pairwise(consumed)
-        )
+    def _beside_browsers(self, component: Component, browsers: int) -> Record:
+        """Run a component beside browsers in P2, with each pair of reservations."""
+        series = []
+        self.split(50, 50)
+        with self.load(Browser(instances=browsers) if browsers else None):
+            for pair in PAIRS:
+                self.split(*pair)
+                series.append(self.run(component, self.tree.place(COMPONENT_GROUP), SECONDS)["series"])
+        return {"pairs": series}
 
 
 @contextmanager
-def laboratory(robot: Path, environment: Mapping[str, str], processors: int, seconds: float) -> Iterator[Laboratory]:
-    """Make the two groups, and remove them with all that runs in them.
+def laboratory(robot: Path, environment: Mapping[str, str], processors: int) -> Iterator[Laboratory]:
+    """Make the two groups, and remove them with all that runs in them; meanwhile this process runs before the load.
 
     Raises:
         RuntimeError: control groups, or the right to make some, are missing.
@@ -120,13 +217,39 @@ def laboratory(robot: Path, environment: Mapping[str, str], processors: int, sec
             raise RuntimeError("; ".join(names))
         case GroupTree():
             pass
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         for name in (COMPONENT_GROUP, LOAD_GROUP):
             tree.make(name)
-        yield Laboratory(tree=tree, robot=robot, environment=environment, processors=processors, seconds=seconds)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        yield Laboratory(tree=tree, robot=robot, environment=environment, processors=processors)
     finally:
+        os.sched_setscheduler(0, *before)
         for name in tree.names():
             tree.remove(name)
+
+
+def series_of(component: str, recorded: Record) -> Series:
+    """The series of a run as it was recorded."""
+    samples = tuple(
+        Sample(began_ms=began, response_ms=response, successful=successful, count=count)
+        for began, response, successful, count in recorded["samples"]
+    )
+    return Series(component=component, samples=samples, elapsed_ms=recorded["elapsed_ms"])
+
+
+def usage(record: Record, processors: int) -> tuple[float, ...]:
+    """What a component consumed second by second, in per cent of the host."""
+    consumed = record["consumed"]
+    return tuple(
+        100 * (after[1] - before[1]) / (after[0] - before[0]) / processors for before, after in pairwise(consumed)
+    )
+
+
+def values_in(runs: Sequence[Series], component: Component) -> Values:
+    """The medians of every index over several runs."""
+    seen = [values_of(component, run) for run in runs]
+    return {index: median(values[index] for values in seen) for index in component.apt}
 
 
 def value_of(index: str, series: Series) -> float:

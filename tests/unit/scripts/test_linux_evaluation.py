@@ -1,16 +1,40 @@
 """The evaluation on a real Linux: what it works out of runs, and that its page says what was seen."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from math import inf
+from pathlib import Path
 
 import pytest
 
 from rarms_iac.model.measurement import Sample, Series
-from rarms_iac.model.system import AtLeast, AtMost
-from scripts.linux_evaluation import FDP, LOADS, MEASURED, PPP, RESERVES, SRP, VSP, Findings, Trial, page
-from scripts.linux_experiments import meets, percentile, value_of, values_of
-from tests.builders import a_component
+from rarms_iac.model.system import AtLeast, AtMost, Component
+from scripts.linux_evaluation import (
+    BROWSERS,
+    FDP,
+    LOADS,
+    MEASURED,
+    PPP,
+    RESERVES,
+    SRP,
+    VSP,
+    bracket,
+    next_experiment,
+    rules,
+)
+from scripts.linux_evaluation_page import Findings, Trial, VerdictCount, count_verdicts, page
+from scripts.linux_experiments import (
+    PAIRS,
+    Experiment,
+    Log,
+    Record,
+    meets,
+    percentile,
+    value_of,
+    values_of,
+)
+from tests.builders import a_component, at_most
 
 COMPONENT = replace(
     a_component("vision"),
@@ -52,6 +76,65 @@ def test_a_percentile_is_a_value_that_was_seen() -> None:
     assert [percentile((3, 1, 2, 4), percent) for percent in (1, 25, 50, 99, 100)] == [1, 1, 2, 4, 4]
 
 
+def recorded(experiment: Experiment) -> Record:
+    """What a machine shows on which a job takes 1000 ms over the reservation, give or take a little."""
+    times = [
+        1000 / max(1, experiment.setting) * (1 + 0.01 * ((number * 7 + experiment.repeat) % 5)) for number in range(60)
+    ]
+    samples = [(100.0 * number, time, True, 1.0) for number, time in enumerate(times)]
+    return {
+        "series": {"elapsed_ms": 6000.0, "samples": samples},
+        "consumed": [(0, 0, 0), (1000, 200, 1700), (2000, 600, 3200)],
+        "reserve": 23,
+    }
+
+
+def evaluated(path: Path) -> tuple[Log, Mapping[str, Component]]:
+    """A log of all that is to be done, and the components."""
+    component = replace(a_component(FDP), apt={"mean_response_time": at_most("47")})
+    log, components = Log(path=path), {FDP: component}
+    while (experiment := next_experiment(log, components, 2)) is not None:
+        log.add(experiment, recorded(experiment))
+    return log, components
+
+
+def test_every_experiment_is_done_once_and_an_evaluation_goes_on_where_it_was_ended(tmp_path: Path) -> None:
+    log, components = evaluated(tmp_path / "log.jsonl")
+    lines = (tmp_path / "log.jsonl").read_text(encoding="utf-8").splitlines()
+    (tmp_path / "log.jsonl").write_text("\n".join(lines[:20]) + "\n", encoding="utf-8")
+
+    again = Log(path=tmp_path / "log.jsonl")
+
+    assert len(lines) == len(log.records)
+    assert len(again.records) == 20
+    assert next_experiment(again, components, 2) == list(log.records)[20]
+
+
+def test_what_is_needed_is_halved_down_to_a_point_and_rules_give_whole_per_cent(tmp_path: Path) -> None:
+    log, components = evaluated(tmp_path / "log.jsonl")
+
+    assert bracket(log, components[FDP]) == (21, 22)
+    assert rules(log, components[FDP], 2, 4) == {
+        MEASURED: 23,
+        "95th percentile of use": 20,
+        "99th percentile of use": 20,
+        "mean of use and 20 %": 18,
+        "even split": 25,
+    }
+
+
+def test_verdicts_are_checked_by_the_other_runs_of_a_setting(tmp_path: Path) -> None:
+    log, components = evaluated(tmp_path / "log.jsonl")
+    count = count_verdicts(log, components)
+    one_of_three = next(each for each in log.records if each.repeat == 2)
+    slower = [(began, 9 * time, *rest) for began, time, *rest in log.records[one_of_three]["series"]["samples"]]
+    log.records[one_of_three] = {"series": {"elapsed_ms": 6000.0, "samples": slower}}
+
+    assert (count.given, count.wrong) == (count.judged, 0)
+    assert count.judged >= 6 * 3
+    assert count_verdicts(log, components).wrong > 0
+
+
 def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
     found = [
         Findings(
@@ -59,15 +142,24 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
             curve={reserve: {"p95_response_time": 1000 / reserve, "throughput": inf} for reserve in RESERVES},
             needed=20,
             loaded=dict.fromkeys(LOADS, 12.34),
-            trials={MEASURED: Trial(reserve=22.5, missed=0), "even split": Trial(reserve=15, missed=2)},
+            trials={
+                MEASURED: Trial(reserve=22, missed=0, runs=3),
+                "even split": Trial(reserve=15, missed=2, runs=3),
+            },
         )
         for name in (FDP, SRP, PPP, VSP)
     ]
 
-    lines = page(found)
+    browsers = {pair: [100.0 + pair[0]] * len(BROWSERS) for pair in PAIRS}
 
-    assert "| 50 % | 20.0 | none | 20.0 | none | 20.0 | none | 20.0 | none |" in lines
+    lines = page(found, browsers, VerdictCount(judged=210, given=200, wrong=1))
+
+    assert "| 40 % | 25.0 | none | 25.0 | none | 25.0 | none | 25.0 | none |" in lines
     assert "| 100 % | 12.3 | 12.3 | 12.3 | 12.3 |" in lines
-    assert f"| {FDP} | 20 % | even split | 15.0 % | 2 of 3 | 0.0 |" in lines
-    assert f"| {MEASURED} | 0 of 12 | 90.0 | 10.0 |" in lines
-    assert "| even split | 8 of 12 | 60.0 | 0.0 |" in lines
+    assert f"| {FDP} | 20 % | even split | 15 % | 2 of 3 | 0 |" in lines
+    assert f"| {MEASURED} | 0 of 12 | 88 | 8 |" in lines
+    assert "| even split | 8 of 12 | 60 | 0 |" in lines
+    assert f"| {FDP} | 20 % | 22 % | +2 points |" in lines
+    assert "| 10 | 150.0 | 175.0 | 175.0 |" in lines
+    assert "- 210 were asked for, and 10 (4.8 %) have no verdict." in lines
+    assert "- 1 of 200 are wrong: 0.03 to 2.35 % (one-sided 95 % limits), and 1 % is declared." in lines

@@ -1,0 +1,433 @@
+"""Writes docs/evaluation.md and its figures from what `scripts.linux_evaluation` recorded.
+
+Usage: python -m scripts.linux_evaluation_page FOLDER-OF-THE-ROBOT LOG
+"""
+
+import os
+import platform
+import random
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from fractions import Fraction
+from math import exp, isfinite, log
+from pathlib import Path
+from statistics import fmean, median
+
+from rarms_iac.model.measurement import Series, run_of
+from rarms_iac.model.outcomes import Met, Missed
+from rarms_iac.model.system import AtLeast, AtMost, Component
+from rarms_iac.providers.cgroups.groups import GroupTree, find_tree
+from rarms_iac.statistics.distributions import share_interval
+from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.verdicts import judge
+from scripts.linux_evaluation import (
+    BROWSERS,
+    FDP,
+    LOADS,
+    MEASURED,
+    PPP,
+    REPEATS,
+    RESERVES,
+    SRP,
+    VSP,
+    bracket,
+    components_of,
+    rules,
+)
+from scripts.linux_experiments import PAIRS, SLICE, Experiment, Log, meets, series_of, value_of, values_in, values_of
+from scripts.paper_drawing import Chart, draw
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+NEAREST, FARTHEST = 1.15, 3.0
+"""How many times too large or too small a drawn threshold is at least, and at most."""
+
+INTRODUCTION = """\
+Written by `make evaluation`, as root, from the real components of `manifests/delivery-robot-linux`: nothing here is
+simulated. Reservations are shares of control groups, the interfering load is a busy loop on every processor. The
+groups are set by hand and every index is worked out anew, so that this page can contradict `rarms measure`."""
+FIGURE_1 = """\
+The paper: face detection takes 600 to 800 ms at the low end, falls steeply, and reaches 88 ms at 70 %. It runs one
+thread here. Medians of all runs at a reservation."""
+FOUND = """\
+*Sweep* is the least whole per cent from which on the medians of three runs meet the APT, found by halving. `rarms
+measure` saw none of those runs. Its aim is to be at most 2 points away."""
+FIGURE_3 = """\
+One operating system without partitions; stress-ng uses the given share of every processor. FDP and SRP run in
+SCHED_FIFO at 30 and 31, VSP and PPP in the ordinary class. The paper: FDP and SRP do not change up to 100 %
+utilisation; VSP and PPP degrade above about 70 %."""
+FIGURE_4 = """\
+FDP in P1, and headless Chromium in P2, each browser playing a video of its own. The paper: 88 to 100 ms without
+browsers, up to 184 to 194 ms with one or two, and back down to 150 to 175 ms with ten. Mean response times."""
+TODAY = f"""\
+Reservations are often taken from what a component consumes: its 95th or 99th percentile over windows of a second
+(usage-based recommenders), or its mean and 20 %; or all get the same. Use was seen without interference. Each
+reservation, in whole per cent of the host, then ran {REPEATS} times beside busy loops; *too much* is what it has
+beyond the sweep's."""
+VERDICTS = f"""\
+Each run of a reservation that was run {REPEATS} times or more is judged as `rarms` judges one, for each index of its
+APT twice: with a threshold that is drawn (seeded) to be {NEAREST:g} to {FARTHEST:g} times what the *other* runs showed,
+and with one that is too strict by as much. A verdict is wrong where the other runs show the contrary. Declared is that
+at most 1 of 100 runs gets a wrong one. Verdicts on the same run are not independent; the limits take them so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A way of choosing a reservation: what it chose for a component, and how that did."""
+
+    reserve: int  # per cent of the host
+    missed: int  # of `runs`, those in which the APT was not met
+    runs: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """Everything that was seen of one component."""
+
+    component: Component
+    curve: Mapping[int, Mapping[str, float]]  # by reservation, then index
+    needed: int | None  # the least reservation, in whole per cent, from which on every index is good enough
+    loaded: Mapping[int, float]  # the mean response time in ms, by what the load uses
+    trials: Mapping[str, Trial]  # by rule
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerdictCount:
+    """How verdicts on real runs did."""
+
+    judged: int
+    given: int
+    wrong: int
+
+
+def main() -> None:
+    """Write the page and its figures."""
+    robot, record = Path(sys.argv[1]).resolve(), Log(path=Path(sys.argv[2]))
+    components = components_of(robot, datetime.now(UTC).date())
+    found = [_findings(record, component, len(components)) for component in components.values()]
+    by_name = {findings.component.name: findings for findings in found}
+    browsers = beside_browsers(record)
+    verdicts = count_verdicts(record, components)
+    _write(DOCS / "figures" / "linux-figure-1.svg", draw(_chart_1(by_name[FDP])))
+    _write(DOCS / "figures" / "linux-figure-3.svg", draw(_chart_3(by_name)))
+    _write(DOCS / "figures" / "linux-figure-4.svg", draw(_chart_4(browsers)))
+    _write(DOCS / "evaluation.md", "\n".join([*_head(record), *page(found, browsers, verdicts)]))
+
+
+def page(
+    found: Sequence[Findings], browsers: Mapping[tuple[int, int], Sequence[float]], verdicts: VerdictCount
+) -> list[str]:
+    """Return the lines of the page but its head, which is about this machine."""
+    by_name = {findings.component.name: findings for findings in found}
+    return [
+        *_figure_1(found),
+        *_reservations(found),
+        *_figure_3(by_name),
+        *_figure_4(browsers),
+        *_comparison(found),
+        *_verdicts(verdicts),
+        "",
+    ]
+
+
+def _findings(record: Log, component: Component, components: int) -> Findings:
+    def curve(reserve: int) -> Mapping[str, float]:
+        return values_in(record.runs("reserve", component.name, reserve), component)
+
+    def trial(reserve: int) -> Trial:
+        runs = record.runs("reserve", component.name, reserve)
+        missed = sum(not meets(component, values_of(component, run)) for run in runs)
+        return Trial(reserve=reserve, missed=missed, runs=len(runs))
+
+    _, needed = bracket(record, component)
+    chosen = rules(record, component, _processors(), components)
+    return Findings(
+        component=component,
+        curve={reserve: curve(reserve) for reserve in RESERVES},
+        needed=needed,
+        loaded={
+            percent: value_of("mean_response_time", record.runs("class", component.name, percent)[0])
+            for percent in LOADS
+        },
+        trials={rule: trial(reserve) for rule, reserve in chosen.items()},
+    )
+
+
+def beside_browsers(record: Log) -> Mapping[tuple[int, int], Sequence[float]]:
+    """By pair of reservations, FDP's mean response time for each number of browsers."""
+    pairs = [record.records[Experiment(kind="browsers", component=FDP, setting=count)]["pairs"] for count in BROWSERS]
+    return {
+        pair: [value_of("mean_response_time", series_of(FDP, each[number])) for each in pairs]
+        for number, pair in enumerate(PAIRS)
+    }
+
+
+def count_verdicts(record: Log, components: Mapping[str, Component]) -> VerdictCount:
+    """Judge every run by thresholds around what the other runs of the same setting showed."""
+    outcomes = [outcome for component in components.values() for outcome in _verdicts_on(record, component)]
+    given = [outcome for outcome in outcomes if outcome is not None]
+    return VerdictCount(judged=len(outcomes), given=len(given), wrong=given.count(False))
+
+
+def _verdicts_on(record: Log, component: Component) -> Iterator[bool | None]:
+    """Whether each verdict was right; None: there was none."""
+    reserves = {each.setting for each in record.records if (each.kind, each.component) == ("reserve", component.name)}
+    for reserve in sorted(reserves):
+        runs = record.runs("reserve", component.name, reserve)
+        for number, series in enumerate(runs if len(runs) >= REPEATS else []):
+            others = [run for other, run in enumerate(runs) if other != number]
+            for index in component.apt:
+                truth = fmean(value_of(index, run) for run in others)
+                chance = random.Random(f"{component.name}/{reserve}/{number}/{index}")
+                factor = exp(chance.uniform(log(NEAREST), log(FARTHEST)))
+                for limit in (truth * factor, truth / factor):
+                    yield _is_right(component, index, series, truth, limit)
+
+
+def _is_right(component: Component, index: str, series: Series, truth: float, limit: float) -> bool | None:
+    at_most = isinstance(component.apt[index], AtMost)
+    if index == "success_rate" and limit > 100:
+        limit = (100 + truth) / 2
+    threshold = (AtMost if at_most else AtLeast)(value=Fraction(limit).limit_denominator(10**6))
+    match judge(series, {index: threshold}, run_of(component)):
+        case Met():
+            return truth <= limit if at_most else truth >= limit
+        case Missed():
+            return truth > limit if at_most else truth < limit
+        case _:
+            return None
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+def _chart_1(findings: Findings) -> Chart:
+    index, threshold = next(iter(findings.component.apt.items()))
+    line = [(reserve, values[index]) for reserve, values in findings.curve.items() if isfinite(values[index])]
+    apt = float(threshold.value)
+    return Chart(
+        title="Face detection on Linux: response time by reservation",
+        across="CPU reservation of P1 (%)",
+        up="mean response time (ms)",
+        lines={"measured": line, f"APT {apt:g} ms": [(0, apt), (100, apt)]},
+        span=(0, 100),
+        most=200 * -(-max(y for _, y in line) // 200),
+    )
+
+
+def _chart_3(by_name: Mapping[str, Findings]) -> Chart:
+    lines = {
+        name: [(percent, ms / by_name[component].loaded[0]) for percent, ms in by_name[component].loaded.items()]
+        for name, component in (("FDP, FIFO 30", FDP), ("SRP, FIFO 31", SRP), ("VSP", VSP), ("PPP", PPP))
+    }
+    return Chart(
+        title="One Linux without partitions: what a job takes, without load = 1",
+        across="processors used by the load (%)",
+        up="mean response time, times that without load",
+        lines=lines,
+        span=(0, 100),
+        most=max(2.5, -(-max(y for line in lines.values() for _, y in line) // 1)),
+    )
+
+
+def _chart_4(browsers: Mapping[tuple[int, int], Sequence[float]]) -> Chart:
+    lines = {f"{p1}/{p2}": list(zip(BROWSERS, times, strict=True)) for (p1, p2), times in browsers.items()}
+    return Chart(
+        title="Face detection beside browsers, by what P1 and P2 reserve (%)",
+        across="browsers in P2",
+        up="mean response time (ms)",
+        lines=lines,
+        span=(0, max(BROWSERS)),
+        most=100 * -(-max(y for line in lines.values() for _, y in line) // 100),
+    )
+
+
+def _head(record: Log) -> list[str]:
+    model = next(
+        line.partition(":")[2].strip()
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        if line.startswith("model name")
+    )
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    tree = find_tree(SLICE)
+    version = tree.version if isinstance(tree, GroupTree) else "none"
+    others = median(_others(record))
+    return [
+        "# The delivery robot on a real Linux",
+        "",
+        INTRODUCTION,
+        "",
+        f"- Machine: {model}, {_processors()} logical processors, {memory:.1f} GiB.",
+        f"- Linux {platform.release()}, control groups {version}, Python {platform.python_version()},",
+        f"  {datetime.now(UTC):%Y-%m-%d}.",
+        f"- {len(record.records)} experiments, runs of 4 to 12 s. P1 and P2 together got {100 - others:.1f} % of the",
+        "  processors in the median run; the rest went to others.",
+        "",
+    ]
+
+
+def _others(record: Log) -> Iterator[float]:
+    """Of each run beside busy loops, what neither group got, in per cent of the host."""
+    for experiment, seen in record.records.items():
+        if experiment.kind == "reserve" and len(consumed := seen["consumed"]) > 1:
+            (began, *first), (ended, *last) = consumed[0], consumed[-1]
+            yield 100 - 100 * (sum(last) - sum(first)) / (ended - began) / _processors()
+
+
+def _figure_1(found: Sequence[Findings]) -> list[str]:
+    columns = [(findings, index) for findings in found for index in findings.component.apt]
+    header = (f"{findings.component.name}: {index.replace('_', ' ')}" for findings, index in columns)
+    return [
+        "## Fig. 1: performance by reservation",
+        "",
+        FIGURE_1,
+        "",
+        "![Response time falls with the reservation](figures/linux-figure-1.svg)",
+        "",
+        _row("P1 reserves", *header),
+        "|---:|" + "---:|" * len(columns),
+        *(
+            _row(f"{reserve} %", *(_number(findings.curve[reserve][index]) for findings, index in columns))
+            for reserve in RESERVES
+        ),
+        "",
+    ]
+
+
+def _reservations(found: Sequence[Findings]) -> list[str]:
+    return [
+        "## The reservation found",
+        "",
+        FOUND,
+        "",
+        _row("component", "sweep", MEASURED, "apart"),
+        "|---|---:|---:|---:|",
+        *(
+            _row(
+                findings.component.name,
+                _needed(findings),
+                f"{findings.trials[MEASURED].reserve} %",
+                "" if findings.needed is None else f"{findings.trials[MEASURED].reserve - findings.needed:+} points",
+            )
+            for findings in found
+        ),
+        "",
+    ]
+
+
+def _figure_3(by_name: Mapping[str, Findings]) -> list[str]:
+    names = (FDP, SRP, VSP, PPP)
+    return [
+        "## Fig. 3: robotic classes under load",
+        "",
+        FIGURE_3,
+        "",
+        "![Classes stay flat, ordinary threads degrade](figures/linux-figure-3.svg)",
+        "",
+        _row("the load uses", *(f"{name} (ms)" for name in ("FDP", "SRP", "VSP", "PPP"))),
+        "|---:|---:|---:|---:|---:|",
+        *(_row(f"{percent} %", *(_number(by_name[name].loaded[percent]) for name in names)) for percent in LOADS),
+        "",
+    ]
+
+
+def _figure_4(browsers: Mapping[tuple[int, int], Sequence[float]]) -> list[str]:
+    return [
+        "## Fig. 4: browsers as interference",
+        "",
+        FIGURE_4,
+        "",
+        "![Face detection beside browsers](figures/linux-figure-4.svg)",
+        "",
+        _row("browsers", *(f"{p1}/{p2} (ms)" for p1, p2 in browsers)),
+        "|---:|" + "---:|" * len(browsers),
+        *(
+            _row(str(count), *(_number(times[number]) for times in browsers.values()))
+            for number, count in enumerate(BROWSERS)
+        ),
+        "",
+    ]
+
+
+def _comparison(found: Sequence[Findings]) -> list[str]:
+    return [
+        "## Beside what people do today",
+        "",
+        TODAY,
+        "",
+        _row("component", "needed", "rule", "it reserves", "missed", "too much"),
+        "|---|---:|---|---:|---:|---:|",
+        *(line for findings in found for line in _rows_of_trials(findings)),
+        "",
+        *_summary(found),
+        "",
+    ]
+
+
+def _rows_of_trials(findings: Findings) -> list[str]:
+    return [
+        _row(
+            findings.component.name,
+            _needed(findings),
+            rule,
+            f"{trial.reserve} %",
+            f"{trial.missed} of {trial.runs}",
+            "" if findings.needed is None else f"{max(0, trial.reserve - findings.needed)}",
+        )
+        for rule, trial in findings.trials.items()
+    ]
+
+
+def _needed(findings: Findings) -> str:
+    return f"more than {max(RESERVES)} %" if findings.needed is None else f"{findings.needed} %"
+
+
+def _summary(found: Sequence[Findings]) -> list[str]:
+    rows = [
+        _row("rule", "runs that missed an APT", "points reserved in all", "points too much in all"),
+        "|---|---:|---:|---:|",
+    ]
+    for rule in found[0].trials:
+        trials = [(findings.trials[rule], findings.needed or 0) for findings in found]
+        rows.append(
+            _row(
+                rule,
+                f"{sum(trial.missed for trial, _ in trials)} of {sum(trial.runs for trial, _ in trials)}",
+                f"{sum(trial.reserve for trial, _ in trials)}",
+                f"{sum(max(0, trial.reserve - needed) for trial, needed in trials)}",
+            )
+        )
+    return rows
+
+
+def _verdicts(count: VerdictCount) -> list[str]:
+    lower, upper = share_interval(count.wrong, count.given, error=0.1)
+    return [
+        "## Verdicts, checked by measuring again",
+        "",
+        VERDICTS,
+        "",
+        f"- {count.judged} were asked for, and {count.judged - count.given} "
+        f"({100 * (count.judged - count.given) / max(1, count.judged):.1f} %) have no verdict.",
+        f"- {count.wrong} of {count.given} are wrong: {100 * lower:.2f} to {100 * upper:.2f} % (one-sided 95 % limits),"
+        f" and {100 * ERROR:g} % is declared.",
+        "",
+    ]
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}" if isfinite(value) else "none"
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    main()
