@@ -17,7 +17,7 @@ MAY_READ = {
     "storage/lock.py": "a lock is an open file",
     "storage/shipped.py": "what rarms ships, as it was installed",
     "powershell/cmdlets.py": "a table inside the package",
-    "providers/cgroups/groups.py": "files of the kernel",
+    "providers/cgroups/kernel.py": "files of the kernel",
     "providers/cgroups/processes.py": "files of the kernel",
     "running/supervisor_process.py": "files of the kernel",
 }

@@ -18,7 +18,8 @@ from statistics import fmean, median
 from rarms_iac.model.measurement import Series, run_of
 from rarms_iac.model.outcomes import Met, Missed
 from rarms_iac.model.system import AtLeast, AtMost, Component
-from rarms_iac.providers.cgroups.groups import GroupTree, find_tree
+from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.versions import find_tree
 from rarms_iac.statistics.distributions import share_interval
 from rarms_iac.statistics.errors import ERROR
 from rarms_iac.statistics.verdicts import judge

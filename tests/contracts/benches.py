@@ -15,10 +15,11 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
-from rarms_iac.providers.cgroups import groups
-from rarms_iac.providers.cgroups.groups import CONTROL_GROUPS, GroupTree, find_tree
+from rarms_iac.providers.cgroups import kernel
+from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
+from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk
@@ -95,8 +96,8 @@ def copy_host(source: Path, target: Path) -> None:
 def kernel_effects_on_disk() -> Iterator[None]:
     """Inside, each effect on control groups is also one of the disk in use, so that a crash may come before it."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("_write", "_make_folder", "_remove_folder"):
-            patch.setattr(groups, name, _counted(name, getattr(groups, name)))
+        for name in ("write", "make_folder", "remove_folder"):
+            patch.setattr(kernel, name, _counted(name, getattr(kernel, name)))
         yield
 
 

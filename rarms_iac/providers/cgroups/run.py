@@ -42,9 +42,10 @@ from rarms_iac.providers.cgroups.content import (
     values_of,
     write_definition,
 )
-from rarms_iac.providers.cgroups.groups import GroupTree, MissingFeatures, find_tree
+from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
 from rarms_iac.providers.cgroups.processes import orphans
+from rarms_iac.providers.cgroups.versions import MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused, ObservedHost
 from rarms_iac.providers.journaled import JournaledHost
 from rarms_iac.storage import disk

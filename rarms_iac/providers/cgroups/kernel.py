@@ -1,0 +1,86 @@
+"""Files and folders of control groups: each write is one call that the kernel takes or refuses whole."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+LOOK_SECONDS = 0.005
+"""How often is looked whether something has happened."""
+
+
+def make_folder(folder: Path) -> None:
+    """Make a group; one that is there stays."""
+    folder.mkdir(exist_ok=True)
+
+
+def remove_folder(group: Path, until: float) -> None:
+    """Remove a group without processes; one that is gone is fine.
+
+    Args:
+        group: its folder.
+        until: the time (`time.monotonic`) until which a process that was just ended may hold it.
+
+    Raises:
+        TimeoutError: something keeps it.
+    """
+    while True:
+        try:
+            group.rmdir()
+        except FileNotFoundError:
+            return
+        except OSError:
+            wait(until, f"{group} cannot be removed")
+        else:
+            return
+
+
+def wait(until: float, message: str) -> None:
+    """Wait for a moment.
+
+    Raises:
+        TimeoutError: the time is over, with this message.
+    """
+    if time.monotonic() > until:
+        raise TimeoutError(message)
+    time.sleep(LOOK_SECONDS)
+
+
+def inner_first(group: Path) -> Iterator[Path]:
+    """The folders of a group and of those below it, the innermost first; nothing where it is not there."""
+    with suppress(FileNotFoundError):
+        for entry in sorted(group.iterdir()):
+            if entry.is_dir():
+                yield from inner_first(entry)
+        yield group
+
+
+def entry_of(file: Path, name: str) -> int:
+    """The number behind a name in a file of `name number` lines; 0 where it has none."""
+    return next((int(value) for word, value in (line.split() for line in read(file).splitlines()) if word == name), 0)
+
+
+def numbers(text: str) -> tuple[int, ...]:
+    """Read the kernel's form of a set of processors: `0-2,5`."""
+    spans = [part.partition("-") for part in text.split(",") if part]
+    return tuple(number for first, _, last in spans for number in range(int(first), int(last or first) + 1))
+
+
+def read(file: Path) -> str:
+    """The text of a file, without its line end. Raises OSError."""
+    return file.read_text(encoding="ascii").strip()
+
+
+def read_if_there(file: Path) -> str:
+    """The text of a file; empty where there is none."""
+    return read(file) if file.exists() else ""
+
+
+def write(file: Path, text: str) -> None:
+    """Write a file in one call: the kernel takes or refuses the whole value, and the file is never replaced."""
+    handle = os.open(file, os.O_WRONLY)
+    try:
+        os.write(handle, text.encode("ascii"))
+    finally:
+        os.close(handle)

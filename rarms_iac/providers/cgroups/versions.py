@@ -1,0 +1,248 @@
+"""Control groups of version 1 and of version 2, and which of them this machine has. Begin at `find_tree`."""
+
+import errno
+import mmap
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rarms_iac.providers.cgroups import kernel
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues
+
+CONTROL_GROUPS = Path("/sys/fs/cgroup")
+
+_CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: with it a group is there
+_CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
+_MOST_SHARES_V1, _MOST_WEIGHT_V2 = 262_144, 10_000
+_NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
+_PAGE = mmap.PAGESIZE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingFeatures:
+    """The parts of the kernel, and the rights, that control groups need and that are not here."""
+
+    names: tuple[str, ...]
+
+
+class GroupTreeV1(GroupTree):
+    """Version 1: a hierarchy for each controller."""
+
+    @property
+    def version(self) -> str:
+        """See `GroupTree.version`."""
+        return "v1"
+
+    def write(self, name: str, values: GroupValues) -> None:
+        """See `GroupTree.write`."""
+        kernel.write(self._file("cpu", name, "cpu.shares"), str(_shares(values)))
+        quota = self._file("cpu", name, "cpu.cfs_quota_us")
+        if values.quota_percent is None:
+            kernel.write(quota, "-1")
+        else:
+            kernel.write(quota, "-1")  # the old quota may be more than the new period allows
+            kernel.write(self._file("cpu", name, "cpu.cfs_period_us"), str(values.period_us))
+            kernel.write(quota, str(round(values.quota_percent * values.period_us / 100)))
+        processors = self._file("cpuset", name, "cpuset.cpus")
+        kernel.write(
+            processors, kernel.read(self._slices["cpuset"] / "cpuset.cpus") if not values.processors else _list(values)
+        )
+        limit = -1 if values.memory is None else values.memory
+        kernel.write(self._file("memory", name, "memory.limit_in_bytes"), str(limit))
+
+    def read(self, name: str) -> GroupValues:
+        """See `GroupTree.read`."""
+        quota = int(kernel.read(self._file("cpu", name, "cpu.cfs_quota_us")))
+        period = int(kernel.read(self._file("cpu", name, "cpu.cfs_period_us")))
+        all_processors = kernel.read_if_there(self._slices["cpuset"] / "cpuset.cpus")
+        # Who makes a group by hand may leave out a controller, or the processors of its set.
+        memory = int(kernel.read_if_there(self._file("memory", name, "memory.limit_in_bytes")) or _NO_MEMORY_LIMIT_V1)
+        processors = kernel.read_if_there(self._file("cpuset", name, "cpuset.cpus"))
+        return GroupValues(
+            shares_percent=int(kernel.read(self._file("cpu", name, "cpu.shares"))) / 10,
+            quota_percent=None if quota < 0 else quota * 100 / period,
+            period_us=USUAL_PERIOD_US if quota < 0 else period,
+            processors=None if processors in {"", all_processors} else kernel.numbers(processors),
+            memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
+        )
+
+    def shown(self, values: GroupValues) -> GroupValues:
+        """See `GroupTree.shown`."""
+        return replace(
+            values,
+            shares_percent=_shares(values) / 10,
+            quota_percent=_rounded_quota(values),
+            period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
+            memory=_whole_pages(values.memory),
+        )
+
+    def cpu_ms(self, name: str) -> float:
+        """See `GroupTree.cpu_ms`."""
+        return int(kernel.read(self._file("cpuacct", name, "cpuacct.usage"))) / 1e6
+
+    def throttled_ms(self, name: str) -> float:
+        """See `GroupTree.throttled_ms`."""
+        return kernel.entry_of(self._file("cpu", name, "cpu.stat"), "throttled_time") / 1e6
+
+    def usable_processors(self) -> int:
+        """See `GroupTree.usable_processors`."""
+        folder = self._slices["cpuset"]
+        return len(kernel.numbers(kernel.read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus")))
+
+    def _prepare_slice(self) -> None:
+        for folder in self._folders:
+            kernel.make_folder(folder)
+        _fill_cpuset(self._slices["cpuset"])
+        kernel.write(self._slices["cpu"] / "cpu.shares", str(_MOST_SHARES_V1))
+
+    def _prepare_group(self, name: str) -> None:
+        _fill_cpuset(self._slices["cpuset"] / name)
+
+
+class GroupTreeV2(GroupTree):
+    """Version 2: one hierarchy."""
+
+    @property
+    def version(self) -> str:
+        """See `GroupTree.version`."""
+        return "v2"
+
+    def write(self, name: str, values: GroupValues) -> None:
+        """See `GroupTree.write`."""
+        if values.memory is not None and (used := self._unreclaimable(name)) > values.memory:
+            raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
+        kernel.write(self._file("cpu", name, "cpu.weight"), str(_weight(values)))
+        percent, period = values.quota_percent, values.period_us
+        quota = "max" if percent is None else str(round(percent * period / 100))
+        kernel.write(self._file("cpu", name, "cpu.max"), f"{quota} {period}")
+        kernel.write(self._file("cpuset", name, "cpuset.cpus"), _list(values) if values.processors else "\n")
+        kernel.write(self._file("memory", name, "memory.max"), "max" if values.memory is None else str(values.memory))
+
+    def read(self, name: str) -> GroupValues:
+        """See `GroupTree.read`."""
+        quota, period = kernel.read(self._file("cpu", name, "cpu.max")).split()
+        memory = kernel.read(self._file("memory", name, "memory.max"))
+        processors = kernel.read(self._file("cpuset", name, "cpuset.cpus"))
+        return GroupValues(
+            shares_percent=float(kernel.read(self._file("cpu", name, "cpu.weight"))),
+            quota_percent=None if quota == "max" else int(quota) * 100 / int(period),
+            period_us=USUAL_PERIOD_US if quota == "max" else int(period),
+            processors=kernel.numbers(processors) or None,
+            memory=None if memory == "max" else int(memory),
+        )
+
+    def shown(self, values: GroupValues) -> GroupValues:
+        """See `GroupTree.shown`."""
+        return replace(
+            values,
+            shares_percent=float(_weight(values)),
+            quota_percent=_rounded_quota(values),
+            period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
+            memory=_whole_pages(values.memory),
+        )
+
+    def _unreclaimable(self, name: str) -> int:
+        return kernel.entry_of(self._file("memory", name, "memory.stat"), "anon")
+
+    def cpu_ms(self, name: str) -> float:
+        """See `GroupTree.cpu_ms`."""
+        return kernel.entry_of(self._file("cpu", name, "cpu.stat"), "usage_usec") / 1e3
+
+    def throttled_ms(self, name: str) -> float:
+        """See `GroupTree.throttled_ms`."""
+        return kernel.entry_of(self._file("cpu", name, "cpu.stat"), "throttled_usec") / 1e3
+
+    def usable_processors(self) -> int:
+        """See `GroupTree.usable_processors`."""
+        folder = self._slices["cpu"]
+        return len(
+            kernel.numbers(kernel.read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus.effective"))
+        )
+
+    def _prepare_slice(self) -> None:
+        folder = self._slices["cpu"]
+        for parent in (folder.parent, folder):
+            kernel.make_folder(parent)
+            kernel.write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in _CONTROLLERS_V2))
+        kernel.write(folder / "cpu.weight", str(_MOST_WEIGHT_V2))
+
+    def _prepare_group(self, name: str) -> None:
+        """Nothing: in version 2 a group without processors of its own has those of the slice."""
+
+
+def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_GROUPS) -> GroupTree | MissingFeatures:
+    """Choose the version that this machine has, version 2 where it has both.
+
+    Args:
+        slice_name: of the group below which ours lie.
+        version: automatic, v1 or v2.
+        root: where control groups are mounted.
+
+    Returns:
+        The groups below the slice, which need not be there yet; or what is missing, of version 1 where it is that of
+        both.
+    """
+    unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
+    missing_v2 = tuple(_missing_v2(unified))
+    if version == "v2" or (version == "automatic" and not missing_v2):
+        slices = dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_name)
+        return MissingFeatures(names=missing_v2) if missing_v2 else GroupTreeV2(slices)
+    if missing_v1 := tuple(_missing_v1(root)):
+        return MissingFeatures(names=missing_v1)
+    return GroupTreeV1({name: (root / name).resolve() / slice_name for name in _CONTROLLERS_V1})
+
+
+def _missing_v1(root: Path) -> Iterator[str]:
+    for name in _CONTROLLERS_V1:
+        if not (root / name / "cgroup.procs").is_file():
+            yield f"the controller {name} of version 1 at {root / name}"
+        elif not os.access(root / name, os.W_OK):
+            yield f"the right to make groups in {root / name}"
+    if (root / "cpu" / "cpu.shares").is_file() and not (root / "cpu" / "cpu.cfs_quota_us").is_file():
+        yield "quotas of processor time (CONFIG_CFS_BANDWIDTH)"
+
+
+def _missing_v2(root: Path) -> Iterator[str]:
+    offered = _controllers(root)
+    for name in _CONTROLLERS_V2:
+        if name not in offered:
+            yield f"the controller {name} of version 2 in {root / 'cgroup.controllers'}"
+    if offered and not os.access(root, os.W_OK):
+        yield f"the right to make groups in {root}"
+
+
+def _controllers(root: Path) -> frozenset[str]:
+    try:
+        return frozenset(kernel.read(root / "cgroup.controllers").split())
+    except OSError:
+        return frozenset()
+
+
+def _shares(values: GroupValues) -> int:
+    return min(max(2, round(values.shares_percent * 10)), _MOST_SHARES_V1)
+
+
+def _weight(values: GroupValues) -> int:
+    return min(max(1, round(values.shares_percent)), _MOST_WEIGHT_V2)
+
+
+def _whole_pages(memory: int | None) -> int | None:
+    return None if memory is None else memory - memory % _PAGE
+
+
+def _rounded_quota(values: GroupValues) -> float | None:
+    if values.quota_percent is None:
+        return None
+    return round(values.quota_percent * values.period_us / 100) * 100 / values.period_us
+
+
+def _fill_cpuset(group: Path) -> None:
+    """Give a group of version 1 its parent's processors and memory nodes, without which no process may join."""
+    for file in ("cpuset.cpus", "cpuset.mems"):
+        if not kernel.read(group / file):
+            kernel.write(group / file, kernel.read(group.parent / file))
+
+
+def _list(values: GroupValues) -> str:
+    return ",".join(str(number) for number in values.processors or ())
