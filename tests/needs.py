@@ -115,6 +115,7 @@ NEEDS: dict[str, Need] = {
     "venv": Need(missing=_no_venv, obtainable=_on_posix),
     "yaml-language-server": Need(missing=_program("yaml-language-server"), obtainable=_on_linux),
     "windows": Need(missing=lambda: "" if ON_WINDOWS else "this is not Windows", obtainable=lambda: ON_WINDOWS),
+    "mingw": Need(missing=_program("x86_64-w64-mingw32-g++"), obtainable=_on_linux),
     "wine": Need(missing=_program("wine"), obtainable=_on_linux),
 }
 

@@ -3,6 +3,7 @@
 Begin at `run_components`: it shows whether the manifest's `run` is right, before anything is measured.
 """
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
@@ -27,6 +28,7 @@ from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.interface import HostError
 from rarms_iac.providers.measuring import PartitionWork
+from rarms_iac.rcss import CannotJoin, robotic_task
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
@@ -289,6 +291,8 @@ def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter
 
     A manifest without a Linux host has no partition for processes of this machine.
     """
+    if sys.platform == "win32":
+        return _task_of(component, reporter)
     system, reasons = manifest.system, []
     group = next((group for group in groups_of(system) if component in group.members), None)
     hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
@@ -308,6 +312,26 @@ def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter
         return place
     reporter.placed(f"{component.name} runs without a reservation, beside everything else: {'; '.join(reasons)}.")
     return ProcessPlace()
+
+
+def _task_of(component: Component, reporter: SampleReporter) -> ProcessPlace:
+    """The task class for the runner's own thread on Windows, where it can be joined; other threads have to ask."""
+    task = component.task
+    if task is None:
+        return ProcessPlace()
+    if component.run is None or not isinstance(component.run.start, Call):
+        reporter.placed(
+            f"{component.name} is a command: only its own threads can join {task}, by a call that its author adds "
+            "(docs/task-classes.md)."
+        )
+        return ProcessPlace()
+    try:
+        with robotic_task(task):
+            reporter.placed(f"{component.name} runs in the task class {task}.")
+    except CannotJoin as problem:
+        reporter.placed(f"{component.name} runs without its task class: {problem}")
+        return ProcessPlace()
+    return ProcessPlace(task=task)
 
 
 def _run_group(

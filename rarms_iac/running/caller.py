@@ -1,7 +1,8 @@
 """Calls a component's function, job after job, and sends the outcome of each. A program of its own (`run.call`).
 
 Arguments: the manifest's folder, module, function, the period in ms (0: the next job starts when the last one ended),
-and `values` where what the function returns is to be sent. Standard library only: the component brings the rest.
+`values` where what the function returns is to be sent, and the task class that this thread joins; empty: none. Standard
+library only: the component brings the rest.
 
 It sends a JSON object a line on what was its standard output; what the function prints goes to standard
 error instead, so that nothing it prints can be taken for a sample.
@@ -9,33 +10,51 @@ error instead, so that nothing it prints can be taken for a sample.
 
 import functools
 import importlib
+import importlib.util
 import json
 import os
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from pathlib import Path
 
 LONGEST = 60_000
 
 
 def main(words: list[str]) -> None:
     """Load the function, then call it until nobody listens."""
-    base, module, name, period, sends = words
+    base, module, name, period, sends, task = words
     answers = os.dup(1)
     os.dup2(2, 1)
     sys.path[:0] = list(dict.fromkeys([os.getcwd(), base]))  # noqa: PTH109 - what Python itself would put there
-    try:
-        function = getattr(importlib.import_module(module), name)
-    except BaseException as error:
-        send(answers, cannot=describe(error))
-        raise
-    if not callable(function):
-        send(answers, cannot=f"{module}:{name} is not a function")
-        return
-    begun = time.perf_counter()
-    send(answers, ready=begun)
-    report = functools.partial(send, answers)
-    call(function, begun, float(period) / 1000, report, with_result=sends == "values")
+    with ExitStack() as memberships:
+        try:
+            function = getattr(importlib.import_module(module), name)
+            memberships.enter_context(task_class(task))
+        except BaseException as error:
+            send(answers, cannot=describe(error))
+            raise
+        if not callable(function):
+            send(answers, cannot=f"{module}:{name} is not a function")
+            return
+        begun = time.perf_counter()
+        send(answers, ready=begun)
+        report = functools.partial(send, answers)
+        call(function, begun, float(period) / 1000, report, with_result=sends == "values")
+
+
+def task_class(name: str) -> AbstractContextManager[None]:
+    """Membership in a task class; rarms itself need not be where this program finds modules."""
+    if not name:
+        return nullcontext()
+    spec = importlib.util.spec_from_file_location("rcss", Path(__file__).resolve().parents[1] / "rcss.py")
+    assert spec is not None
+    assert spec.loader is not None
+    rcss = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(rcss)
+    membership: AbstractContextManager[None] = rcss.robotic_task(name)
+    return membership
 
 
 def call(

@@ -43,11 +43,14 @@ class ProcessPlace:
     """Where a component's processes are to be; empty: beside everything else on the machine.
 
     `words` stand before the component's own (`chrt`, `taskset`); `join` are files that take the process' id before
-    the component begins (`cgroup.procs`), so that nothing of it ever runs outside.
+    the component begins (`cgroup.procs`), so that nothing of it ever runs outside. `environment` is for `rcss`, and
+    `task` is the class that the caller's thread joins, where only the thread itself can (Windows).
     """
 
     words: tuple[str, ...] = ()
     join: tuple[Path, ...] = ()
+    environment: Mapping[str, str] = field(default_factory=dict)
+    task: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +84,7 @@ def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
     if not folder.is_dir():
         raise CannotStart(component, f"its folder {folder} is not there")
     environment = environment_of(component, run, context.environment)
-    return order_of_words(component, _words(run, context.base), folder, context, environment=environment, stop=run.stop)
+    return order_of_words(component, _words(run, context), folder, context, environment=environment, stop=run.stop)
 
 
 def order_of_words(
@@ -110,7 +113,7 @@ def order_of_words(
         name=name,
         words=(program, *(*before, *resolved)[1:]),
         folder=folder.resolve(),
-        environment=known,
+        environment={**known, **context.inside.environment},
         stop=stop or Stop(),
         join=context.inside.join,
     )
@@ -135,12 +138,13 @@ def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str
     return environment
 
 
-def _words(run: Run, base: Path) -> tuple[str, ...]:
+def _words(run: Run, context: StartContext) -> tuple[str, ...]:
     match run.start:
         case Command(words=words):
             return words
         case Call(module=module, function=function):
-            return (sys.executable, "-P", str(CALLER), str(base.resolve()), module, function, *_pace(run))
+            base = str(context.base.resolve())
+            return (sys.executable, "-P", str(CALLER), base, module, function, *_pace(run), context.inside.task)
 
 
 def _pace(run: Run) -> tuple[str, str]:

@@ -1,5 +1,6 @@
 """A Linux host as one that is measured on: real components and loads, each started inside its control group."""
 
+import json
 import os
 import platform
 import time
@@ -12,7 +13,6 @@ from pathlib import Path
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.measurement import Bench, Sample, SettingEvidence, run_of
-from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
@@ -25,6 +25,7 @@ from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms, kernel_tex
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import PartitionWork, Work
+from rarms_iac.rcss import CLASSES_VARIABLE
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, check_load
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, order_of
@@ -154,7 +155,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     def _inside(self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()) -> StartContext:
         place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
-        return replace(self._context, inside=replace(place, words=words))
+        return replace(self._context, inside=replace(place, words=words, environment=class_environment(part)))
 
     def place(self, part: PartitionWork, application: str) -> ProcessPlace:
         """Return where the processes of a component belong: in the control group of its partition, in its task class.
@@ -167,9 +168,10 @@ class LinuxMeasuringHost(LinuxHostProvider):
             HostRefused: the partition is not there or does not run.
         """
         (component,) = part.components
-        real_time = part.deadline_period_us is None and bool(class_words(component, part.classes))
+        real_time = bool(class_environment(part))
         group = self._running_group(part.partition, application, real_time=real_time)
-        return replace(self.tree.place(group), words=self._words(component, part, group))
+        words, environment = self._words(component, part, group), class_environment(part)
+        return replace(self.tree.place(group), words=words, environment=environment)
 
     def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
         """The control group of a partition that runs, with a budget for task classes where some are to run there."""
@@ -218,10 +220,21 @@ def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[s
     """
     for values in classes:
         if component.task is not None and values.name.lower() == component.task.lower():
-            priority = thread_priority(values.category, values.priority, values.background_priority)
-            words = ("chrt", "--fifo", str(priority))
+            words = ("chrt", "--fifo", str(values.thread_priority))
             return ("taskset", f"{values.affinity:x}", *words) if values.affinity else words
     return ()
+
+
+def class_environment(part: PartitionWork) -> dict[str, str]:
+    """Return what `rcss` reads of a partition's task classes: a single thread of any component may join each of them.
+
+    Args:
+        part: where its components have deadlines, the kernel gives them no priority beside.
+    """
+    if not part.classes or part.deadline_period_us is not None:
+        return {}
+    known = {values.name: {"priority": values.thread_priority, "affinity": values.affinity} for values in part.classes}
+    return {CLASSES_VARIABLE: json.dumps(known)}
 
 
 @dataclass(slots=True, kw_only=True)

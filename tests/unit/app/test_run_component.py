@@ -13,6 +13,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from rarms_iac import rcss
 from rarms_iac.providers.cgroups.run import STATE_FOLDER
 from rarms_iac.storage.shipped import shipped
 from scripts.output_schema import output_schema
@@ -169,6 +170,38 @@ def test_ctrl_c_ends_the_component_and_the_command(tmp_path: Path) -> None:
     pid = int((tmp_path / "pid").read_text(encoding="ascii"))
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+JOB = "import time\ndef job():\n    time.sleep(0.001)\n    return {'ms': 1}\n"
+
+
+@pytest.mark.needs("windows")
+@pytest.mark.parametrize(
+    ("run", "task", "message"),
+    [
+        ("call: 'vision:job'", "ObjectIdentification", "vision runs in the task class ObjectIdentification."),
+        (
+            "call: 'vision:job'",
+            "MotionControl",
+            'without its task class: cannot join the task class "MotionControl" (1550)',
+        ),
+        ("command: [python3, vision.py]", "ObjectIdentification", "only its own threads can join ObjectIdentification"),
+    ],
+)
+def test_on_windows_the_runner_joins_for_a_call_and_others_are_told_what_to_add(
+    run: str, task: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rcss, "_AVRT", str(CHECKOUT / ".cache" / "windows" / "avrt" / "avrt.dll"))
+    manifest(tmp_path, vision=JOB if "call" in run else QUICK)
+    text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
+    text = text.replace("criticality: 10", f"criticality: 10\n    task: {task}")
+    text = text.replace("command: [python3, vision.py]", run)
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
+
+    ran = rarms("run", "-f", str(tmp_path), "--samples", "2")
+
+    assert ran.code == 0, ran.err
+    assert message in " ".join(ran.err.split())
 
 
 WHERE = """
