@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.wiring import read_script_output
+from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.doctor.examination import Examination
-from rarms_iac.applying.doctor.examine import examine
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, in_order

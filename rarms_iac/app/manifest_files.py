@@ -1,5 +1,6 @@
 """Writing manifests: a first one to start from, and any in its canonical form."""
 
+import re
 from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,15 +9,50 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, conflict_finding
 from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
-from rarms_iac.manifest.init import initial_manifest, name_from, tutorial_manifest
+from rarms_iac.manifest.edit.values import set_value
 from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path
 from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.names import is_name
+from rarms_iac.model.names import WINDOWS_DEVICES, is_name
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import read_file
 from rarms_iac.storage.shipped import shipped_text
+
+_LONGEST = 63
+_WITHOUT_A_NAME = "my-application"
+
+
+def initial_manifest(name: str) -> str:
+    """Make a commented manifest, which validates and plans on a simulated host as it is.
+
+    Args:
+        name: of the application.
+
+    Returns:
+        Its text.
+    """
+    template = shipped_text("templates/init/rarms.yaml")
+    return set_value(template, ("application", "name"), name)
+
+
+def tutorial_manifest() -> str:
+    """Return the manifest of docs/tutorial.md: three components that need more than there is until two share."""
+    return shipped_text("templates/init/tutorial.yaml")
+
+
+def name_from(folder: str) -> str:
+    """Make a name that an application may have: `My Robot (2)` -> `my-robot-2`.
+
+    Args:
+        folder: a name of a folder, of any characters.
+
+    Returns:
+        At most 63 small letters, digits and hyphens.
+    """
+    name = re.sub(r"[^a-z0-9]+", "-", folder.lower()).strip("-")[:_LONGEST].strip("-")
+    return _WITHOUT_A_NAME if name == "" or name in WINDOWS_DEVICES else name
+
 
 _BLANK_BYTES = 4096
 """A larger file is not looked into."""

@@ -7,7 +7,7 @@ from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts, refuse_unfinished
 from rarms_iac.app.requests import HostSelection, PlanLimits
-from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES
+from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
 from rarms_iac.applying.goals import FIXED
 from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.applying.prepare import Judge, PlanningRequest, prepare
@@ -21,7 +21,7 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.storage.finding_pages import known_codes
+from rarms_iac.storage.shipped import known_codes
 
 _PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
 """What a whole plan can find."""

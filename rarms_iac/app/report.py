@@ -12,6 +12,7 @@ from rarms_iac.app.data_logs import (
     path_of,
     subject_of,
 )
+from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.graph import candidate_nodes
@@ -22,7 +23,6 @@ from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.tuning_log import tunings_of
-from rarms_iac.applying.host_drift import drift_of_hosts
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors

@@ -11,7 +11,7 @@ from rarms_iac import __version__
 from rarms_iac.applying.adoption import adoption, releasing
 from rarms_iac.applying.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
 from rarms_iac.applying.plan_summary import totals_of
-from rarms_iac.applying.review.review_plan import review_plan
+from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
 from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope, start_changes, stop_changes

@@ -52,7 +52,7 @@ def run_guarded(
         return _tell(session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources)
     except KeyboardInterrupt as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
-        from rarms_iac.views.messages import interruption_text
+        from rarms_iac.views.run import interruption_text
 
         terminal.talk(interruption_text(code.name.lower(), session.command))
         return code

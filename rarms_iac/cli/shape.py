@@ -7,7 +7,7 @@ import click
 
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.storage.finding_pages import known_codes
+from rarms_iac.storage.shipped import known_codes
 from rarms_iac.views.completion import CommandShape, OptionShape
 from rarms_iac.views.finding_forms import OutputFormat
 

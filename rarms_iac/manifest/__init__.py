@@ -2,6 +2,6 @@
 
 Files that a user names come in; `load.load` gives the `System` and ordered findings. On the way: `text` (characters,
 YAML, positions), `overlays`, `document` (the fields as pydantic reads them, their JSON Schema, and messages),
-`to_system`, `checks` (what the manifest means) and `acceptance`. `edit` changes and formats a text with its comments,
-and `init` has the manifest that `rarms init` writes. Begin with `load`.
+`to_system`, `checks` (what the manifest means) and `acceptance`. `edit` changes and formats a text with its comments.
+Begin with `load`.
 """

@@ -6,7 +6,7 @@ from datetime import date
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
 from rarms_iac.model.wording import suggestion
-from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
+from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line
 
 EXPIRED = Finding(code="RARMS095", severity=Severity.WARNING, summary="An acceptance has expired")
 UNUSED = Finding(code="RARMS096", severity=Severity.WARNING, summary="An acceptance is not used")

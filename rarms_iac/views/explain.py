@@ -4,7 +4,7 @@ import re
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.explanation import Explanation, HostExplanation
-from rarms_iac.storage.finding_pages import known_codes
+from rarms_iac.storage.shipped import known_codes
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
 from rarms_iac.views.explanation_steps import NO_LAYOUT, steps_of

@@ -94,7 +94,7 @@ def findings_as(
         case OutputFormat.JSON:
             return findings_json(diagnostics, accepted=accepted)
         case OutputFormat.SARIF:
-            from rarms_iac.storage.finding_pages import finding_page
+            from rarms_iac.storage.shipped import finding_page
 
             return as_sarif(in_repository(diagnostics), page=finding_page, accepted=in_repository(accepted))
         case OutputFormat.JUNIT:

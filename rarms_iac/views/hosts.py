@@ -237,3 +237,12 @@ def _drift_output(host: HostDrift, drifted: ResourceDrift) -> DriftedResourceOut
         message=drifted.message,
         attributes=() if change is None else change_output(change).attributes,
     )
+
+
+def snapshot_script_text(path: str, name: str) -> str:
+    """Say how the script that looks, written to a path, is run on its host."""
+    return (
+        f"Wrote {path}. Run it on the host as administrator, and take what it prints along:\n"
+        f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {name} > host.json\n"
+        "Plan from it with: rarms plan --snapshot HOST=host.json"
+    )

@@ -308,3 +308,17 @@ def _partition_outputs(part: HostPlan) -> Iterator[PartitionRunOutput]:
             yield PartitionRunOutput(
                 name=name, components=part.components.get(name, ()), reserved_processors=float(reserved)
             )
+
+
+def interruption_text(ending: str, command: str) -> "RenderableType":
+    """Say that a command was interrupted or terminated, and how to go on; an empty line stands before it."""
+    return stack("", paragraph(f"rarms was {ending}.{_advice_to_resume(command)}"))
+
+
+def _advice_to_resume(command: str) -> str:
+    """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
+    if command in {"measure", "prove", "tune"}:
+        return " What is recorded stays. The same command goes on where it stopped."
+    if command in {"apply", "destroy", "import", "release", "start", "stop", "undo"}:
+        return " If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
+    return ""

@@ -7,8 +7,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.shape import command_shapes, top_shape
-from rarms_iac.storage.finding_pages import code_of, finding_page, is_code
-from rarms_iac.storage.shipped import shipped_text
+from rarms_iac.storage.shipped import code_of, finding_page, is_code, shipped_text
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.completion import Shell, completion_script
 from rarms_iac.views.explain import page_text, unknown_code

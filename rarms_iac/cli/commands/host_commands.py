@@ -19,8 +19,7 @@ from rarms_iac.cli.options import host_options, host_or_snapshot_options, json_o
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.finding_forms import OutputTarget
-from rarms_iac.views.hosts import doctor_as, drift_json, drift_text
-from rarms_iac.views.messages import snapshot_script_text
+from rarms_iac.views.hosts import doctor_as, drift_json, drift_text, snapshot_script_text
 from rarms_iac.views.status import history_json, history_text, status_json, status_text
 
 

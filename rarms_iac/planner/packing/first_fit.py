@@ -1,11 +1,12 @@
 """A start for the solver, and often the end: the best of a few first fits.
 
 Partitions are placed one after another, each on the first host that has room, and none is placed anew. The order of the
-partitions and the order in which a partition tries its hosts make the difference; a few dozen ways are tried.
+partitions and the order in which a partition tries its hosts make the difference; a few dozen ways are tried. Bounds by
+sums alone tell when none can be better.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import islice, product
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import accumulate, islice, product
 from random import Random
 
 from rarms_iac.model.capacity import packs_by_size
@@ -156,3 +157,48 @@ def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
         if names not in seen:
             seen.append(names)
             yield order
+
+
+def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
+    """Say whether all hosts together are too small for the least that the partitions claim.
+
+    Args:
+        items: the partitions, each with at least one claim.
+        bins: all hosts.
+
+    Returns:
+        True: there is no packing, in processors or in memory. False says nothing.
+    """
+    free = [free_in(host) for host in bins]
+    percent, memory = sum(max(0, load.percent) for load in free), sum(max(0, load.memory) for load in free)
+    return sum(map(least_cost, items)) > percent or sum(map(least_memory, items)) > memory
+
+
+def lower_bound(items: Sequence[Item], bins: Sequence[Bin]) -> Objective:
+    """Return the reservation with each partition where it reserves least, and the moves that nothing avoids.
+
+    A host keeps at most so many of the partitions that are on it as it has room for with the smallest first, in
+    processors and in memory; all others that run have to move.
+
+    Args:
+        items: the partitions, each with at least one claim.
+        bins: all hosts.
+
+    Returns:
+        No packing has less of either; a packing that meets both is optimal.
+    """
+    running = [item for item in items if item.current_host]
+    moves = len(running)
+    for host in bins:
+        staying = [item for item in running if item.current_host == host.name and host.name in item.claims]
+        claims = [item.claims[host.name] for item in staying]
+        free = free_in(host)
+        moves -= min(
+            _number_that_fits((claim.percent for claim in claims), free.percent),
+            _number_that_fits((claim.memory for claim in claims), free.memory),
+        )
+    return sum(map(least_cost, items)), moves
+
+
+def _number_that_fits(sizes: Iterable[int], room: int) -> int:
+    return sum(total <= room for total in accumulate(sorted(sizes)))

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import holds
 from rarms_iac.planner.packing.assignment import Assignment
-from rarms_iac.planner.packing.bounds import exceeds_capacity, lower_bound
-from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit
+from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit, exceeds_capacity, lower_bound
 from rarms_iac.planner.packing.highs import is_installed, minimise
 from rarms_iac.planner.packing.names import first_by_name
 from rarms_iac.planner.packing.repair import find_by_repacking

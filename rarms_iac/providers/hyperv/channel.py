@@ -1,7 +1,8 @@
 """A program that was started, line by line: what it writes, what it is sent, and whether it still lives.
 
 Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
-gets a process group of its own: Ctrl-C is for rarms, which then asks the script to stop after the running step.
+gets a process group of its own: Ctrl-C is for rarms, which then asks the script to stop after the running step. What it
+writes is read as events (docs/scripts.md), strictly: any other line is noise.
 """
 
 import contextlib
@@ -15,6 +16,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
 from types import TracebackType
+
+from rarms_iac.providers.interface import RunEvent
+from rarms_iac.storage.codec import NotDecodable, decode
+from rarms_iac.storage.digest import parse_json
 
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
@@ -140,3 +145,23 @@ def _kill(process: "subprocess.Popen[bytes]") -> None:
     else:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
+
+
+FORMAT = "rarms-event/1"
+
+LONGEST = 100_000
+"""Characters of a line that is looked at; a script's own are far shorter."""
+
+
+def read_event(line: str) -> RunEvent | None:
+    """The event that a line is, None where it is none of this format."""
+    if len(line) > LONGEST or not line.startswith("{"):
+        return None
+    try:
+        document = parse_json(line)
+        if not isinstance(document, dict) or document.pop("format", None) != FORMAT:
+            return None
+        event = decode(RunEvent, document)
+    except NotDecodable:
+        return None
+    return event if 0 <= event.number <= event.total else None

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES, examine
 from rarms_iac.applying.doctor.examination import Examination
-from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES, examine
 from rarms_iac.applying.doctor.windows import effective_responsiveness
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.review.host_effects import busy_share
-from rarms_iac.applying.review.review_plan import review_plan
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
 from rarms_iac.model.diagnostics import Diagnostic

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rarms_iac.app.manifest_files import initial_manifest, name_from
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.edit.formatting import format_text
-from rarms_iac.manifest.init import initial_manifest, name_from
 from rarms_iac.manifest.load import load
 from rarms_iac.model.names import is_name
 

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from rarms_iac.providers.hyperv.events import read_event
+from rarms_iac.providers.hyperv.channel import read_event
 from rarms_iac.providers.interface import EventKind, EventStatus, RunEvent
 
 EVENT = {
