@@ -66,6 +66,7 @@ def test_debug_shows_the_trace() -> None:
     ("command", "advice"),
     [
         ("apply", "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."),
+        ("stop", "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."),
         ("measure", "What is recorded stays. The same command goes on where it stopped."),
         ("prove", "What is recorded stays. The same command goes on where it stopped."),
         ("plan", ""),
