@@ -1,7 +1,7 @@
 """How an application stands: what is on its hosts, what was proven, what no longer holds, and what to do next."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.app.drift import look_for_drift
@@ -107,7 +107,7 @@ def overview_of(hosts: Hosts) -> Overview:
     overviews = _host_overviews(hosts)
     stale = {log.path: log.stale for log in report.measurements if log.stale} if report else {}
     unmeasured = report.unmeasured if report else tuple(_measured_groups(hosts.system))
-    proofs = report.proofs if report else ()
+    proofs = _beside_what_is_there(report.proofs, overviews) if report else ()
     return Overview(
         application=hosts.system.application.name,
         hosts=overviews,
@@ -141,6 +141,23 @@ def _report(hosts: Hosts) -> Report | None:
         if any(problem.code != NOTHING_MEASURED.code for problem in error.diagnostics):
             raise
         return None
+
+
+def _beside_what_is_there(
+    proofs: Sequence[ComponentProof], hosts: Sequence[HostOverview]
+) -> tuple[ComponentProof, ...]:
+    """The proofs, with those outdated whose partition is not on its host as it was applied."""
+    changed = {
+        component
+        for host in hosts
+        for partition in host.partitions
+        if partition.kind is not None and partition.kind.is_of_the_host
+        for component in partition.components
+    }
+    why = "its partition was changed on the host"
+    return tuple(
+        replace(proof, outdated=(*proof.outdated, why)) if proof.component in changed else proof for proof in proofs
+    )
 
 
 def _measured_groups(system: System) -> Iterator[tuple[str, ...]]:

@@ -6,7 +6,6 @@ holds 65,536 characters; each part has its share of that, and says what it leave
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from html import escape
 from typing import TYPE_CHECKING
@@ -22,7 +21,7 @@ from rarms_iac.model.quantities import guaranteed, show_bytes, show_milliseconds
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import describe_disruption, symbol
+from rarms_iac.views.changes import attributes_of, describe_disruption, symbol
 from rarms_iac.views.console import UNLIMITED, render, visible
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
 from rarms_iac.views.plan import plan_text, summary
@@ -112,16 +111,8 @@ def findings_markdown(findings: Sequence[Diagnostic]) -> str:
     return "\n\n".join([*_findings(findings)] or ["No findings."]) + "\n"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Downtime:
-    """A partition that does not run for a while, or from now on."""
-
-    partition: str
-    duration: str  # behind the partition's name: at least and at most
-
-
-def downtimes_of(part: HostPlan) -> Iterator[Downtime]:
-    """What stops on a host, and for how long; a guest's own shutdown and start take what they take.
+def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
+    """Each partition that stops on a host, and for how long; a guest's own shutdown and start take what they take.
 
     Steps are done one after another: between a stop and the start that belongs to it others may be stopped, too.
     """
@@ -132,15 +123,15 @@ def downtimes_of(part: HostPlan) -> Iterator[Downtime]:
         later = part.steps[at:]
         end = next((n for n, each in enumerate(later) if _starts(each.operation, name)), None)
         if end is None:
-            yield Downtime(partition=name, duration="and stays off until somebody starts it")
+            yield name, "and stays off until somebody starts it"
             continue
         meanwhile = [each.operation for each in later[: end + 1]]
         graces = sum(each.grace_ms for each in meanwhile if isinstance(each, StopPartition))
         starts = sum(isinstance(each, StartPartition) for each in meanwhile)
         of_others = f" and {counted(starts - 1, 'start')} of others" if starts > 1 else ""
-        yield Downtime(
-            partition=name,
-            duration="at least for its own shutdown and start, "
+        yield (
+            name,
+            "at least for its own shutdown and start, "
             f"at most {show_milliseconds(graces)} to shut down, then its start{of_others}",
         )
 
@@ -151,8 +142,9 @@ def _starts(operation: object, partition: str) -> bool:
 
 def _risks(review: PlanReview) -> Iterator[str]:
     plan = review.plan
-    changes = [line for part in plan.hosts for line in _risks_of_host(part)]
-    stops = [stop for part in plan.hosts for stop in downtimes_of(part)]
+    kinds = (_stops, _removals, _shrinks, _later_effects)
+    changes = [line for risks_of in kinds for part in plan.hosts for line in risks_of(part)]
+    stops = [stop for part in plan.hosts for stop in _downtimes(part)]
     lines = [*_without_risk(plan, changes, stops), *changes]
     if review.headrooms:
         lines.append(f"- **Least headroom:** {_headroom(review.headrooms[0])}")
@@ -173,34 +165,46 @@ def _without_risk(plan: Plan, changes: Sequence[str], stops: Sequence[object]) -
         yield "- Nothing stops."
 
 
-def _risks_of_host(part: HostPlan) -> Iterator[str]:
-    on = f" on {_text(part.host.name)}"
+def _stops(part: HostPlan) -> Iterator[str]:
     removed = {change.address.partition for change in part.changes if isinstance(change, Delete)}
-    for stop in downtimes_of(part):
-        if stop.partition not in removed:
-            yield (f"- **Stops:** {_name(stop.partition, part)}{on}, {stop.duration}.")
+    for partition, duration in _downtimes(part):
+        if partition not in removed:
+            yield f"- **Stops:** {_name(partition, part)} on {_text(part.host.name)}, {duration}."
+
+
+def _removals(part: HostPlan) -> Iterator[str]:
     for change in part.changes:
-        place = f"{_text(str(change.address))}{on}"
         if isinstance(change, Delete) or symbol(change) == "-/+":
-            yield f"- **Removed:** {place}, {_text(describe_disruption(change) or 'removed')}."
-        shrinks = [f"{name} {_text(old)} → {_text(new)}" for name, old, new in _shrinks(change)]
-        if shrinks:
-            yield f"- **Shrinks:** {place}, {', '.join(shrinks)}."
-        if change.disruption is Disruption.HOST_RESTART:
-            yield f"- **Takes effect when the host starts again:** {place}."
+            yield f"- **Removed:** {_place(change, part)}, {_text(describe_disruption(change) or 'removed')}."
     for step in part.steps:
         if isinstance(step.operation, RemoveDisk):
-            yield f"- **Deletes a disk:** {_code(step.operation.path)}{on}."
+            yield f"- **Deletes a disk:** {_code(step.operation.path)} on {_text(part.host.name)}."
+
+
+def _shrinks(part: HostPlan) -> Iterator[str]:
+    for change in part.changes:
+        lower = [f"{name} {old} → {new}" for name, old, new in _lower_settings(change)]
+        if lower:
+            yield f"- **Shrinks:** {_place(change, part)}, {', '.join(lower)}."
+
+
+def _later_effects(part: HostPlan) -> Iterator[str]:
+    for change in part.changes:
+        if change.disruption is Disruption.HOST_RESTART:
+            yield f"- **Takes effect when the host starts again:** {_place(change, part)}."
     for held in part.held_back:
-        yield f"- **Held back, not in the plan:** {_text(str(held.change.address))}{on}, {_text(held.why)}"
+        yield f"- **Held back, not in the plan:** {_place(held.change, part)}, {_text(held.why)}"
 
 
-def _shrinks(change: Change) -> Iterator[tuple[str, str, str]]:
-    if not (
-        isinstance(change, Update) and isinstance(change.before, Partition) and isinstance(change.after, Partition)
-    ):
+def _place(change: Change, part: HostPlan) -> str:
+    return f"{_text(str(change.address))} on {_text(part.host.name)}"
+
+
+def _lower_settings(change: Change) -> Iterator[tuple[str, str, str]]:
+    """What a partition is promised less of; a weight promises nothing, it only shares out what nobody reserved."""
+    old, new = _settings_of(change) or (None, None)
+    if old is None or new is None:
         return
-    old, new = change.before.settings, change.after.settings
     before, after = guaranteed(old.reserve, old.processors), guaranteed(new.reserve, new.processors)
     if after < before:
         yield "reserve", show_processors(before), show_processors(after)
@@ -209,8 +213,6 @@ def _shrinks(change: Change) -> Iterator[tuple[str, str, str]]:
         yield "limit", show_processors(old_limit), show_processors(new_limit)
     if new.memory < old.memory:
         yield "memory", show_bytes(old.memory), show_bytes(new.memory)
-    if new.weight < old.weight:
-        yield "weight", str(old.weight), str(new.weight)
 
 
 def _headroom(headroom: AptHeadroom) -> str:
@@ -236,7 +238,10 @@ def _undo(plan: Plan) -> Iterator[str]:
 def _table(plan: Plan) -> Iterator[str]:
     rows = [row for part in plan.hosts for row in _rows(part)]
     if rows:
-        head = "| | partition | host | reserve before | after | memory before | after |\n|---|---|---|--:|--:|--:|--:|"
+        head = (
+            "| | partition | host | reserve before | after | memory before | after | also |\n"
+            "|---|---|---|--:|--:|--:|--:|---|"
+        )
         yield "#### Partitions before and after\n\n" + "\n".join([head, *_fitting(rows, _TABLE, "more partitions")])
     others = [
         f"- `{symbol(change)}` {_text(str(change.address))} on {_text(part.host.name)}"
@@ -259,8 +264,17 @@ def _rows(part: HostPlan) -> Iterator[str]:
                 _text(part.host.name),
                 *(_reserve(each, part) for each in (before, after)),
                 *("" if each is None else show_bytes(each.memory) for each in (before, after)),
+                ", ".join(_other_attributes(change, part)),
             ]
             yield f"| {' | '.join(cells)} |"
+
+
+def _other_attributes(change: Change, part: HostPlan) -> Iterator[str]:
+    """What an update changes beside the columns of the table."""
+    if isinstance(change, Update):
+        for attribute in attributes_of(change, part.facts):
+            if attribute.differs and attribute.name not in {"reserve", "memory"}:
+                yield f"{_text(attribute.name)} {_text(attribute.before or '')} → {_text(attribute.after or '')}"
 
 
 def _settings_of(change: Change) -> tuple[PartitionSettings | None, PartitionSettings | None] | None:

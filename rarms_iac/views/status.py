@@ -99,7 +99,7 @@ def _proven(proofs: Sequence[ComponentProof]) -> str:
     """`3 of 4 thresholds held ..., last at 2026-11-22T10:12:00Z.`, and a sentence for each that does not hold."""
     holding = [proof for proof in proofs if proof.met and not proof.outdated]
     last = max((proof.note.partition(",")[0] for proof in holding), default="")  # a note begins with the time
-    when = f", last at {last}" if last else ""
+    when = f", last at {last.replace('T', ' ').replace('Z', ' UTC')}" if last else ""
     sentences = [
         f"{len(holding)} of {counted(len(proofs), 'threshold')} held together with all other components{when}."
     ]

@@ -142,6 +142,20 @@ def test_drift_needs_no_data_logs() -> None:
     assert "vision: changed on the host" in changed.out
 
 
+def test_a_proof_of_a_partition_that_somebody_changed_is_outdated() -> None:
+    (alone, _, _) = MANIFEST.partition("  vision:")
+    Path("rarms.yaml").write_text(alone + MEASURED, encoding="utf-8")
+    for command in (["measure"], ["apply", "--auto-approve"], ["prove"]):
+        assert rarms(*command).code == 0
+    proven = rarms("status")
+    assert rarms("simulate", "change", "planner", "--reserve", "1").code == 0
+    changed = rarms("status")
+
+    assert "1 of 1 threshold held" in proven.out
+    assert "0 of 1 threshold held" in changed.out
+    assert "planner is outdated: its partition was changed on the host." in changed.out
+
+
 def test_nothing_is_simulated_for_a_partition_that_is_not_there() -> None:
     answer = rarms("simulate", "change", "nobody", "--off")
 
@@ -183,5 +197,5 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
 
     shown = " ".join(render(status_text(overview)).split())
 
-    assert "2 of 3 thresholds held together with all other components, last at 2026-02-01T12:00:00Z." in shown
+    assert "2 of 3 thresholds held together with all other components, last at 2026-02-01 12:00:00 UTC." in shown
     assert "logger, mean_response_time at most 100 ms: missed (2026-02-02T12:00:00Z, on onboard at 40 %)." in shown

@@ -48,7 +48,23 @@ def test_the_comment_begins_with_its_marker_and_tells_the_risk_first(applied: Pa
     assert heads[:2] == ["Risk", "Taking it back"]
     assert "**Stops:** vision on onboard, at least for its own shutdown and start, at most 45 s" in text
     assert "reserve 1.6 LP → 1.2 LP, limit 4 LP → 2 LP, memory 1 GiB → 512 MiB" in text
-    assert "| `~` | vision | onboard | 1.6 LP (40 %) | 1.2 LP (30 %) | 1 GiB | 512 MiB |" in text
+    assert "| `~` | vision | onboard | 1.6 LP (40 %) | 1.2 LP (30 %) | 1 GiB | 512 MiB | processors 4 → 2" in text
+
+
+def test_what_stops_comes_before_what_shrinks_and_a_weight_is_no_risk(applied: Path) -> None:
+    both = manifest(applied, processors=2).joinpath("rarms.yaml")
+    shrunk = both.read_text(encoding="utf-8").replace("reserve: 20 %", "reserve: 10 %, weight: 50")
+    both.write_text(shrunk, encoding="utf-8", newline="\n")
+
+    text = comment(applied)
+
+    assert re.findall(r"\*\*(Stops|Shrinks):\*\* (\S+)", text) == [
+        ("Stops", "vision"),
+        ("Shrinks", "partition/speech"),
+        ("Shrinks", "partition/vision"),
+    ]
+    assert "reserve 0.8 LP → 0.4 LP.\n" in text
+    assert re.search(r"speech .* weight \d+ → 50 \|$", text, re.MULTILINE)
 
 
 def test_a_host_as_wanted_has_nothing_at_risk(applied: Path) -> None:
