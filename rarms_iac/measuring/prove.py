@@ -18,7 +18,7 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.settling import Contender, Settling, contends_for_all
-from rarms_iac.model.measurement import P2, Series, run_of
+from rarms_iac.model.measurement import P2, Series, SettingEvidence, run_of
 from rarms_iac.model.outcomes import (
     Estimate,
     Met,
@@ -29,13 +29,16 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
-from rarms_iac.model.quantities import LEAST_MEMORY
-from rarms_iac.model.run import SampleCount
+from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds
+from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.system import Component, Interference, TaskRequest
 from rarms_iac.planner.task_classes import classes_of
-from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge_each
+
+LONGER = 4
+"""So many times as long real processes run once more where the first run did not decide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +94,11 @@ class LayoutProof:
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
 
     @property
+    def is_decided(self) -> bool:
+        """Whether every threshold was shown to be met, or to be missed."""
+        return all(isinstance(each.verdict, Met | Missed) for each in self.verdicts)
+
+    @property
     def not_met(self) -> tuple[IndexVerdict, ...]:
         """The indexes that were not shown to meet their thresholds."""
         return tuple(verdict for verdict in self.verdicts if not verdict.met)
@@ -106,15 +114,28 @@ def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
     Returns:
         The same layout with other runs.
     """
-    if samples is None:
-        return layout
+    return layout if samples is None else _with_ends(layout, lambda _run: SampleCount(samples=samples))
+
+
+def _with_ends(layout: AppliedLayout, end: Callable[[Run], SampleCount | Elapsed]) -> AppliedLayout:
+    """The same layout with other ends of its runs."""
 
     def changed(components: Iterable[Component]) -> tuple[Component, ...]:
-        until = SampleCount(samples=samples)
-        return tuple(replace(component, run=replace(run_of(component), until=until)) for component in components)
+        return tuple(
+            replace(component, run=replace(run_of(component), until=end(run_of(component)))) for component in components
+        )
 
     partitions = {name: changed(members) for name, members in layout.partitions.items()}
     return replace(layout, partitions=partitions, on_host=changed(layout.on_host))
+
+
+def _longer(run: Run) -> SampleCount | Elapsed:
+    """The end of a run that goes on `LONGER` times as long."""
+    match run.until:
+        case SampleCount(samples=samples):
+            return SampleCount(samples=LONGER * samples)
+        case Elapsed(time=time):
+            return Elapsed(time=Milliseconds(LONGER * time))
 
 
 def prove(
@@ -129,7 +150,9 @@ def prove(
 ) -> LayoutProof | TooManyFailures | None:
     """Run everything that is applied, and judge each component with a threshold.
 
-    Each component runs as long as its `run.until` says; P2 is there only for a load that was asked for.
+    Each component runs as long as its `run.until` says; P2 is there only for a load that was asked for. Where that
+    does not decide on real processes, all of it is run anew for `LONGER` times as long: together they are moved from
+    processor to processor, and each place lasts seconds.
 
     Args:
         host: Its lock is held by who calls.
@@ -151,16 +174,23 @@ def prove(
         looked(seen)
         return False
 
+    def run_once(tried: AppliedLayout) -> tuple[LayoutProof | TooManyFailures | None, SettingEvidence | None]:
+        with host.run(_work_of(tried, load, seed, settling)) as running:
+            series = watch(running, tried.judged, settling, is_enough, should_stop)
+            evidence = running.evidence()
+        if series is None or isinstance(series, TooManyFailures):
+            return series, evidence
+        verdicts = judge_layout(tried.judged, series)
+        return LayoutProof(host=host.name, layout=tried, series=series, verdicts=verdicts), evidence
+
     settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, load))
     with ExitStack() as ends:
         if load is not None:
             _make_load(host, layout.application, budget, ends)
-        work = _work_of(layout, load, seed, settling)
-        running: RunningWork = ends.enter_context(host.run(work))
-        series = watch(running, layout.judged, settling, is_enough, should_stop)
-    if series is None or isinstance(series, TooManyFailures):
-        return series
-    return LayoutProof(host=host.name, layout=layout, series=series, verdicts=judge_layout(layout.judged, series))
+        proof, evidence = run_once(layout)
+        if isinstance(proof, LayoutProof) and not proof.is_decided and evidence is not None:
+            proof, _ = run_once(_with_ends(layout, _longer))
+    return proof
 
 
 def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settling: Settling) -> Work:

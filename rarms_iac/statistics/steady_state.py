@@ -14,8 +14,11 @@ FEWEST = 40
 """In a shorter series no change can be distinguished from noise: it is taken as steady."""
 
 _MAXIMUM = "maximum_response_time"
-_BLOCKS = 40
-_SHORTEST_BLOCK = 5
+_BLOCKS, _FEWEST_BLOCKS = 40, 10
+_SHORTEST_BLOCK, _LONGEST_BLOCK = 5, 50  # samples; in series of more than 2,000, blocks are longer
+_DEPENDENT = 1.5
+"""Blocks with a higher first autocorrelation, in its standard deviations, are too short for their noise."""
+
 _MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady state
 
 
@@ -110,8 +113,7 @@ class _Change:
 
 def _find_change(numbers: Sequence[float]) -> _Change | None:
     """The clearest change of level, None if chance explains it."""
-    length = max(_SHORTEST_BLOCK, len(numbers) // _BLOCKS)
-    means = [sum(numbers[start : start + length]) / length for start in range(0, len(numbers) - length + 1, length)]
+    length, means = _block_means(numbers)
     noise = _noise(means)
     if noise == 0.0 and means.count(means[0]) == len(means):
         return None
@@ -127,6 +129,29 @@ def _find_change(numbers: Sequence[float]) -> _Change | None:
         return None
     below = sum(means[:split])
     return _Change(at=split * length, before=below / split, after=(total - below) / (len(means) - split))
+
+
+def _block_means(numbers: Sequence[float]) -> tuple[int, list[float]]:
+    """Cut a series into blocks of a length, whose means hardly depend on their neighbours as far as that can be had.
+
+    What goes up and down within some fifty samples is noise: of real processes it has a memory, since they are moved
+    from processor to processor, and find their caches cold. Blocks shorter than it make a change of its every turn.
+    What changes more slowly is a change, so blocks get no longer than that (batch means, Law and Carson 1979).
+    """
+    length = max(_SHORTEST_BLOCK, len(numbers) // _BLOCKS)
+    while True:
+        means = [sum(numbers[start : start + length]) / length for start in range(0, len(numbers) - length + 1, length)]
+        is_longest = len(means) < 2 * _FEWEST_BLOCKS or 2 * length > _LONGEST_BLOCK
+        if is_longest or _first_autocorrelation(means) <= _DEPENDENT / sqrt(len(means)):
+            return length, means
+        length *= 2
+
+
+def _first_autocorrelation(means: Sequence[float]) -> float:
+    mean = sum(means) / len(means)
+    away = [each - mean for each in means]
+    variance = sum(each * each for each in away)
+    return sum(sooner * later for sooner, later in pairwise(away)) / variance if variance else 0.0
 
 
 def _noise(means: Sequence[float]) -> float:

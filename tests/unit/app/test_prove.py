@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.model.measurement import SettingEvidence
 from rarms_iac.model.state import Partition
+from rarms_iac.providers.simulated.measuring import Simulated
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.datalog.configuration import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
@@ -112,6 +114,19 @@ def test_a_value_that_is_met_by_chance_at_most_is_not_met(here: Path) -> None:
     assert indexes["vision mean_response_time"]["verdict"] == "within the noise"
     assert indexes["vision mean_response_time"]["verdict_error"] is None
     assert "1 within the noise" in rarms("prove").out
+
+
+def test_real_processes_run_once_more_and_longer_where_a_proof_decides_nothing(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    value = float(str(proven()[1]["vision mean_response_time"]["value"]))
+    change(here, "at_most: 50 ms", f"at_most: {value * 1.05:.3f} ms")
+    before, short = proven()[:2]
+    monkeypatch.setattr(Simulated, "evidence", lambda _self: SettingEvidence())
+    after, longer = proven()[:2]
+
+    assert (before, short["vision mean_response_time"]["verdict"]) == (4, "within the noise")
+    assert (after, longer["vision mean_response_time"]["verdict"]) == (0, "met")
 
 
 def test_a_series_without_a_steady_state_gets_no_verdict_however_good_its_mean(here: Path) -> None:

@@ -10,7 +10,7 @@ from tests.effort import examples
 from tests.measured import noisy
 
 
-@pytest.mark.parametrize("correlation", [0.0, 0.5])
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
 def test_steady_series_are_hardly_ever_refused(correlation: float) -> None:
     tries = examples(100)
     refused = sum(
