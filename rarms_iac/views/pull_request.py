@@ -121,7 +121,7 @@ def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
             continue
         name = step.operation.partition
         later = part.steps[at:]
-        end = next((n for n, each in enumerate(later) if _starts(each.operation, name)), None)
+        end = next((n for n, each in enumerate(later) if each.operation == StartPartition(partition=name)), None)
         if end is None:
             yield name, "and stays off until somebody starts it"
             continue
@@ -134,10 +134,6 @@ def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
             "at least for its own shutdown and start, "
             f"at most {show_milliseconds(graces)} to shut down, then its start{of_others}",
         )
-
-
-def _starts(operation: object, partition: str) -> bool:
-    return isinstance(operation, StartPartition) and operation.partition == partition
 
 
 def _risks(review: PlanReview) -> Iterator[str]:
@@ -340,15 +336,19 @@ def _scripts(review: PlanReview) -> Iterator[str]:
     lines += [f"{_plain(name)}: the base has no such script" for name in review.new_scripts]
     if lines:
         yield _folded("What changed in the scripts", ["```text", *_fitting(lines, _SCRIPTS, "more lines"), "```"])
-    steps = [
-        f"{number}. {_plain(f'{step.address}: {step.title}')}"
-        for part in review.plan.hosts
-        for number, step in enumerate(part.steps, 1)
-    ]
+    steps = [line for part in review.plan.hosts for line in _steps(part)]
     if steps:
         why = [f"Scripts are not compared: {_text(review.without_base)}.", ""] if review.without_base else []
         body = [*why, "```text", *_fitting(steps, _STEPS, "more steps"), "```"]
-        yield _folded(counted(len(steps), "step") + ", in order", body)
+        number = sum(len(part.steps) for part in review.plan.hosts)
+        yield _folded(counted(number, "step") + ", in order", body)
+
+
+def _steps(part: HostPlan) -> Iterator[str]:
+    if part.steps:
+        yield f"Host {_plain(part.host.name)}"
+        for number, step in enumerate(part.steps, 1):
+            yield f"{number}. {_plain(f'{step.address}: {step.title}')}"
 
 
 def _shown(text: str) -> list[str]:

@@ -67,6 +67,23 @@ def test_what_stops_comes_before_what_shrinks_and_a_weight_is_no_risk(applied: P
     assert re.search(r"speech .* weight \d+ → 50 \|$", text, re.MULTILINE)
 
 
+def test_steps_are_numbered_by_host(tmp_path: Path) -> None:
+    two = manifest(tmp_path / "two").joinpath("rarms.yaml")
+    hosts = f"{HOST}  second: {{ logical_processors: 1, memory: 2 GiB }}\n"
+    more = "  panel: { criticality: 1, memory: 1 GiB, cpu: { reserve: 5 % }, hosts: [second] }\npartitions:"
+    text = two.read_text(encoding="utf-8").replace(HOST, hosts).replace("partitions:", more)
+    two.write_text(text, encoding="utf-8", newline="\n")
+
+    steps = comment(two.parent).partition("in order</summary>")[2]
+
+    assert re.findall(r"^(Host .*|1\. \S+)", steps, re.MULTILINE) == [
+        "Host onboard",
+        "1. partition/vision:",
+        "Host second",
+        "1. partition/panel:",
+    ]
+
+
 def test_a_host_as_wanted_has_nothing_at_risk(applied: Path) -> None:
     assert "Nothing changes on the hosts." in comment(applied)
 
