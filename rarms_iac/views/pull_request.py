@@ -121,14 +121,14 @@ def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
             continue
         name = step.operation.partition
         later = part.steps[at:]
-        end = next((n for n, each in enumerate(later) if each.operation == StartPartition(partition=name)), None)
+        starts = [n for n, each in enumerate(later) if isinstance(each.operation, StartPartition)]
+        end = next((n for n in starts if later[n].address.partition == name), None)
         if end is None:
             yield name, "and stays off until somebody starts it"
             continue
-        meanwhile = [each.operation for each in later[: end + 1]]
-        graces = sum(each.grace_ms for each in meanwhile if isinstance(each, StopPartition))
-        starts = sum(isinstance(each, StartPartition) for each in meanwhile)
-        of_others = f" and {counted(starts - 1, 'start')} of others" if starts > 1 else ""
+        graces = sum(each.operation.grace_ms for each in later[:end] if isinstance(each.operation, StopPartition))
+        others = starts.index(end)
+        of_others = f" and {counted(others, 'start')} of others" if others else ""
         yield (
             name,
             "at least for its own shutdown and start, "
