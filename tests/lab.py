@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
-from rarms_iac.applying.run_report import RunReport, SilentRunReporter
+from rarms_iac.applying.run_report import RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
 from rarms_iac.model.plan import Plan, Scope
@@ -70,13 +70,13 @@ class Lab:
         return prepared.plan
 
     def apply(self, plan: Plan, should_stop: Callable[[], bool] = never) -> RunReport:
-        return apply_plan(plan, self.hosts, ORIGIN, SilentRunReporter(), should_stop)
+        return apply_plan(plan, self.hosts, ORIGIN, RunReporter(), should_stop)
 
     def finish(self) -> RunReport | None:
-        return finish_unfinished(list(self.hosts.values()), SilentRunReporter(), never)
+        return finish_unfinished(list(self.hosts.values()), RunReporter(), never)
 
     def undo(self, should_stop: Callable[[], bool] = never) -> list[RunReport]:
-        return [undo(host, ORIGIN, SilentRunReporter(), should_stop) for host in self.hosts.values()]
+        return [undo(host, ORIGIN, RunReporter(), should_stop) for host in self.hosts.values()]
 
     def steps_left(self) -> int:
         return sum(len(host.steps) for host in self.plan().hosts)

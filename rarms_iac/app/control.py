@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
-from rarms_iac.applying.run_report import RunReporter, SilentRunReporter
+from rarms_iac.applying.run_report import RunReporter
 from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 
@@ -80,7 +80,7 @@ class Reporter(Protocol):
 class SilentListener:
     """A `Reporter` that keeps everything to itself."""
 
-    steps: RunReporter = SilentRunReporter()
+    steps: RunReporter = RunReporter()
     settings: MeasuringReporter = MeasuringReporter()
 
     def message(self, text: str) -> None:

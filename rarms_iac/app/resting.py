@@ -14,7 +14,7 @@ from rarms_iac.app.hosts import Hosts, run_origin
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import prepare
-from rarms_iac.applying.run_report import RunEnding, SilentRunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.stopping import StopScope, stopped_partition
 from rarms_iac.measuring import findings
 from rarms_iac.model.changes import Update
@@ -219,7 +219,7 @@ def finish_rest(bench: MeasuringHost, reporter: Reporter) -> None:
     journal = bench.unfinished()
     if journal is None or not is_for_measuring(journal):
         return
-    report = finish_unfinished([bench], SilentRunReporter(), _never)
+    report = finish_unfinished([bench], RunReporter(), _never)
     if report is None or report.ending is not RunEnding.DONE:
         raise UseCaseError(Outcome.FAILED, report.diagnostics if report else ())
     reporter.message(f"{bench.name}: finished the stop or start of partitions that an earlier measurement had begun.")
@@ -240,7 +240,7 @@ def _run(hosts: Hosts, bench: MeasuringHost, request: PlanRequest) -> None:
 
 
 def _apply(plan: Plan, bench: MeasuringHost) -> None:
-    report = apply_plan(plan, {bench.name: bench}, run_origin(), SilentRunReporter(), _never)
+    report = apply_plan(plan, {bench.name: bench}, run_origin(), RunReporter(), _never)
     if report.ending not in {RunEnding.DONE, RunEnding.NOTHING}:
         outcome = Outcome.REFUSED if report.ending is RunEnding.REFUSED else Outcome.FAILED
         raise UseCaseError(outcome, report.diagnostics)

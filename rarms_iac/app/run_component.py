@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Protocol
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
@@ -123,8 +122,8 @@ class RunRequest:
     together: bool = False
 
 
-class SampleReporter(Protocol):
-    """Hears what components show while they run; must not raise."""
+class SampleReporter:
+    """Hears what components show while they run; must not raise. This one tells nobody."""
 
     def placed(self, message: str) -> None:
         """Take note of where a component is about to run.
@@ -132,7 +131,6 @@ class SampleReporter(Protocol):
         Args:
             message: in words; a component that nothing could reserve for has none.
         """
-        ...
 
     def sample(self, component: str, number: int, sample: Sample) -> None:
         """Take note of a sample as soon as it is read.
@@ -142,7 +140,6 @@ class SampleReporter(Protocol):
             number: which of its samples this is, from 1.
             sample: the sample.
         """
-        ...
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
         """Take note that a component ended.
@@ -150,35 +147,6 @@ class SampleReporter(Protocol):
         Args:
             result: what it showed.
             last_words: the end of its standard error, as it was written.
-        """
-        ...
-
-
-class SilentSamples:
-    """A reporter that tells nobody."""
-
-    def placed(self, message: str) -> None:
-        """Do nothing.
-
-        Args:
-            message: goes nowhere.
-        """
-
-    def sample(self, component: str, number: int, sample: Sample) -> None:
-        """Do nothing.
-
-        Args:
-            component: goes nowhere.
-            number: goes nowhere.
-            sample: goes nowhere.
-        """
-
-    def ended(self, result: ComponentRunResult, last_words: str) -> None:
-        """Do nothing.
-
-        Args:
-            result: goes nowhere.
-            last_words: go nowhere.
         """
 
 
@@ -208,7 +176,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     system, chosen = manifest.system, _chosen(manifest, request)
     base = Path(manifest.folder).resolve()
     results: list[ComponentRunResult] = []
-    listener = reporter or SilentSamples()
+    listener = reporter or SampleReporter()
     places = {component.name: _place_of(manifest, component, listener) for component, _ in chosen}
     try:
         with _load(system, request, base) as load:

@@ -71,8 +71,8 @@ class TitledStep:
 NO_COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType({})
 
 
-class RunReporter(Protocol):
-    """Told while a run goes on; must not raise."""
+class RunReporter:
+    """Told while a run goes on; must not raise. This one tells nobody."""
 
     def run_started(
         self,
@@ -94,41 +94,12 @@ class RunReporter(Protocol):
             addresses: of the steps to come, in order; empty where only the script that runs knows them.
             components: of each partition of the plan's layout, the most critical first; likewise.
         """
-        ...
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         """A step is about to be looked at; `number` counts from 1."""
-        ...
 
     def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         """A step is done, or was as wanted already."""
-        ...
 
     def host_output(self, host: str, line: str) -> None:
         """The host said something beside its steps."""
-        ...
-
-
-class SilentRunReporter:
-    """The default: tells nobody."""
-
-    def run_started(
-        self,
-        host: str,
-        run: RunKind,
-        plan: str,
-        *,
-        done: int,
-        addresses: Sequence[str] = (),
-        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
-    ) -> None:
-        """Nothing."""
-
-    def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
-        """Nothing."""
-
-    def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
-        """Nothing."""
-
-    def host_output(self, host: str, line: str) -> None:
-        """Nothing."""

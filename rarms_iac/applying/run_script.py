@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.applying import refusals
-from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, SilentRunReporter, TitledStep
+from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, TitledStep
 from rarms_iac.applying.run_steps import ShouldStop
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
@@ -84,7 +84,7 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
         HostError: the host could not be reached.
     """
     job = finish_job(host.name, journal)
-    listener = RunListener(host.name, job, SilentRunReporter(), lambda: False)
+    listener = RunListener(host.name, job, RunReporter(), lambda: False)
     ended = host.run_script(job.script, waits, listener, abandoning=True)
     return replace(listener.report(ended), hosts=())
 

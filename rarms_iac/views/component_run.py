@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Protocol
 
-from rarms_iac.app.run_component import ComponentRunResult, SilentSamples, meets, noise
+from rarms_iac.app.run_component import ComponentRunResult, SampleReporter, meets, noise
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Sample
@@ -139,7 +139,7 @@ class Screen(Protocol):
         """Show all of it now."""
 
 
-class FailureReporter(SilentSamples):
+class FailureReporter(SampleReporter):
     """A `SampleReporter` that shows what a component with failed samples wrote last on standard error."""
 
     def __init__(self, screen: Screen) -> None:

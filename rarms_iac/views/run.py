@@ -16,7 +16,7 @@ from rarms_iac.applying.run_report import (
     ReportedStep,
     RunEnding,
     RunReport,
-    SilentRunReporter,
+    RunReporter,
 )
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
@@ -67,7 +67,7 @@ class _PartitionProgress:
     row: "TaskID | None" = None
 
 
-class RunProgress:
+class RunProgress(RunReporter):
     """A `RunReporter` that writes to a person, a line a partition. Use it as a context manager.
 
     Args:
@@ -253,7 +253,7 @@ def _resources(part: HostPlan) -> str:
     return ", ".join(parts)
 
 
-class StepLines(SilentRunReporter):
+class StepLines(RunReporter):
     """A `RunReporter` for programs: a line of JSON for each step that ended."""
 
     def __init__(self, write: Callable[[str], None]) -> None:

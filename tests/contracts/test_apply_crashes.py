@@ -13,7 +13,7 @@ import pytest
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import PlanningRequest, prepare
-from rarms_iac.applying.run_report import RunEnding, RunReport, SilentRunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan
@@ -90,10 +90,10 @@ def a_plan(system: System, host: StepwiseHost) -> Plan:
 def apply_again(system: System, host: StepwiseHost) -> RunReport:
     """What `rarms apply --auto-approve` does: finish what was begun and go no further, or plan and apply."""
     with host.lock("ann@lab"):
-        finished = finish_unfinished([host], SilentRunReporter(), lambda: False)
+        finished = finish_unfinished([host], RunReporter(), lambda: False)
         if finished is not None:
             return finished
-        return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN, SilentRunReporter(), lambda: False)
+        return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN, RunReporter(), lambda: False)
 
 
 def as_left(host: StepwiseHost) -> list[Partition]:
@@ -107,7 +107,7 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(l
 
     assert apply_again(lab.system(SECOND), host).ending is RunEnding.DONE
     assert not a_plan(lab.system(SECOND), host).has_changes
-    assert undo(host, builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
+    assert undo(host, builders.ORIGIN, RunReporter(), lambda: False).ending is RunEnding.DONE
 
     assert as_left(host) == before
     assert dict(host.observe().serials) == {"robot": 3}

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.applying.execute import apply_plan
-from rarms_iac.applying.run_report import RunEnding, SilentRunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
 from rarms_iac.model.plan import Plan
@@ -67,13 +67,13 @@ class Lab:
     def apply(self, plan: Plan) -> None:
         host = self.host()
         with host.lock("ann@lab"):
-            report = apply_plan(plan, {host.name: host}, builders.ORIGIN, SilentRunReporter(), lambda: False)
+            report = apply_plan(plan, {host.name: host}, builders.ORIGIN, RunReporter(), lambda: False)
         assert report.ending is RunEnding.DONE, report.diagnostics
 
     def undo(self) -> None:
         host = self.host()
         with host.lock("ann@lab"):
-            assert undo(host, builders.ORIGIN, SilentRunReporter(), lambda: False).ending is RunEnding.DONE
+            assert undo(host, builders.ORIGIN, RunReporter(), lambda: False).ending is RunEnding.DONE
 
     def run(self, plan: Plan, name: str = "onboard.sh", path: str = "") -> subprocess.CompletedProcess[str]:
         scripts = render_shell_scripts(plan.hosts[0], plan, self.folder / "state")

@@ -13,7 +13,7 @@ import pytest
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.applying.execute import apply_plan
 from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
-from rarms_iac.applying.run_report import RunEnding, SilentRunReporter
+from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.document.schema import manifest_schema
@@ -168,7 +168,7 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
     assert any(part.steps for part in plan.hosts)
 
     with hold(tuple(hosts.values()), "ann@lab", 0):
-        report = apply_plan(plan, hosts, ORIGIN, SilentRunReporter(), lambda: False)
+        report = apply_plan(plan, hosts, ORIGIN, RunReporter(), lambda: False)
 
     assert (report.ending, report.diagnostics) == (RunEnding.DONE, ())
     assert [part.steps for part in _plan(result, hosts, tmp_path).hosts] == [() for _ in hosts]
@@ -199,9 +199,7 @@ def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: P
     host = SimulatedHostProvider(result.system.hosts["kiosk"], tmp_path / "kiosk.json")
 
     with hold((host,), "ann@lab", 0):
-        apply_plan(
-            _plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, ORIGIN, SilentRunReporter(), lambda: False
-        )
+        apply_plan(_plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, ORIGIN, RunReporter(), lambda: False)
 
     running = {partition.settings.name: partition.state for partition in host.observe().partitions}
     assert running == {"voice": RunState.RUNNING, "payment": RunState.RUNNING, "maintenance": RunState.OFF}

@@ -80,15 +80,22 @@ def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
     Yields:
         At most one lever; its amounts are CRs below the one that the APTs need now.
     """
-    source, claims = problem.reservations, problem.claims[group.name]
-    if not claims or not isinstance(source, MeasuredReservations) or not rests_on_a_log(group):
-        return
-    host = problem.system.hosts[next(iter(claims))]
-    log, least = source.log(group.members, host), source.least(group.members, host)
-    if isinstance(log, MeasuredTogether) and least is not None:
+    if measured := _measured(group, problem):
+        log, least = measured
         edits_at = partial(_relaxed, group, log)
-        reserves = [reserve for reserve in range(1, least.reserve) if edits_at(reserve)]
+        reserves = [reserve for reserve in range(1, least) if edits_at(reserve)]
         yield Lever(partitions=(group.name,), amounts=reserves, edits_at=edits_at)
+
+
+def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | None:
+    """What a partition's reserve rests on, and the CR that its APTs need; None where it is fixed, or not known."""
+    source, claims = problem.reservations, problem.claims[group.name]
+    if claims and isinstance(source, MeasuredReservations) and rests_on_a_log(group):
+        host = problem.system.hosts[next(iter(claims))]
+        log, least = source.log(group.members, host), source.least(group.members, host)
+        if isinstance(log, MeasuredTogether) and least is not None:
+            return log, least.reserve
+    return None
 
 
 def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Edits:
@@ -129,33 +136,21 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
     Yields:
         At most one lever, of a single amount; whether the component is as fast then has to be measured.
     """
-    source, claims = problem.reservations, problem.claims[group.name]
-    if (
-        not claims
-        or not isinstance(source, MeasuredReservations)
-        or not rests_on_a_log(group)
-        or len(group.members) > 1
-    ):
+    measured = _measured(group, problem)
+    if measured is None or len(group.members) > 1 or group.request.processors is not None:
         return
-    host = problem.system.hosts[next(iter(claims))]
-    log, least = source.log(group.members, host), source.least(group.members, host)
-    (member,) = group.members
-    usable = log.usable(member.name) if isinstance(log, MeasuredTogether) else None
-    if not isinstance(log, MeasuredTogether) or least is None or usable is None or group.request.processors is not None:
+    (log, least), (member,) = measured, group.members
+    usable = log.usable(member.name)
+    if usable is None:
         return
-    time = guaranteed(least.reserve, usable)
-
-    def edits_at(_amount: int) -> Edits:
-        amount = ProcessorTime(time)
-        after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
-        before = show_processors(guaranteed(least.reserve, log.processors))
-        message = (
-            f"`processors: {usable}` for {member.name}, which uses no more of its {log.processors}: about "
-            f"{show_processors(time)} instead of {before}"
-        )
-        return (Edit(message, lambda variant: variant.with_entries("components", {member.name: after})),)
-
-    yield Lever(partitions=(group.name,), amounts=range(1), edits_at=edits_at, to_be_measured=True)
+    amount = ProcessorTime(guaranteed(least, usable))
+    after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
+    message = (
+        f"`processors: {usable}` for {member.name}, which uses no more of its {log.processors}: about "
+        f"{show_amount(amount)} instead of {show_processors(guaranteed(least, log.processors))}"
+    )
+    edits = (Edit(message, lambda variant: variant.with_entries("components", {member.name: after})),)
+    yield Lever(partitions=(group.name,), amounts=range(1), edits_at=lambda _: edits, to_be_measured=True)
 
 
 def memory_levers(problem: Problem) -> Iterator[Lever]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from rarms_iac.applying.run_report import NO_COMPONENTS, ReportedStep, RunEnding, RunReport
+from rarms_iac.applying.run_report import NO_COMPONENTS, ReportedStep, RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
@@ -72,7 +72,7 @@ class Scripted:
         return self.ends
 
 
-class Told:
+class Told(RunReporter):
     """A reporter that keeps what it is told, a line each."""
 
     def __init__(self) -> None:
