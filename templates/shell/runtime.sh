@@ -69,7 +69,9 @@ defined_values() { # as the kernel will show them; -1: no quota, 0: no limit of 
     processors=$(get processors) limit=$(get limit) period=$(get quota_period_us) memory=$(get memory) quota=-1
     period=${period:-100000}
     if [ "$limit" -lt 100 ] || [ "$processors" -lt "$PROCESSORS" ]; then
-        quota=$(((2 * limit * processors * period + 100) / 200))
+        quota=$((limit * processors))
+        [ "$SLICE_LIMIT" = -1 ] || quota=$(bounded "$quota" 0 "$SLICE_LIMIT")
+        quota=$(((2 * quota * period + 100) / 200))
     else
         period=100000
     fi
@@ -136,6 +138,29 @@ make_group() { # below the slice, which weighs more than everything beside it
         ;;
     esac
 }
+
+limit_slice() ( # to all but what is kept for the host; -1: no limit. A larger quota of a group goes down first.
+    group=''
+    slice=$(in_kernel cpu '')
+    [ -d "$slice" ] || exit 0
+    [ "$SLICE_LIMIT" = -1 ] || for folder in "$slice"*/; do
+        [ -d "$folder" ] || continue
+        group=$(basename "$folder")
+        # shellcheck disable=SC2046 # four numbers
+        set -- $(kernel_values)
+        most=$((SLICE_LIMIT * $3 / 100))
+        [ "$2" -le "$most" ] || write_values "$1" "$most" "$3" "$4"
+    done
+    case $VERSION$SLICE_LIMIT in
+    v1*)
+        echo -1 >"${slice}cpu.cfs_quota_us"
+        [ "$SLICE_LIMIT" = -1 ] || echo 20000 >"${slice}cpu.cfs_period_us"
+        [ "$SLICE_LIMIT" = -1 ] || echo $((SLICE_LIMIT * 200)) >"${slice}cpu.cfs_quota_us"
+        ;;
+    v2-1) echo 'max 20000' >"${slice}cpu.max" ;;
+    v2*) echo "$((SLICE_LIMIT * 200)) 20000" >"${slice}cpu.max" ;;
+    esac
+)
 
 processes() {
     folders | while read -r folder; do
@@ -264,6 +289,7 @@ start_partition() {
     put boot '""'
     save
     make_group
+    limit_slice
     # shellcheck disable=SC2046 # four numbers
     write_values $(defined_values)
     put boot "\"$BOOT\""
@@ -292,6 +318,7 @@ remove_partition() {
 
 recover() { # take back what a killed run left half done: the definitions tell what was whole
     rm -f "$FOLDER"/.*.new
+    limit_slice
     for file in "$FOLDER"/*.json; do
         [ -f "$file" ] || continue
         load
@@ -306,6 +333,17 @@ recover() { # take back what a killed run left half done: the definitions tell w
             put changing false
             save
         fi
+    done
+}
+
+start_all() { # that ran when the machine stopped, but for those that are started by hand
+    for file in "$FOLDER"/*.json; do
+        [ -f "$file" ] || continue
+        load
+        partition=$(get name) id=$(get id)
+        case $(get start_action)$(get boot) in start"$BOOT" | start | nothing*) continue ;; esac
+        echo "${WHAT_IF:+would: }$partition: start it"
+        [ -n "$WHAT_IF" ] || start_partition
     done
 }
 
@@ -455,11 +493,12 @@ choose_steps() { # those of this run: chosen, and of them finished and begun
 }
 
 main() {
-    WHAT_IF='' ABANDON='' LOCK_TIMEOUT=0 choosing=''
+    WHAT_IF='' ABANDON='' START_ALL='' LOCK_TIMEOUT=0 choosing='' partition=$SLICE
     while [ $# -gt 0 ]; do
         case $1 in
         --what-if) WHAT_IF=yes ;;
         --abandon) ABANDON=yes ;;
+        --boot) START_ALL=yes ;;
         --lock-timeout) LOCK_TIMEOUT=$2 && shift ;;
         *) sed -n '2,/^$/s/^# \{0,1\}//p' "$0" && exit 64 ;;
         esac
@@ -471,6 +510,10 @@ main() {
     find_control_groups
     hold_host
     [ -n "$WHAT_IF" ] || recover
+    [ -z "$START_ALL" ] || {
+        start_all
+        exit 0
+    }
     read_journal
     if [ -n "$ABANDON" ]; then
         [ -n "$first" ] && [ -z "$closing" ] && record '{"closing":"abandoned","kind":"run_closed"}'

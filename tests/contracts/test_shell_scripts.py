@@ -51,7 +51,7 @@ class Lab:
     def described(self) -> Host:
         machine = this_machine()
         return replace(
-            builders.a_host(),
+            builders.a_host(keep_processor="10 %"),
             provider=ProviderKind.LINUX,
             settings=LinuxHost(slice=self.slice_name),
             logical_processors=machine.logical_processors,
@@ -75,12 +75,23 @@ class Lab:
         with host.lock("ann@lab"):
             assert undo(host, builders.ORIGIN, RunReporter(), lambda: False).ending is RunEnding.DONE
 
-    def run(self, plan: Plan, name: str = "onboard.sh", path: str = "") -> subprocess.CompletedProcess[str]:
+    def run(
+        self, plan: Plan, name: str = "onboard.sh", path: str = "", words: tuple[str, ...] = ()
+    ) -> subprocess.CompletedProcess[str]:
         scripts = render_shell_scripts(plan.hosts[0], plan, self.folder / "state")
         (self.folder / name).write_text(scripts[name], encoding="ascii")
         environment = {**os.environ, "PATH": f"{path}:{os.environ['PATH']}"} if path else None
-        words = ["sh", str(self.folder / name)]
-        return subprocess.run(words, env=environment, capture_output=True, text=True, start_new_session=True)
+        command = ["sh", str(self.folder / name), *words]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, start_new_session=True)
+
+    def tree(self) -> GroupTree:
+        tree = find_tree(self.slice_name)
+        assert isinstance(tree, GroupTree), tree
+        return tree
+
+    def slice_limit(self) -> float | None:
+        """What all partitions together may have, in per cent of a processor."""
+        return self.tree().read("").quota_percent
 
     def settled(self) -> Plan:
         """Forget everything, apply the first layout with rarms, and plan the second."""
@@ -89,10 +100,8 @@ class Lab:
         return self.plan(*SECOND)
 
     def forget(self) -> None:
-        tree = find_tree(self.slice_name)
-        assert isinstance(tree, GroupTree), tree
-        for name in tree.names():
-            tree.remove(name)
+        for name in self.tree().names():
+            self.tree().remove(name)
         shutil.rmtree(self.folder / "state", ignore_errors=True)
 
 
@@ -116,6 +125,7 @@ def test_a_script_does_what_apply_does_and_its_undo_what_undo_does(lab: Lab) -> 
     applied = lab.host().observe()
     lab.undo()
     undone = lab.host().observe()
+    assert lab.slice_limit() == 180
     assert _changed(replace(undone, serials={})) == _changed(replace(start, serials={}))
 
     assert lab.settled() == plan
@@ -123,6 +133,7 @@ def test_a_script_does_what_apply_does_and_its_undo_what_undo_does(lab: Lab) -> 
 
     assert done.returncode == 0, done.stderr
     assert lab.host().observe() == applied
+    assert lab.slice_limit() == 180
     assert not lab.plan(*SECOND).has_changes
     assert lab.run(plan, "onboard.undo.sh").returncode == 0
     assert lab.host().observe() == undone
@@ -167,6 +178,27 @@ def test_a_script_refuses_a_used_plan_a_host_that_moved_and_one_that_is_held(lab
     used = lab.run(plan)
 
     assert (used.returncode, "plan again" in used.stderr) == (3, True)
+
+
+@pytest.mark.needs("control-groups")
+def test_a_script_starts_again_what_ran_when_the_machine_stopped(lab: Lab) -> None:
+    plan = lab.settled()
+    before = lab.host().observe()
+    assert "RARMS316" not in [finding.code for finding in lab.host().examined().findings]
+    for name in lab.tree().names():
+        lab.tree().remove(name)
+    for definition in (lab.folder / "state" / lab.slice_name).glob("*.json"):
+        text = definition.read_text(encoding="ascii")
+        definition.write_text(text.replace(this_machine().boot, "an earlier start"), encoding="ascii")
+    (off,) = (finding for finding in lab.host().examined().findings if finding.code == "RARMS316")
+    assert "2 partitions of onboard ran when the machine stopped, and speech and vision did not" in off.detail
+
+    done = lab.run(plan, words=("--boot",))
+
+    assert (done.returncode, sorted(done.stdout.splitlines())) == (0, ["speech: start it", "vision: start it"])
+    assert lab.host().observe() == before
+    assert lab.slice_limit() == 180
+    assert lab.run(plan, words=("--boot",)).stdout == ""
 
 
 @pytest.mark.needs("control-groups")

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from rarms_iac.model.host import Host
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
@@ -21,7 +22,7 @@ from rarms_iac.model.operations import (
     SetProcessors,
     WriteMark,
 )
-from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.state import (
     NO_GENERATION,
     Checkpoints,
@@ -183,17 +184,33 @@ def _others_running(machine: str, state: State) -> list[Partition]:
     return [other for other in state.partitions if other.id != machine and other.settings.running]
 
 
-def values_of(settings: PartitionSettings, processors: int) -> GroupValues:
+def slice_limit(host: Host, processors: int) -> int | None:
+    """What all partitions together may have: all but `keep_for_host`, in whole per cent of one logical processor.
+
+    Args:
+        host: as the manifest describes it.
+        processors: logical processors of the machine.
+
+    Returns:
+        At least 1; None: nothing is kept, so nothing limits them.
+    """
+    withheld = in_processors(host.keep_for_host.processor, processors)
+    return max(1, math.floor(100 * (processors - withheld))) if withheld else None
+
+
+def values_of(settings: PartitionSettings, processors: int, limit: int | None = None) -> GroupValues:
     """The values of a partition's control group.
 
     Args:
         settings: as defined.
         processors: logical processors of the machine.
+        limit: as `slice_limit` gives it: no quota is larger.
     """
     is_limited = settings.limit < 100 or settings.processors < processors
+    quota = min(settings.limit * settings.processors, limit or 100 * processors)
     return GroupValues(
         shares_percent=settings.reserve * settings.processors,
-        quota_percent=settings.limit * settings.processors if is_limited else None,
+        quota_percent=quota if is_limited else None,
         period_us=settings.quota_period_us or USUAL_PERIOD_US,
         memory=settings.memory or None,
     )

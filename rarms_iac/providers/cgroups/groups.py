@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.providers.cgroups import kernel
@@ -18,6 +18,9 @@ from rarms_iac.running.start import ProcessPlace
 
 USUAL_PERIOD_US = 100_000
 """The kernel's own period of a quota."""
+
+SLICE_PERIOD_US = 20_000
+"""That of the slice's: partitions wait for what is kept for the host in pieces of 1 ms where that is 5 %."""
 
 _REAL_TIME = 90
 """The most, in per cent of each processor, that real-time processes of a group get (version 1); all together get 95."""
@@ -75,6 +78,10 @@ class GroupTree(ABC):
         """Return how many of the machine's processors groups may use at all. Raises OSError."""
 
     @abstractmethod
+    def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
+        """Limit a group, or the slice where the name is empty; None: no limit."""
+
+    @abstractmethod
     def _prepare_slice(self) -> None:
         """Make the slice with the highest weight, and what groups below it need."""
 
@@ -108,6 +115,26 @@ class GroupTree(ABC):
         for folder in self._folders:
             kernel.make_folder(folder / name)
         self._prepare_group(name)
+
+    def limit_slice(self, percent: int | None) -> None:
+        """Let all groups together have no more than this, where the slice is there: the rest is for what is beside it.
+
+        A group whose own quota is larger gets the smaller one first: version 1 refuses the slice's otherwise.
+
+        Args:
+            percent: of one logical processor; None: no limit.
+
+        Raises:
+            OSError: the kernel refuses.
+        """
+        if not self._slices["cpu"].is_dir():
+            return
+        for name in self.names():
+            with suppress(FileNotFoundError):  # it went just now
+                values = self.read(name)
+                if percent is not None and values.quota_percent is not None and values.quota_percent > percent:
+                    self.write(name, replace(values, quota_percent=percent))
+        self._write_quota("", percent, SLICE_PERIOD_US)
 
     def remove(self, name: str) -> None:
         """End every process in the group at once and remove it, and the slice where it is empty then.

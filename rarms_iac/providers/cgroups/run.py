@@ -9,7 +9,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -25,7 +25,8 @@ from rarms_iac.model.operations import (
     TaskOperation,
 )
 from rarms_iac.model.plan import Readings, Scope
-from rarms_iac.model.state import State
+from rarms_iac.model.state import PartitionSettings, StartAction, State
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.providers.cgroups.content import (
     GroupDefinition,
     RunningGroup,
@@ -38,11 +39,12 @@ from rarms_iac.providers.cgroups.content import (
     new_definition,
     out_of_range,
     read_definition,
+    slice_limit,
     to_partitions,
     values_of,
     write_definition,
 )
-from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.versions import MissingFeatures, find_tree
@@ -59,6 +61,12 @@ GroupOperation = SettingOperation | RemovePartition | StartPartition | StopParti
 
 ORPHANS = Finding(
     code="RARMS168", severity=Severity.NOTE, summary="Processes run in a partition that rarms did not start"
+)
+OFF_SINCE_RESTART = Finding(
+    code="RARMS316", severity=Severity.WARNING, summary="Partitions are off since the machine started again"
+)
+NOTHING_KEPT = Finding(
+    code="RARMS317", severity=Severity.NOTE, summary="A Linux host keeps no processor time for itself"
 )
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = "look at the host again: rarms plan"
@@ -126,7 +134,7 @@ class LinuxHostProvider(JournaledHost):
     def examined(self) -> ObservedHost:
         """See `ExaminableHost`: processes that nobody ends with their component are named."""
         state, definitions = self._look()
-        found = []
+        found = [*self._off_since_restart(definitions), *self._kept_nothing()]
         for partition in state.partitions:
             alone = orphans(self.tree.processes(definitions[partition.id].group)) if partition.settings.running else ()
             if alone:
@@ -135,6 +143,26 @@ class LinuxHostProvider(JournaledHost):
                 advice = "End them, where a component left them behind: they use the partition's processor time."
                 found.append(ORPHANS.at(None, message, advice, address=f"partition/{partition.settings.name}"))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
+
+    def _off_since_restart(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
+        names = sorted(
+            definition.settings.name
+            for definition in definitions.values()
+            if definition.boot not in {"", self.machine.boot} and definition.settings.start_action is StartAction.START
+        )
+        if names:
+            message = f"{counted(len(names), 'partition')} of {self.name} ran when the machine stopped, and "
+            message += f"{in_a_row(names)} did not start with it."
+            advice = "Start it with `rarms apply`, or with the plan's script: `sh HOST.sh --boot`. Have the machine do "
+            advice += 'that at each start (docs/linux.md, "After the machine starts").'
+            yield OFF_SINCE_RESTART.at(None, message, advice, address=f"host/{self.name}")
+
+    def _kept_nothing(self) -> Iterator[Diagnostic]:
+        if slice_limit(self._host, self._processors) is None:
+            message = f"{self.name} keeps no processor time for what runs outside its partitions. While they use all "
+            message += "of it, ssh, rarms and the kernel's own threads get about 1 % of a processor each."
+            advice = "Write `keep_for_host: { processor: 5 % }`: partitions never get that part."
+            yield NOTHING_KEPT.at(None, message, advice, address=f"host/{self.name}")
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         """The state, and by id what each partition is made of."""
@@ -209,8 +237,8 @@ class LinuxHostProvider(JournaledHost):
         """
         self._save(replace(before, changing=True))
         try:
-            self.tree.make(before.group)  # who made it by hand may have left out a controller
-            self.tree.write(before.group, values_of(after.settings, self._processors))
+            self._make_group(before.group)  # who made it by hand may have left out a controller
+            self.tree.write(before.group, self._values(after.settings))
         except OSError as problem:
             self._restore(replace(before, changing=True))
             raise self._refused(f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}") from None
@@ -227,8 +255,8 @@ class LinuxHostProvider(JournaledHost):
         begun = replace(definition, group=group, boot="")
         self._save(begun)
         with self._kernel_errors(settings.name):
-            self.tree.make(group)
-            self.tree.write(group, values_of(settings, self._processors))
+            self._make_group(group)
+            self.tree.write(group, self._values(settings))
         self._save(replace(begun, boot=self.machine.boot))
 
     def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
@@ -244,6 +272,8 @@ class LinuxHostProvider(JournaledHost):
         """Take back what a killed run left half done: the definitions tell what was whole."""
         if self._folder.stat().st_mode & 0o077:
             self._folder.chmod(0o700)
+        with self._kernel_errors(self._settings.slice):
+            self.tree.limit_slice(slice_limit(self._host, self._processors))
         for definition in self._definitions():
             remove_leftovers(self._file(definition))
             if definition.group and not definition.boot:
@@ -255,7 +285,7 @@ class LinuxHostProvider(JournaledHost):
     def _restore(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
             with suppress(OSError):  # what it had once it can have again, unless its processes took more meanwhile
-                self.tree.write(definition.group, values_of(definition.settings, self._processors))
+                self.tree.write(definition.group, self._values(definition.settings))
         self._save(replace(definition, changing=False))
 
     def _free_name(self, definition: GroupDefinition) -> str:
@@ -269,11 +299,16 @@ class LinuxHostProvider(JournaledHost):
     def _processors(self) -> int:
         return self.machine.logical_processors
 
+    def _make_group(self, name: str) -> None:
+        self.tree.make(name)
+        self.tree.limit_slice(slice_limit(self._host, self._processors))
+
+    def _values(self, settings: PartitionSettings) -> GroupValues:
+        return values_of(settings, self._processors, slice_limit(self._host, self._processors))
+
     def _running(self, tree: GroupTree, definitions: list[GroupDefinition]) -> dict[str, RunningGroup]:
         """The groups in the kernel, with what those of partitions would be as defined."""
-        wanted = {
-            definition.group: tree.shown(values_of(definition.settings, self._processors)) for definition in definitions
-        }
+        wanted = {definition.group: tree.shown(self._values(definition.settings)) for definition in definitions}
         found: dict[str, RunningGroup] = {}
         for name in tree.names():
             with suppress(FileNotFoundError):  # it went just now

@@ -30,7 +30,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import HostPlan, Plan, Reading, Readings, Scope, Step, UndoLevel
 from rarms_iac.powershell.summary import owner_of, partition_summaries
 from rarms_iac.powershell.templates import remark
-from rarms_iac.providers.cgroups.content import new_definition, write_definition
+from rarms_iac.providers.cgroups.content import new_definition, slice_limit, write_definition
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.shipped import shipped_text
 
@@ -127,6 +127,7 @@ def _render(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Sequence[_Scr
         computer=quote(facts.computer_name),
         processors=facts.logical_processors,
         memory=facts.memory,
+        limit=slice_limit(host_plan.host, facts.logical_processors) or -1,
         folder=quote(str(state_folder / slice_name)),
         slice=quote(slice_name),
         control_groups=version,
@@ -157,6 +158,7 @@ def _head(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Sequence[_Scrip
     yield f"sh {own} --what-if            only say what it would do"
     yield f"sh {own} --lock-timeout 60    wait so many seconds for another run to end"
     yield f"sh {own} --abandon            close this host's unfinished run and change nothing"
+    yield f"sh {own} --boot               after each start of the machine: start all partitions that ran before"
     if kind is RunKind.APPLY:
         yield f"sh {undo_name}    take it back; so does rarms undo"
     yield ""

@@ -37,13 +37,7 @@ class GroupTreeV1(GroupTree):
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
         kernel.write(self._file("cpu", name, "cpu.shares"), str(_shares(values)))
-        quota = self._file("cpu", name, "cpu.cfs_quota_us")
-        if values.quota_percent is None:
-            kernel.write(quota, "-1")
-        else:
-            kernel.write(quota, "-1")  # the old quota may be more than the new period allows
-            kernel.write(self._file("cpu", name, "cpu.cfs_period_us"), str(values.period_us))
-            kernel.write(quota, str(round(values.quota_percent * values.period_us / 100)))
+        self._write_quota(name, values.quota_percent, values.period_us)
         processors = self._file("cpuset", name, "cpuset.cpus")
         kernel.write(
             processors, kernel.read(self._slices["cpuset"] / "cpuset.cpus") if not values.processors else _list(values)
@@ -90,6 +84,13 @@ class GroupTreeV1(GroupTree):
         folder = self._slices["cpuset"]
         return len(kernel.numbers(kernel.read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus")))
 
+    def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
+        quota = self._file("cpu", name, "cpu.cfs_quota_us")
+        kernel.write(quota, "-1")  # the old quota may be more than the new period allows
+        if percent is not None:
+            kernel.write(self._file("cpu", name, "cpu.cfs_period_us"), str(period_us))
+            kernel.write(quota, str(round(percent * period_us / 100)))
+
     def _prepare_slice(self) -> None:
         for folder in self._folders:
             kernel.make_folder(folder)
@@ -113,9 +114,7 @@ class GroupTreeV2(GroupTree):
         if values.memory is not None and (used := self._unreclaimable(name)) > values.memory:
             raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
         kernel.write(self._file("cpu", name, "cpu.weight"), str(_weight(values)))
-        percent, period = values.quota_percent, values.period_us
-        quota = "max" if percent is None else str(round(percent * period / 100))
-        kernel.write(self._file("cpu", name, "cpu.max"), f"{quota} {period}")
+        self._write_quota(name, values.quota_percent, values.period_us)
         kernel.write(self._file("cpuset", name, "cpuset.cpus"), _list(values) if values.processors else "\n")
         kernel.write(self._file("memory", name, "memory.max"), "max" if values.memory is None else str(values.memory))
 
@@ -159,6 +158,10 @@ class GroupTreeV2(GroupTree):
         return len(
             kernel.numbers(kernel.read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus.effective"))
         )
+
+    def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
+        quota = "max" if percent is None else str(round(percent * period_us / 100))
+        kernel.write(self._file("cpu", name, "cpu.max"), f"{quota} {period_us}")
 
     def _prepare_slice(self) -> None:
         folder = self._slices["cpu"]

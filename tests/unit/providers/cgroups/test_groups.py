@@ -53,6 +53,18 @@ def test_the_kernel_holds_what_was_written(tree: GroupTree, values: GroupValues)
     assert tree.read("vision") == values == tree.shown(values)
 
 
+def test_the_slice_keeps_a_part_for_what_is_beside_it_and_larger_quotas_go_down_first(tree: GroupTree) -> None:
+    tree.limit_slice(180)  # the slice is not there yet
+    tree.make("vision")
+    tree.write("vision", GroupValues(shares_percent=10, quota_percent=190, period_us=100_000))
+
+    tree.limit_slice(180)
+
+    assert (tree.read("vision").quota_percent, tree.read("").quota_percent) == (180, 180)
+    tree.limit_slice(None)
+    assert tree.read("").quota_percent is None
+
+
 def test_values_of_a_larger_quota_give_way_to_those_of_a_smaller(tree: GroupTree) -> None:
     tree.make("vision")
     tree.write("vision", GroupValues(shares_percent=10, quota_percent=190, period_us=100_000, processors=(1,)))
