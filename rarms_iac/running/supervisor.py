@@ -27,6 +27,8 @@ GOING_S = 10.0
 """How much longer than its grace a component's end may take."""
 
 _PROGRAM = "supervisor_process_windows.py" if sys.platform == "win32" else "supervisor_process.py"
+_OPTIONS = ("-I",) if sys.platform == "win32" else ("-I", "-S")
+"""What this Python is started with: the one of Windows finds pywin32 among the installed packages."""
 
 
 _LAST_SIGNAL = 1000
@@ -92,7 +94,7 @@ class Supervisor:
         self._output_ignored = threading.Event()  # nobody reads lines: they go nowhere
         self._cpu_ms: float | None = None
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-S", str(Path(__file__).resolve().with_name(_PROGRAM))],
+            [sys.executable, *_OPTIONS, str(Path(__file__).resolve().with_name(_PROGRAM))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -6,7 +6,6 @@ Ctrl-Break; a process that it cannot reach is ended at once.
 """
 
 import contextlib
-import ctypes
 import json
 import os
 import queue
@@ -17,58 +16,39 @@ import threading
 import time
 from typing import Any
 
-EXTENDED_LIMITS, ACCOUNTING = 9, 1
-KILL_ON_CLOSE = 0x2000
+import win32job
+import win32process
+
 NEW_GROUP = 0x200
 CRASHED = 0xC0000000
-LIMITS_SIZE = 144 if ctypes.sizeof(ctypes.c_void_p) == 8 else 112
-FLAGS_AT = 16
 
 
-class JobObjects:
-    """The few calls of the system that a supervisor needs; where one is missing, it does without."""
+def new_job() -> Any:
+    """A job object whose processes end with its last handle."""
+    job = win32job.CreateJobObject(None, "")
+    limits = win32job.QueryInformationJobObject(job, win32job.JobObjectExtendedLimitInformation)
+    limits["BasicLimitInformation"]["LimitFlags"] |= win32job.JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE
+    win32job.SetInformationJobObject(job, win32job.JobObjectExtendedLimitInformation, limits)
+    return job
 
-    def __init__(self) -> None:
-        self._kernel = ctypes.WinDLL("kernel32", use_last_error=True)  # type: ignore[attr-defined]  # Windows only
-        self._kernel.CreateJobObjectW.restype = ctypes.c_void_p
-        self._kernel.GetCurrentProcess.restype = ctypes.c_void_p
 
-    def make(self) -> int:
-        """A job object whose processes end with its last handle."""
-        job = int(self._kernel.CreateJobObjectW(None, None) or 0)
-        limits = (ctypes.c_ubyte * LIMITS_SIZE)()
-        ctypes.c_uint32.from_buffer(limits, FLAGS_AT).value = KILL_ON_CLOSE
-        self._kernel.SetInformationJobObject(ctypes.c_void_p(job), EXTENDED_LIMITS, limits, LIMITS_SIZE)
-        return job
-
-    def put(self, job: int, process: int) -> None:
-        """Have this process, and all that it starts, in the job."""
-        self._kernel.AssignProcessToJobObject(ctypes.c_void_p(job), ctypes.c_void_p(process))
-
-    def put_this(self, job: int) -> None:
-        """Have the supervisor itself in the job."""
-        self.put(job, self._kernel.GetCurrentProcess())
-
-    def end(self, job: int) -> float | None:
-        """End every process of the job; the processor time that they had in ms, None where it is not known."""
-        self._kernel.TerminateJobObject(ctypes.c_void_p(job), 1)
-        result = (ctypes.c_int64 * 6)()
-        known = self._kernel.QueryInformationJobObject(ctypes.c_void_p(job), ACCOUNTING, result, 48, None)
-        self._kernel.CloseHandle(ctypes.c_void_p(job))
-        used = (result[0] + result[1]) / 10_000  # in units of 100 ns
-        return used if known and used else None
+def end_job(job: Any) -> float | None:
+    """End every process of the job; the processor time that they had in ms, None where it is not known."""
+    win32job.TerminateJobObject(job, 1)
+    used = win32job.QueryInformationJobObject(job, win32job.JobObjectBasicAccountingInformation)
+    hundreds_ns: int = used["TotalUserTime"] + used["TotalKernelTime"]
+    return hundreds_ns / 10_000 or None
 
 
 class WindowsSupervisor:
     """One component's process at a time, and all that it starts."""
 
-    def __init__(self, order: dict[str, Any], jobs: JobObjects) -> None:
+    def __init__(self, order: dict[str, Any]) -> None:
         self._order = order
-        self._jobs = jobs
         self._commands: queue.Queue[tuple[str, float]] = queue.Queue()
         self._due: float | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        self._job = 0
+        self._job: Any = None
         self._kill_at: float | None = None
         self._cpu_ms: float | None = 0.0
 
@@ -121,8 +101,8 @@ class WindowsSupervisor:
         except OSError as error:
             self._send_event(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error}")
             return
-        self._job = self._jobs.make()
-        self._jobs.put(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only
+        self._job = new_job()
+        win32job.AssignProcessToJobObject(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
     def _watch(self, process: "subprocess.Popen[bytes]") -> None:
@@ -141,9 +121,9 @@ class WindowsSupervisor:
 
     def _ended(self, at: float) -> None:
         code = (self._process.returncode if self._process else 0) or 0
-        used = self._jobs.end(self._job)
+        used = None if self._job is None else end_job(self._job)
         self._cpu_ms = None if used is None or self._cpu_ms is None else self._cpu_ms + used
-        self._process, self._kill_at = None, None
+        self._process, self._job, self._kill_at = None, None, None
         crashed = code % 2**32 >= CRASHED
         self._send_event(event="ended", at=at, code=0 if crashed else code, signal=code % 2**32 if crashed else 0)
 
@@ -155,10 +135,10 @@ def main() -> None:
     """Read the order, then keep."""
     order = sys.stdin.buffer.readline()
     if order:
-        jobs = JobObjects()
-        jobs.put_this(jobs.make())
+        job = new_job()
+        win32job.AssignProcessToJobObject(job, win32process.GetCurrentProcess())
         with contextlib.suppress(OSError):
-            WindowsSupervisor(json.loads(order), jobs).run()
+            WindowsSupervisor(json.loads(order)).run()
     os._exit(0)  # the job object goes with the supervisor, and whatever is left in it
 
 

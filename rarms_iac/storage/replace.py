@@ -50,13 +50,9 @@ def remove_leftovers(path: Path) -> None:
 def remove_leftovers_of_ended(path: Path) -> None:
     """Remove what killed writers left beside a file that needs no lock: that of processes that are no longer there.
 
-    On Windows nothing is removed, since there nobody can ask for a process by its number without ending it.
-
     Args:
         path: of the file, which stays.
     """
-    if sys.platform == "win32":
-        return
     for leftover in _leftovers(path):
         process = leftover.name.removeprefix(f".{path.name}.").partition("-")[0]
         if process.isdecimal() and not _is_alive(int(process)):
@@ -67,11 +63,29 @@ def _leftovers(path: Path) -> list[Path]:
     return sorted(path.parent.glob(f".{escape(path.name)}.*.new"))
 
 
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
+if sys.platform == "win32":
+
+    def _is_alive(process: int) -> bool:
+        """Whether it runs; `os.kill` would end it. What Windows says nothing of is somebody's, and counts as alive."""
+        import pywintypes
+        import win32api
+        import win32con
+        import win32process
+        import winerror
+
+        try:
+            handle = win32api.OpenProcess(win32con.PROCESS_QUERY_LIMITED_INFORMATION, False, process)
+        except (pywintypes.error, OverflowError) as problem:
+            return getattr(problem, "winerror", 0) != winerror.ERROR_INVALID_PARAMETER
+        return bool(win32process.GetExitCodeProcess(handle) == win32con.STILL_ACTIVE)
+
+else:
+
+    def _is_alive(process: int) -> bool:
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return False
+        except (PermissionError, OverflowError):
+            return True
         return True
-    return True

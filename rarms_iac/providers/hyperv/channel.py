@@ -15,6 +15,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
+from subprocess import PIPE
 from types import TracebackType
 
 from rarms_iac.providers.interface import RunEvent
@@ -39,7 +40,7 @@ class Channel:
     """
 
     def __init__(self, words: Sequence[str]) -> None:
-        self._process = _start(words)
+        self._process, self._kill = _start(words)
         self._lines: SimpleQueue[bytes | None] = SimpleQueue()
         self._sending: SimpleQueue[bytes | None] = SimpleQueue()
         self._errors: deque[str] = deque(maxlen=KEPT_LINES)
@@ -55,7 +56,7 @@ class Channel:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._process.poll() is None:
-            _kill(self._process)
+            self._kill()  # and whatever it started: what lives on would hold the pipes
         self.close()
         self._process.wait()
         for thread in self._threads:
@@ -124,27 +125,28 @@ class Channel:
             pipe.close()
 
 
-def _start(words: Sequence[str]) -> "subprocess.Popen[bytes]":
-    if sys.platform == "win32":
-        return subprocess.Popen(
-            words,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            creationflags=subprocess.CREATE_NEW_PROCESS_GROUP,
-        )
-    return subprocess.Popen(
-        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, process_group=0
-    )
+if sys.platform == "win32":
 
+    def _start(words: Sequence[str]) -> "tuple[subprocess.Popen[bytes], Callable[[], None]]":
+        """In a job object, which ends whatever it started; it does not end with rarms, as a script must not."""
+        import win32job
 
-def _kill(process: "subprocess.Popen[bytes]") -> None:
-    """The program, and on POSIX whatever it started: what lives on would hold the pipes."""
-    if sys.platform == "win32":
-        process.kill()
-    else:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
+        group = subprocess.CREATE_NEW_PROCESS_GROUP
+        process = subprocess.Popen(words, stdin=PIPE, stdout=PIPE, stderr=PIPE, creationflags=group)
+        job = win32job.CreateJobObject(None, "")
+        win32job.AssignProcessToJobObject(job, int(process._handle))  # noqa: SLF001 - nobody else has it
+        return process, lambda: win32job.TerminateJobObject(job, 1)
+
+else:
+
+    def _start(words: Sequence[str]) -> "tuple[subprocess.Popen[bytes], Callable[[], None]]":
+        process = subprocess.Popen(words, stdin=PIPE, stdout=PIPE, stderr=PIPE, process_group=0)
+
+        def kill() -> None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+        return process, kill
 
 
 FORMAT = "rarms-event/1"

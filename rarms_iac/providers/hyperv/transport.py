@@ -4,6 +4,7 @@ Both are given the same bytes and say the same: lines, and an exit code.
 """
 
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -57,6 +58,7 @@ class LocalTransport:
         """See the protocol; the scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
+            _protect(folder)
             for name, text in script.files.items():
                 (Path(folder) / name).write_bytes(text.encode("ascii"))
             path = Path(folder) / script.runs
@@ -143,6 +145,20 @@ class _RefusalListener:
 
     def should_stop(self) -> bool:
         return self._listener.should_stop()
+
+
+def _protect(folder: str) -> None:
+    """Let nobody but its owner, Administrators and SYSTEM in, wherever `TEMP` points; Linux' is so from the start."""
+    if sys.platform == "win32":
+        import win32security
+
+        descriptor = win32security.ConvertStringSecurityDescriptorToSecurityDescriptor(
+            "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)", win32security.SDDL_REVISION_1
+        )
+        what_is_set = win32security.DACL_SECURITY_INFORMATION | win32security.PROTECTED_DACL_SECURITY_INFORMATION
+        win32security.SetNamedSecurityInfo(
+            folder, win32security.SE_FILE_OBJECT, what_is_set, None, None, descriptor.GetSecurityDescriptorDacl(), None
+        )
 
 
 def _opened(host: str, words: Sequence[str]) -> Channel:

@@ -47,18 +47,17 @@ def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Pat
     assert [file.name for file in tmp_path.iterdir()] == ["state.json"]
 
 
-@pytest.mark.needs("posix")
 def test_what_a_writer_that_ended_left_goes_and_what_another_is_writing_stays(tmp_path: Path) -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     path = tmp_path / "rarms[7].yaml"
-    names = {number: f".{path.name}.{number}-1.new" for number in (ended.pid, os.getppid())}
+    names = {number: f".{path.name}.{number}-1.new" for number in (ended.pid, os.getpid())}
     for name in names.values():
         (tmp_path / name).touch()
 
     remove_leftovers_of_ended(path)
 
-    assert [file.name for file in tmp_path.iterdir()] == [names[os.getppid()]]
+    assert [file.name for file in tmp_path.iterdir()] == [names[os.getpid()]]
 
 
 def test_a_reader_that_has_the_file_open_delays_a_replace_and_does_not_break_it(tmp_path: Path) -> None:

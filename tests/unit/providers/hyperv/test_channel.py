@@ -1,8 +1,13 @@
+"""A program that was started: its events; nothing of it lives on, and nobody else looks into its folder."""
+
 import json
+import sys
+from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.hyperv.channel import read_event
+from rarms_iac.providers.hyperv import transport
+from rarms_iac.providers.hyperv.channel import Channel, read_event
 from rarms_iac.providers.interface import EventKind, EventStatus, RunEvent
 
 EVENT = {
@@ -53,3 +58,39 @@ def test_a_line_of_a_script_is_an_event() -> None:
 )
 def test_any_other_line_is_none(line: str) -> None:
     assert read_event(line) is None
+
+
+PARENT = """
+import subprocess, sys
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=sys.stdout, stderr=sys.stderr)
+print("on", flush=True)
+import time; time.sleep(600)
+"""
+
+
+def test_what_a_program_started_ends_with_the_channel() -> None:
+    """As long as it lives it holds the pipes, and the channel would wait for their end."""
+    with Channel((sys.executable, "-c", PARENT)) as channel:
+        assert channel.next_line(60, lambda: None) == "on"
+
+
+@pytest.mark.needs("windows")
+def test_on_windows_nobody_else_looks_into_the_folder_of_the_scripts(tmp_path: Path) -> None:
+    """Wine keeps what its Linux can say, the owner's rights and everybody's: that Administrators stay is not seen."""
+    import win32security
+
+    def trusted() -> set[str]:
+        descriptor = win32security.GetNamedSecurityInfo(
+            str(tmp_path), win32security.SE_FILE_OBJECT, win32security.DACL_SECURITY_INFORMATION
+        )
+        found = descriptor.GetSecurityDescriptorDacl()
+        return {win32security.ConvertSidToStringSid(found.GetAce(at)[2]) for at in range(found.GetAceCount())}
+
+    everybody = win32security.ConvertStringSecurityDescriptorToSecurityDescriptor("D:(A;OICI;FA;;;WD)", 1)
+    win32security.SetFileSecurity(str(tmp_path), win32security.DACL_SECURITY_INFORMATION, everybody)
+    assert "S-1-1-0" in trusted()
+
+    transport._protect(str(tmp_path))
+
+    assert "S-1-1-0" not in trusted()
+    (tmp_path / "plan.ps1").touch()
