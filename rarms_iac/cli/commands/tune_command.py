@@ -35,7 +35,7 @@ from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
     "[default: default]",
 )
 @click.option("--repeat", is_flag=True, help="With --strategy paper: go on with the compound until the total fits.")
-@click.option("--interactive/--yes", default=False, help="Ask before each combination is measured. [default: --yes]")
+@click.option("--interactive", is_flag=True, help="Ask before each combination is measured.")
 @click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is.")
 @click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data logs say so.")
