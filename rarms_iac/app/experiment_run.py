@@ -291,12 +291,10 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:
         settings = f"{bounds.least_settings} to {settings}"
-    least = f"{show_duration(bounds.least_ms)} to " if bounds.least_ms else "at most "
+    least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
     clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
     most = show_duration(bounds.most_ms)
-    if bounds.usual_ms < bounds.most_ms:
-        most = f"{show_duration(bounds.usual_ms)} while jobs meet their thresholds, {most} if each takes its timeout"
-    return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}{most}."
+    return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}about {most}."
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

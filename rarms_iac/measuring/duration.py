@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import ceil, inf
 
 from rarms_iac.measuring.search.bracketing import MOST
-from rarms_iac.measuring.settling import PATIENCE
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Setting, run_of
@@ -25,15 +24,15 @@ STEPS_OF_PAPER = 10
 class DurationBounds:
     """Between what numbers the settings and the time of an experiment will lie.
 
-    `usual_ms` is a bound where jobs answer as fast as their thresholds ask; a search ends a setting whose jobs are much
-    slower at its first look. A search may ask for more settings than `most_settings` where settings reach no steady
-    state, or noise turns the verdict on one at the threshold.
+    `most_ms` is a bound where jobs answer as fast as their thresholds ask (those without a threshold of time: within
+    their timeout); a search ends a setting whose jobs are much slower at its first look. It may take longer, and more
+    settings than `most_settings`, where settings reach no steady state or noise turns the verdict on one at the
+    threshold.
     """
 
     least_settings: int
     most_settings: int
     least_ms: float
-    usual_ms: float
     most_ms: float
 
 
@@ -59,9 +58,8 @@ def expected_duration(
         settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
     Returns:
-        Bounds of what is still to be run. At most, every job takes its `run.timeout`; usually, no longer than its
-        thresholds allow; at least, jobs are as fast as the fastest recorded, and without a record take no time unless
-        they have a period.
+        Bounds of what is still to be run. At most, every job takes as long as its thresholds allow; at least, jobs are
+        as fast as the fastest recorded, and without a record take no time unless they have a period.
     """
     known = {setting.reserve for setting in recorded}
     if reserves:
@@ -73,21 +71,13 @@ def expected_duration(
     # Members run together: a setting ends when each has what it needs.
     shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
     shortest = settles_ms + max(shortest, settles_ms)
-    usual = settles_ms + max(
+    longest = settles_ms + max(
         settles_ms, *(_ends_ms(run_of(member), _allowed_ms(member)) for member in experiment.members)
     )
-    longest = max(_ends_ms(run, float(run.timeout)) for run in experiment.runs.values())
-    if settles_ms:  # every component has another two jobs at least, and one that is under way
-        longest = (
-            max(longest, settles_ms)
-            + PATIENCE * settles_ms
-            + 3 * max(_between_ms(run, float(run.timeout)) for run in experiment.runs.values())
-        )
     return DurationBounds(
         least_settings=least,
         most_settings=most,
         least_ms=least * shortest,
-        usual_ms=most * min(usual, longest),
         most_ms=most * longest,
     )
 

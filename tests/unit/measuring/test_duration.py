@@ -28,13 +28,13 @@ def bounds(
     return expected_duration(experiment, recorded, sweep, top=100, to_the_letter=paper, earlier=recorded)
 
 
-def test_a_sweep_of_a_periodic_component_is_known_up_to_late_answers() -> None:
+def test_a_sweep_of_a_periodic_component_is_known_while_it_answers_in_its_period() -> None:
     run = a_run(every="100 ms", timeout="1 s", until=SampleCount(samples=50))
 
     found = bounds(an_experiment(run), sweep=(10, 20, 30))
 
     assert (found.least_settings, found.most_settings) == (3, 3)
-    assert (found.least_ms, found.most_ms) == (15_000, 150_000)
+    assert (found.least_ms, found.most_ms) == (15_000, 15_000)
 
 
 def test_what_is_recorded_is_not_run_again() -> None:
@@ -70,12 +70,12 @@ def test_a_setting_that_lasts_a_time_lasts_that_and_one_job_more() -> None:
         ({"mean_response_time": at_most(3000)}, 1000),
     ],
 )
-def test_usually_jobs_take_no_longer_than_their_thresholds_allow(apt: dict[str, Threshold], each_ms: int) -> None:
+def test_jobs_take_what_thresholds_allow_or_their_timeout(apt: dict[str, Threshold], each_ms: int) -> None:
     run = a_run(timeout="1 s", until=SampleCount(samples=100))
 
     found = bounds(an_experiment(run, apt=apt), sweep=(20, 40))
 
-    assert (found.usual_ms, found.most_ms) == (2 * 100 * each_ms, 200_000)
+    assert found.most_ms == 2 * 100 * each_ms
 
 
 def test_members_that_run_together_end_with_the_slowest() -> None:
@@ -94,7 +94,7 @@ def test_a_search_asks_for_one_setting_at_least(paper: bool, most: int) -> None:
     found = bounds(an_experiment(run), paper=paper)
 
     assert (found.least_settings, found.most_settings) == (1, most)
-    assert (found.least_ms, found.most_ms) == (4_000, most * 200_000), "a search may end a setting at its first look"
+    assert (found.least_ms, found.most_ms) == (4_000, most * 20_000), "a search may end a setting at its first look"
 
 
 @pytest.mark.parametrize(
