@@ -20,6 +20,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
 from rarms_iac.model.system import Component, Measured, RunsOn, System
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.explain import evident_causes
@@ -146,7 +147,8 @@ def _about_logs(
                 yield from _as_findings([cause], problem.system, places)
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")
-            yield NOT_YET_MEASURED.at(place, cause.message, cause.advice, address=cause.address)
+            message = f"There is no data log of {in_a_row(answer.components)} on {host.platform} yet."
+            yield NOT_YET_MEASURED.at(place, message, "`rarms measure` finds what it needs.", address=cause.address)
 
 
 def _excesses(problem: Problem, too_large: Collection[str]) -> list[Cause]:
