@@ -19,7 +19,7 @@ from rarms_iac.model.system import Component
 from scripts.linux_experiments import Experiment, Log, laboratory, meets, percentile, usage, values_in
 
 FDP, SRP, PPP, VSP = "face-detection", "speech-recognition", "path-planning", "video-streaming"
-RESERVES = (5, 10, 15, 20, 30, 40, 60, 80)
+RESERVES = (10, 15, 20, 30, 50, 80)
 LOADS = (0, 25, 50, 75, 100)
 BROWSERS = (0, 1, 2, 5, 10)
 PRIORITIES: Mapping[str, int | None] = {FDP: 30, SRP: 31, VSP: None, PPP: None}

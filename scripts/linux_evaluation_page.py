@@ -49,8 +49,10 @@ Written by `make evaluation`, as root, from the real components of `manifests/de
 simulated. Reservations are shares of control groups, the interfering load is a busy loop on every processor. The
 groups are set by hand and every index is worked out anew, so that this page can contradict `rarms measure`."""
 FIGURE_1 = """\
-The paper: face detection takes 600 to 800 ms at the low end, falls steeply, and reaches 88 ms at 70 %. It runs one
-thread here. Medians of all runs at a reservation."""
+The paper: face detection takes 600 to 800 ms at the low end, falls steeply, and reaches 88 ms at 70 %. FDP and SRP have
+task classes, so that they run in SCHED_FIFO with the reservation as their budget on each processor: one thread gets so
+much of one processor, as a virtual processor would. VSP and PPP have none, and share. Medians of all runs at a
+reservation."""
 FOUND = """\
 *Sweep* is the least whole per cent from which on the medians of three runs meet the APT, found by halving. `rarms
 measure` saw none of those runs. Its aim is to be at most 2 points away."""
@@ -59,8 +61,9 @@ One operating system without partitions; stress-ng uses the given share of every
 SCHED_FIFO at 30 and 31, VSP and PPP in the ordinary class. The paper: FDP and SRP do not change up to 100 %
 utilisation; VSP and PPP degrade above about 70 %."""
 FIGURE_4 = """\
-FDP in P1, and headless Chromium in P2, each browser playing a video of its own. The paper: 88 to 100 ms without
-browsers, up to 184 to 194 ms with one or two, and back down to 150 to 175 ms with ten. Mean response times."""
+FDP in P1 without its class, and headless Chromium in P2, each browser playing a video of its own. The paper: 88 to
+100 ms without browsers, up to 184 to 194 ms with one or two, and back down to 150 to 175 ms with ten. Mean response
+times."""
 TODAY = f"""\
 Reservations are often taken from what a component consumes: its 95th or 99th percentile over windows of a second
 (usage-based recommenders), or its mean and 20 %; or all get the same. Use was seen without interference. Each

@@ -35,7 +35,7 @@ from rarms_iac.model.system import Component, Interference, TaskRequest
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error
-from rarms_iac.statistics.verdicts import judge_each
+from rarms_iac.statistics.verdicts import judge_each, judge_wandering
 
 LONGER = 4
 """So many times as long real processes run once more where the first run did not decide."""
@@ -180,7 +180,7 @@ def prove(
             evidence = running.evidence()
         if series is None or isinstance(series, TooManyFailures):
             return series, evidence
-        verdicts = judge_layout(tried.judged, series)
+        verdicts = judge_layout(tried.judged, series, is_real=evidence is not None)
         return LayoutProof(host=host.name, layout=tried, series=series, verdicts=verdicts), evidence
 
     settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, load))
@@ -232,7 +232,12 @@ def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Conte
     )
 
 
-def judge_layout(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[IndexVerdict, ...]:
+def judge_layout(
+    components: tuple[Component, ...],
+    seen: Mapping[str, Series],
+    *,
+    is_real: bool = False,
+) -> tuple[IndexVerdict, ...]:
     """Judge every index of every component's APT; each series is looked at whole and once.
 
     All verdicts together are wrong in `ERROR` of the runs at most: each has an equal part of it.
@@ -240,15 +245,17 @@ def judge_layout(components: tuple[Component, ...], seen: Mapping[str, Series]) 
     Args:
         components: those with thresholds.
         seen: the series of each, by name.
+        is_real: whether it ran as processes of a machine whose speed wanders.
 
     Returns:
         A verdict for each index, components in the order given.
     """
     error = shared_error(sum(len(component.apt) for component in components))
+    judged = judge_wandering if is_real else judge_each
     return tuple(
         _judge_index(component, index, verdict)
         for component in components
-        for index, verdict in judge_each(seen[component.name], component.apt, run_of(component), error=error).items()
+        for index, verdict in judged(seen[component.name], component.apt, run_of(component), error=error).items()
     )
 
 

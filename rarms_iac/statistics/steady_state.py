@@ -100,6 +100,26 @@ def without_warm_up(series: Series, first: int) -> Series:
     return replace(series, samples=steady, elapsed_ms=series.elapsed_ms - began)
 
 
+def split_series(series: Series, parts: int) -> list[Series]:
+    """Cut a series into parts with the same number of samples, but for the last one, each with its own time.
+
+    Args:
+        series: at least as many samples as parts, in order.
+        parts: how many.
+
+    Returns:
+        Series that begin at 0 ms.
+    """
+    samples = columns_of(series.samples)
+    length = len(samples) // parts
+    starts = [number * length for number in range(parts)]
+    times = [0.0, *(samples.began_ms[start] for start in starts[1:]), series.elapsed_ms]
+    return [
+        replace(series, samples=samples.take(range(start, end), began), elapsed_ms=ended - began)
+        for (start, end), (began, ended) in zip(pairwise([*starts, len(samples)]), pairwise(times), strict=True)
+    ]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Change:
     at: int

@@ -154,7 +154,7 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
 
     lines = page(found, browsers, VerdictCount(judged=210, given=200, wrong=1))
 
-    assert "| 40 % | 25.0 | none | 25.0 | none | 25.0 | none | 25.0 | none |" in lines
+    assert "| 50 % | 20.0 | none | 20.0 | none | 20.0 | none | 20.0 | none |" in lines
     assert "| 100 % | 12.3 | 12.3 | 12.3 | 12.3 |" in lines
     assert f"| {FDP} | 20 % | even split | 15 % | 2 of 3 | 0 |" in lines
     assert f"| {MEASURED} | 0 of 12 | 88 | 8 |" in lines

@@ -9,7 +9,7 @@ from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.errors import FIRST_LOOK, next_look
-from rarms_iac.statistics.verdicts import judge, judge_early
+from rarms_iac.statistics.verdicts import judge, judge_early, judge_wandering
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
@@ -94,6 +94,46 @@ def test_a_series_of_a_host_that_had_not_settled_gets_no_verdict() -> None:
     unsettled = replace(SERIES, unsettled="it still consumed 1 LP")
 
     assert judge(unsettled, {"mean_response_time": at_most(200)}, RUN) == Unsteady(reason="it still consumed 1 LP")
+
+
+SLOWER = [*noisy(1, 100.0, count=130), *noisy(2, 140.0, count=140), *noisy(3, 110.0, count=130)]
+"""Jobs of a machine that was slower for a while."""
+
+
+@pytest.mark.parametrize(("limit", "kind"), [("300", Met), ("40", Missed), ("120", WithinNoise)])
+def test_a_machine_that_was_slower_for_a_while_has_a_verdict_far_from_the_threshold(limit: str, kind: type) -> None:
+    apt: dict[str, Threshold] = {"mean_response_time": at_most(limit)}
+
+    assert not isinstance(judge(a_series(SLOWER), apt, RUN), Met | Missed)
+    assert isinstance(judge_wandering(a_series(SLOWER), apt, RUN)["mean_response_time"], kind)
+
+
+def test_a_rate_of_a_machine_that_was_slower_for_a_while_is_that_of_all_quarters() -> None:
+    verdict = judge_wandering(a_series(SLOWER), {"throughput": at_least(1)}, RUN)["throughput"]
+
+    assert isinstance(verdict, Met)
+    assert verdict.judged[0].estimate.value == pytest.approx(1000 / 116, rel=0.05)
+
+
+def test_a_maximum_is_that_of_the_whole_also_of_a_machine_that_was_slower_for_a_while() -> None:
+    apt: dict[str, Threshold] = {"maximum_response_time": at_most(300)}
+
+    assert judge_wandering(a_series(SLOWER), apt, RUN) == {"maximum_response_time": judge(a_series(SLOWER), apt, RUN)}
+
+
+def test_quarters_that_go_one_way_have_no_verdict_however_far_the_threshold() -> None:
+    rising = [time * (1 + number / 100) for number, time in enumerate(noisy(1, 100.0))]
+    apt: dict[str, Threshold] = {"mean_response_time": at_most("100000")}
+
+    assert isinstance(judge_wandering(a_series(rising), apt, RUN)["mean_response_time"], Unsteady)
+
+
+def test_few_samples_have_no_quarters_and_steady_ones_need_none() -> None:
+    few = a_series([100.0] * 20 + [140.0] * 15)
+    apt: dict[str, Threshold] = {"mean_response_time": at_most("200")}
+
+    assert judge_wandering(few, apt, RUN) == {"mean_response_time": judge(few, apt, RUN)}
+    assert judge_wandering(SERIES, apt, RUN) == {"mean_response_time": judge(SERIES, apt, RUN)}
 
 
 def test_that_one_of_several_misses_needs_more_evidence_than_that_all_meet() -> None:
