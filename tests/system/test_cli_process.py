@@ -89,7 +89,7 @@ def test_a_signal_stops_after_the_running_step_and_apply_finishes(
     )
     words = [*RARMS, "apply", "-f", str(manifest), "--auto-approve"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        journal = manifest.parent / ".rarms" / "hosts" / "here.journal.jsonl"
+        journal = manifest.parent / ".rarms" / "hosts" / "onboard.journal.jsonl"
         deadline = time.monotonic() + 30
         while not (journal.is_file() and journal.read_bytes().count(b"\n") >= 6) and time.monotonic() < deadline:
             time.sleep(0.01)
