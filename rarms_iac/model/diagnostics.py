@@ -140,10 +140,22 @@ def first_of_each_kind(diagnostics: "Sequence[Diagnostic]") -> "tuple[Diagnostic
         if numbers[kind] <= MOST_OF_A_KIND:
             shown.append(diagnostic)
         elif numbers[kind] == totals[kind]:
-            following = f"{totals[kind] - MOST_OF_A_KIND:,} more of this kind follow."
-            advice = "Correct those that are shown."
-            shown.append(replace(diagnostic, detail=following, advice=advice, place=None, address="", related=()))
+            shown.append(following(diagnostic, totals[kind] - MOST_OF_A_KIND))
     return tuple(shown)
+
+
+def following(shown: Diagnostic, number: int) -> Diagnostic:
+    """Make the finding that says how many follow of a kind.
+
+    Args:
+        shown: a case of the kind.
+        number: of those that are not shown.
+
+    Returns:
+        It, without a place and without an address.
+    """
+    detail, advice = f"{number:,} more of this kind follow.", "Correct those that are shown."
+    return replace(shown, detail=detail, advice=advice, place=None, address="", related=())
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:

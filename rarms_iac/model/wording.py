@@ -1,6 +1,10 @@
 """Wording of messages: words in a row, small numbers, and what somebody probably meant who misspelt a name."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from itertools import islice
+
+MOST_NAMES = 4
+"""Names that a message lists before it says how many more there are."""
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -9,6 +13,24 @@ def in_a_row(words: Sequence[object], last: str = "and") -> str:
     """`a`, `a and b`, `a, b and c`; or with another word before the last."""
     *others, end = map(str, words)
     return f"{', '.join(others)} {last} {end}" if others else end
+
+
+def list_names(names: Iterable[str]) -> str:
+    """`a`, `a and b`, `a, b and c`; of more than five the first four and how many more."""
+    known = list(names)
+    return list_others(known, ()) if known else ""
+
+
+def list_others(names: Sequence[str], without: Collection[str]) -> str:
+    """`list_names` of those that are left without these; it takes no longer where there are many.
+
+    Args:
+        names: in the order in which they are shown, each once; at least one that is shown.
+        without: some of them.
+    """
+    total = len(names) - len(without)
+    shown = list(islice((name for name in names if name not in without), MOST_NAMES + 1))
+    return in_a_row(shown) if total == len(shown) else f"{', '.join(shown[:MOST_NAMES])} and {total - MOST_NAMES} more"
 
 
 def number(many: int) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
+from rarms_iac.model.wording import list_others
 from rarms_iac.planner import findings
 
 
@@ -137,19 +138,16 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
     Yields:
         A cause for each contradiction, by component's name; the same pair may come twice, from either side.
     """
-    partitions = {member.name: group.name for group in groups for member in group.members}
+    members = {group.name: sorted({member.name for member in group.members}) for group in groups}
+    partitions = {name: partition for partition, names in members.items() for name in names}
     for name in sorted(partitions):
         component, home = system.components[name], partitions[name]
-        others = (
-            sorted(other for other, place in partitions.items() if place == home and other != name)
-            if (component.apart or component.dedicated)
-            else []
-        )
         for other in component.apart:
-            if other in others:
+            if other != name and partitions.get(other) == home:
                 yield _company(name, f"{name} must be apart from {other}, and both are in partition {home}.")
-        if component.dedicated and others:
-            yield _company(name, f"{name} is dedicated, and shares partition {home} with {', '.join(others)}.")
+        if component.dedicated and len(members[home]) > 1:
+            others = list_others(members[home], (name,))
+            yield _company(name, f"{name} is dedicated, and shares partition {home} with {others}.")
         for other in component.together:
             if partitions.get(other, home) != home:
                 yield _company(

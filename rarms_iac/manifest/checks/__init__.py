@@ -7,12 +7,13 @@ topic: `names`, `partitions`, `hosts`, `processors`, `memory`, `tasks`, `measure
 
 from collections.abc import Iterator, Mapping
 from datetime import date
+from itertools import islice
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, memory, names, partitions, processors, secrets, tasks
 from rarms_iac.manifest.checks.common import Check
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, in_order
+from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Places, following, in_order
 from rarms_iac.model.system import System
 
 CHECKS: Mapping[Finding, Check] = {
@@ -86,13 +87,18 @@ def run_checks(system: System, places: Places, today: date) -> tuple[Diagnostic,
         today: the day in UTC that acceptances expire against.
 
     Returns:
-        All of them.
+        Of a kind that the policy accepts somewhere all of them, of another the first `MOST_OF_A_KIND` and how many
+        follow: places are looked up for those that can be shown, not for every one of 390,000.
     """
 
     def findings() -> Iterator[Diagnostic]:
         for finding, check in CHECKS.items():
-            for violation in check(system):
-                yield violation.as_diagnostic(finding, places)
+            violations = check(system)
+            most = None if finding.code in system.policy.accept else MOST_OF_A_KIND
+            shown = [violation.as_diagnostic(finding, places) for violation in islice(violations, most)]
+            yield from shown
+            if more := sum(1 for _ in violations):
+                yield following(shown[-1], more)
         yield from check_acceptances(system.policy, places, today)
 
     return in_order(tuple(findings()))

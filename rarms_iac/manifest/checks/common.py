@@ -17,10 +17,6 @@ from rarms_iac.model.system import (
     TaskRequest,
     bound_together,
 )
-from rarms_iac.model.wording import in_a_row
-
-MOST_NAMES = 4
-"""Names that a message lists before it says how many more there are."""
 
 Path = tuple[str | int, ...]
 
@@ -64,14 +60,6 @@ def _address(path: Path) -> str:
     if len(path) < 2 or path[0] not in _ADDRESSED:
         return ""
     return f"{str(path[0]).removesuffix('s')}/{path[1]}"
-
-
-def list_names(names: Iterable[str]) -> str:
-    """`a`, `a and b`, `a, b and c`; of more than five the first four and how many more."""
-    known = list(names)
-    if len(known) > MOST_NAMES + 1:
-        return f"{', '.join(known[:MOST_NAMES])} and {len(known) - MOST_NAMES} more"
-    return in_a_row(known) if known else ""
 
 
 def may_run_on(system: System, component: Component) -> list[Host]:

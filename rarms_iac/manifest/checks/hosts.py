@@ -3,13 +3,13 @@
 import re
 from collections.abc import Iterator
 
-from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
+from rarms_iac.manifest.checks.common import Violation, may_run_on
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import list_names, quoted
 
 NOTHING_KEPT_FOR_HOST = Finding(
     code="RARMS058", severity=Severity.WARNING, summary="A host keeps too little for the components that run on it"

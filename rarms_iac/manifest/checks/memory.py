@@ -6,7 +6,6 @@ from rarms_iac.manifest.checks.common import (
     Violation,
     behaves_like_hyperv,
     hosts_for,
-    list_names,
     may_run_on,
     members,
     partition_of_component,
@@ -15,6 +14,7 @@ from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes
 from rarms_iac.model.system import RunsOn, System
+from rarms_iac.model.wording import list_names
 
 BELOW_MEMBERS = Finding(
     code="RARMS065", severity=Severity.WARNING, summary="A partition has less memory than its components"

@@ -1,6 +1,6 @@
 """Checks of names: what they refer to, which ones Windows or rarms keeps for itself, and renamed partitions."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from rarms_iac import __version__
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
@@ -8,7 +8,7 @@ from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import in_a_row, suggestion
+from rarms_iac.model.wording import MOST_NAMES, in_a_row, suggestion
 
 UNKNOWN_NAME = Finding(code="RARMS042", severity=Severity.ERROR, summary="Unknown name")
 DEVICE_NAME = Finding(code="RARMS043", severity=Severity.ERROR, summary="Windows keeps this name for a device")
@@ -163,14 +163,18 @@ def _partition_name_violation(system: System, name: str, detail: str, advice: st
 
 def moved_in_a_circle(system: System) -> Iterator[Violation]:
     """Entries of `moved` that lead back to where they start."""
+    lengths = _circle_lengths(system.moved)
     for old in system.moved:
-        circle = _circle(system, old)
-        if circle:
-            reason = "the name would not change" if len(circle) == 1 else "every plan would rename them again"
+        if length := lengths.get(old):
+            reason = "the name would not change" if length == 1 else "every plan would rename them again"
+            names = [old]
+            while len(names) < min(length, MOST_NAMES):
+                names.append(system.moved[names[-1]])
+            following = [f"{length - MOST_NAMES} more"] if length > MOST_NAMES else []
             yield Violation(
                 path=("moved", old),
                 at_key=True,
-                detail=f"{' -> '.join([*circle, old])}: {reason}.",
+                detail=f"{' -> '.join([*names, *following, old])}: {reason}.",
                 advice="Let each entry lead from a name that the manifest no longer has to a name that it has.",
                 address=f"partition/{old}",
             )
@@ -179,8 +183,9 @@ def moved_in_a_circle(system: System) -> Iterator[Violation]:
 def moved_from_existing(system: System) -> Iterator[Violation]:
     """Entries of `moved` whose old name a partition of the manifest still has."""
     names = partition_names(system) if system.moved else set()
+    in_circles = _circle_lengths(system.moved)
     for old, new in system.moved.items():
-        if old in names and not _circle(system, old):  # else RARMS080 reports it
+        if old in names and old not in in_circles:  # else RARMS080 reports it
             yield Violation(
                 path=("moved", old),
                 at_key=True,
@@ -190,12 +195,21 @@ def moved_from_existing(system: System) -> Iterator[Violation]:
             )
 
 
-def _circle(system: System, start: str) -> list[str]:
-    """The names that lead from this one back to it; empty where they do not."""
-    names = [start]
-    while (following := system.moved.get(names[-1])) is not None and following not in names:
-        names.append(following)
-    return names if following == start else []
+def _circle_lengths(moved: Mapping[str, str]) -> dict[str, int]:
+    """The names that lead back to themselves, each with the number of entries that this takes; every entry once."""
+    seen: set[str] = set()
+    lengths: dict[str, int] = {}
+    for start in moved:
+        walk: dict[str, int] = {}
+        name = start
+        while name in moved and name not in seen:
+            seen.add(name)
+            walk[name] = len(walk)
+            name = moved[name]
+        if name in walk:
+            circle = [passed for passed, number in walk.items() if number >= walk[name]]
+            lengths |= dict.fromkeys(circle, len(circle))
+    return lengths
 
 
 def no_components(system: System) -> Iterator[Violation]:

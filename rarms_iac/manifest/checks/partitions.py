@@ -1,6 +1,5 @@
 """Checks of which components share a partition: `partitions`, `together`, `apart`, `dedicated`, `runs_on`, `hosts`."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from rarms_iac.manifest.checks.common import (
@@ -8,13 +7,13 @@ from rarms_iac.manifest.checks.common import (
     Violation,
     bound_groups,
     hosts_for,
-    list_names,
     may_run_on,
     members,
     partition_of_component,
 )
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.system import Component, RunsOn, System, bound_together
+from rarms_iac.model.wording import list_names, list_others
 
 SEVERAL_PARTITIONS = Finding(code="RARMS045", severity=Severity.ERROR, summary="A component is in several partitions")
 HOST_COMPONENT_IN_PARTITION = Finding(
@@ -45,18 +44,17 @@ NO_COMMON_HOST = Finding(
 
 def several_partitions(system: System) -> Iterator[Violation]:
     """Every partition but the first that lists a component."""
-    first = partition_of_component(system)
+    listed: dict[str, Path] = {}
     for partition in system.partitions.values():
         for number, name in enumerate(partition.components):
-            is_repeated = partition.components.index(name) < number
-            if name in system.components and (first[name] != partition.name or is_repeated):
-                other = system.partitions[first[name]]
-                listed = ("partitions", other.name, "components", other.components.index(name))
+            path = ("partitions", partition.name, "components", number)
+            first = listed.setdefault(name, path)
+            if name in system.components and first != path:
                 yield Violation(
-                    path=("partitions", partition.name, "components", number),
-                    detail=f'"{name}" is already in the partition "{other.name}". A component runs once.',
+                    path=path,
+                    detail=f'"{name}" is already in the partition "{first[1]}". A component runs once.',
                     advice="Leave it in one of them.",
-                    related=((listed, False, "listed here first"),),
+                    related=((first, False, "listed here first"),),
                 )
 
 
@@ -121,42 +119,47 @@ def partition_of_another_name(system: System) -> Iterator[Violation]:
 
 def together_and_apart(system: System) -> Iterator[Violation]:
     """Components that are apart from one which `together` binds to them, however many steps away."""
-    group = bound_together(system.components)
+    bound = _bound(system)
     for component in system.components.values():
         for number, other in enumerate(component.apart):
-            if other in group and group[other] == group[component.name]:
+            if bound.get(other) is bound[component.name]:
                 yield Violation(
                     path=("components", component.name, "apart", number),
-                    detail=_contradiction(system, component.name, other, group),
+                    detail=_contradiction(system, component.name, other, bound[other]),
                     advice="Remove `together` or `apart`.",
                 )
 
 
-def _contradiction(system: System, name: str, other: str, group: Mapping[str, str]) -> str:
+def _bound(system: System) -> dict[str, list[str]]:
+    """For each component those that `together` binds, itself among them, by name: one list for all of them."""
+    groups: dict[str, list[str]] = {}
+    first = bound_together(system.components)
+    for name in sorted(first):
+        groups.setdefault(first[name], []).append(name)
+    return {name: groups[first[name]] for name in first}
+
+
+def _contradiction(system: System, name: str, other: str, bound: list[str]) -> str:
     if name == other:
         return f'"{name}" cannot be apart from itself.'
     is_direct = other in system.components[name].together or name in system.components[other].together
-    between = sorted(member for member in group if group[member] == group[name] and member not in {name, other})
-    chain = "" if is_direct else f" through {list_names(between)}"
+    chain = "" if is_direct else f" through {list_others(bound, (name, other))}"
     return f'"{name}" must be apart from "{other}", but `together` binds the two{chain}.'
 
 
 def dedicated_shares(system: System) -> Iterator[Violation]:
     """Dedicated components that `together` or a partition's entry puts beside others."""
-    group = bound_together(system.components)
-    sizes = Counter(group.values())
-    for component in system.components.values():
-        if component.dedicated and sizes[group[component.name]] > 1:
-            others = [name for name in group if group[name] == group[component.name] and name != component.name]
-            yield _dedicated_violation(component.name, f"`together` binds it to {list_names(sorted(others))}")
+    bound = _bound(system)
+    for name, component in system.components.items():
+        if component.dedicated and len(bound[name]) > 1:
+            yield _dedicated_violation(name, f"`together` binds it to {list_others(bound[name], (name,))}")
     for partition in system.partitions.values():
         inside = members(system, partition)
+        names = [component.name for component in inside]
         for component in inside:
             if component.dedicated and len(inside) > 1:
-                others = [other.name for other in inside if other is not component]
-                yield _dedicated_violation(
-                    component.name, f'the partition "{partition.name}" also contains {list_names(others)}'
-                )
+                others = list_others(names, (component.name,))
+                yield _dedicated_violation(component.name, f'the partition "{partition.name}" also contains {others}')
 
 
 def _dedicated_violation(name: str, reason: str) -> Violation:

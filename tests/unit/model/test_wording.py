@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.model.wording import did_you_mean, distance, in_a_row, number, quoted, suggestion
+from rarms_iac.model.wording import did_you_mean, distance, in_a_row, list_others, number, quoted, suggestion
 
 
 @pytest.mark.parametrize(
@@ -64,3 +64,16 @@ def test_a_quoted_text_is_on_one_line_and_nothing_in_it_is_hidden() -> None:
     assert quoted("vid\x00eo\n\u202eexe\xa0") == '"vid<U+0000>eo<U+000A><U+202E>exe<U+00A0>"'
     assert quoted("it's") == '"it\'s"'
     assert quoted("abcdef", 3) == '"abc..."'
+
+
+@pytest.mark.parametrize(
+    ("names", "without", "expected"),
+    [
+        ("a", "", "a"),
+        ("abc", "b", "a and c"),
+        ("abcdef", "a", "b, c, d, e and f"),
+        ("abcdefgh", "b", "a, c, d, e and 3 more"),
+    ],
+)
+def test_of_many_names_the_first_are_listed(names: str, without: str, expected: str) -> None:
+    assert list_others(names, without) == expected

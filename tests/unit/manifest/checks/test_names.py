@@ -98,6 +98,17 @@ def test_moves(moved: dict[str, str], expected: list[str]) -> None:
     assert sorted(code for code, _ in found(system)) == expected
 
 
+def test_a_circle_is_found_from_each_of_its_entries_and_not_from_one_that_leads_into_it() -> None:
+    circle = {f"p{number}": f"p{(number + 1) % 9}" for number in range(9)}
+    system = a_system(components=[VISION], moved={"into": "p3", **circle, "eyes": "vision"})
+
+    findings = run_checks(system, PathPlaces(), date(2026, 1, 1))
+
+    in_circles = {finding.address: finding.detail for finding in findings if finding.code == "RARMS080"}
+    assert set(in_circles) == {f"partition/p{number}" for number in range(9)}
+    assert in_circles["partition/p7"] == "p7 -> p8 -> p0 -> p1 -> 5 more -> p7: every plan would rename them again."
+
+
 @pytest.mark.parametrize(
     ("required", "codes_found"),
     [(None, []), (">=0.1", []), (">= 0.0.9", []), (">=0.1.1", ["RARMS312"]), (">=99", ["RARMS312"])],
