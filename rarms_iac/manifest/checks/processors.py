@@ -10,7 +10,6 @@ from rarms_iac.manifest.checks.common import (
     cpu_settings,
     fixed_reserve,
     hosts_for,
-    list_names,
     may_run_on,
     members,
     on_every,
@@ -26,7 +25,7 @@ from rarms_iac.model.quantities import (
     show_processors,
 )
 from rarms_iac.model.system import Component, Measured, RunsOn, System
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, list_names
 
 RESERVE_OVER_LIMIT = Finding(code="RARMS060", severity=Severity.ERROR, summary="The reserve is above the limit")
 RESERVE_OVER_HOST = Finding(
