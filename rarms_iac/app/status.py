@@ -40,6 +40,11 @@ class PartitionStatus:
         """What it is guaranteed, in LPs."""
         return guaranteed(self.reserve, self.processors)
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether rarms stopped it, and nobody started it since."""
+        return self.stopped_by is not StoppedBy.NOBODY and not self.running
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostOverview:
@@ -246,5 +251,9 @@ def _next_command(
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command="rarms plan", reason="shows what is not applied yet")
     if holding < asked and not any(host.problems for host in hosts):
+        stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
+        if stopped:
+            reason = "starts what was stopped, so that thresholds can be proven"
+            return NextCommand(command=f"rarms start {' '.join(stopped)}", reason=reason)
         return NextCommand(command="rarms prove", reason="runs all components together, beside their thresholds")
     return None

@@ -35,7 +35,8 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
     if before.mark is not None:
         mark = before.mark
         problem = f"Machine {machine} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
-        return TAKEN.at(place, problem, "Release it there first: `rarms release`.", address=address)
+        manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
+        return TAKEN.at(place, problem, f"Release it first: `rarms release {mark.name}`{manifest}.", address=address)
     holder = next(
         (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
         None,

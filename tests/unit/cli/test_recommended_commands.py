@@ -53,6 +53,9 @@ PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
     simulation: {{ work: 1 ms, varies: 2 % }}
 """
 
+PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
+PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
+
 ASKS = {"apply", "undo", "stop", "start", "import", "release", "destroy"}
 """Commands that ask before they change a host."""
 
@@ -77,6 +80,26 @@ def do(*words: str) -> Callable[[], None]:
         assert ran.code in WORKS, (words, ran.err)
 
     return run
+
+
+def put(name: str, text: str) -> None:
+    """Write a file."""
+    Path(name).write_text(text, encoding="utf-8")
+
+
+def edit(name: str, before: str, after: str) -> Callable[[], None]:
+    """What changes a word of a file."""
+    return lambda: put(name, Path(name).read_text(encoding="utf-8").replace(before, after))
+
+
+def move(name: str, folder: str) -> Callable[[], None]:
+    """What moves a file into a new folder."""
+
+    def into() -> None:
+        Path(folder).mkdir()
+        Path(name).rename(Path(folder, name))
+
+    return into
 
 
 APPLY = do("apply", "--auto-approve")
@@ -120,6 +143,9 @@ class Situation:
     says: str  # a finding's id, or words of the message
     recommends: tuple[str, ...]
     asked: bool = False  # the message comes from a question at a terminal
+    may_answer: ExitCode = (
+        ExitCode.DONE
+    )  # also what a command that is recommended may end with: a plan that says why not
 
 
 SITUATIONS = {
@@ -266,6 +292,95 @@ SITUATIONS = {
         says="acceptance",
         recommends=("rarms explain RARMS014",),
     ),
+    "somebody changed a partition": Situation(
+        steps=(write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
+        words=("plan", "--verbose"),
+        says="This plan makes it as the manifest wants it",
+        recommends=("rarms drift", "rarms history"),
+    ),
+    "the host moved since the plan was made": Situation(
+        steps=(
+            write(MANIFEST),
+            do("plan", "--out", "a.plan"),
+            APPLY,
+            write(MANIFEST.replace("45 %", "40 %")),
+            do("plan", "--out", "a.plan"),
+            do("simulate", "change", "vision", "--reserve", "30"),
+        ),
+        words=("apply", "a.plan"),
+        says="no longer as the plan saw it",
+        recommends=("rarms drift",),
+    ),
+    "a plan was edited": Situation(
+        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), edit("a.plan", "vision", "Vision")),
+        words=("apply", "a.plan"),
+        says="it was edited",
+        recommends=("rarms plan --out FILE",),
+    ),
+    "a file is no plan": Situation(
+        steps=(write(MANIFEST),),
+        words=("apply", "rarms.yaml"),
+        says="not a plan",
+        recommends=("rarms plan --out FILE",),
+    ),
+    "the manifest changed since the plan was made": Situation(
+        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), write(MANIFEST.replace("45 %", "40 %"))),
+        words=("apply", "a.plan"),
+        says="has changed since plan",
+        recommends=("rarms plan",),
+    ),
+    "a plan is applied elsewhere": Situation(
+        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), move("rarms.yaml", "robot")),
+        words=("apply", "a.plan"),
+        says="which is not here",
+        recommends=("rarms apply PLAN -f MANIFEST",),
+    ),
+    "a target is not in the plan": Situation(
+        steps=(write(MANIFEST),),
+        words=("plan", "--target", "partition/sight"),
+        says="no change has this address",
+        recommends=("rarms plan --verbose",),
+    ),
+    "a component cannot run on its host": Situation(
+        steps=(write(PROGRAM),), words=("measure", "vision"), says="cannot run vision", recommends=("rarms run",)
+    ),
+    "a snapshot cannot be read": Situation(
+        steps=(write(MANIFEST), lambda: put("host.json", "nothing")),
+        words=("plan", "--snapshot", "host.json"),
+        says="Make one with",
+        recommends=("rarms snapshot --host NAME --out FILE", "rarms snapshot --script"),
+    ),
+    "late jobs may be later beside other partitions": Situation(
+        steps=(write(MANIFEST.replace("mean_response_time", "p95_response_time").replace("45 %", "70 %")), APPLY),
+        words=("plan", "--verbose"),
+        says="RARMS313",
+        recommends=("rarms prove --interference busy-loop",),
+    ),
+    "nothing was tuned": Situation(
+        steps=(write(PAIR), logs(vision=30, speech=30)),
+        words=("explain", "vision"),
+        says="has measured nothing",
+        recommends=("rarms tune",),
+    ),
+    "fixed reserves exceed the host": Situation(
+        steps=(write(MANIFEST.replace("45 %", "90 %")),),
+        words=("tune",),
+        says="The manifest fixes all reserves",
+        recommends=("rarms plan",),
+        may_answer=ExitCode.NO,
+    ),
+    "no component is wanted any more": Situation(
+        steps=(write(MANIFEST), APPLY, write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
+        words=("plan",),
+        says="describes no component",
+        recommends=("rarms destroy",),
+    ),
+    "the application is looked at after a stop": Situation(
+        steps=(write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
+        words=("status",),
+        says="stopped by",
+        recommends=("rarms stop", "rarms start vision"),
+    ),
     "both names of a move are on the host": Situation(
         steps=(
             write(MANIFEST),
@@ -296,16 +411,17 @@ def made(situation: Situation, folder: Path) -> str:
     return " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err).split())
 
 
-def run_as_printed(command: str, folder: Path) -> None:
+def run_as_printed(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> None:
     """Run it; what asks is told not to, and a FILE is one that is there where it is read."""
-    words = [word.replace("FILE", "a.plan") for word in shlex.split(command)[1:]]
+    places = {"FILE": "a.plan", "PLAN": "a.plan", "MANIFEST": "robot", "NAME": "onboard"}
+    words = [places.get(word, word) for word in shlex.split(command)[1:]]
     with chdir(folder):
-        if words[0] == "apply" and "a.plan" in words:
+        if words[0] == "apply" and "a.plan" in words and not Path("a.plan").exists():
             do("plan", "--out", "a.plan")()
         elif words[0] in ASKS and "--abandon" not in words:
             words.append("--auto-approve")
         ran = rarms(*words)
-    assert ran.code in WORKS, f"`{command}`: exit {ran.code}\n{ran.out}{ran.err}"
+    assert ran.code in {*WORKS, may_answer}, f"`{command}`: exit {ran.code}\n{ran.out}{ran.err}"
 
 
 @pytest.mark.parametrize("situation", SITUATIONS.values(), ids=SITUATIONS.keys())
@@ -322,7 +438,7 @@ def test_what_is_recommended_works_where_it_is_recommended(situation: Situation,
     for number, command in enumerate(commands):
         folder = tmp_path / f"copy-{number}"
         copy_files(origin, folder)
-        run_as_printed(command, folder)
+        run_as_printed(command, folder, situation.may_answer)
 
 
 def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Path) -> None:
@@ -339,3 +455,16 @@ def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Pat
     assert "rarms measure vision -f 'my robot' --overlay test.yaml" in commands
     for command in commands:
         run_as_printed(command, tmp_path)
+
+
+def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path: Path) -> None:
+    with chdir(tmp_path):
+        write(MANIFEST)()
+        APPLY()
+        unknown = rarms("import", "speech", "--id", "none", "--auto-approve")
+        (machine,) = re.findall(r"vision ([0-9a-f-]{36})", unknown.err)
+        taken = rarms("import", "speech", "--id", machine, "--auto-approve")
+
+    assert 'is partition "vision" of application' in taken.err
+    assert recommended(taken.err) == ("rarms release vision",)
+    run_as_printed("rarms release vision", tmp_path)
