@@ -16,7 +16,7 @@ help: ## Show this list
 demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the simulated host
 	@scripts/demo
 
-demo-linux: $(RUNS) ## The same with real components on this Linux, as root; three minutes at best
+demo-linux: $(RUNS) ## The same with real components on this Linux, as root; three to five minutes
 	@scripts/demo-linux
 
 test: $(TESTS) ## All tests, with branch coverage

@@ -108,12 +108,13 @@ def demand_of(record: Record, name: str, threads: int, period: float) -> Demand:
     )
 
 
-def foretold(demand: Demand, limit: float, processors: int) -> int | None:
+def foretold(demand: Demand, limit: float, processors: int, *, in_class: bool = False) -> int | None:
     """The least reservation, in per cent of the host, from which on the simulated host keeps the mean response time.
 
     Beside busy loops that keep to their processors, k threads of a group that reserves the part c of n processors get
     nc / (nc + k (1 - c)) of one each, since a group's weight is spread over the processors it runs on. The simulated
-    host is asked from which reserve on k virtual processors are enough, and that is turned back.
+    host is asked from which reserve on k virtual processors are enough, and that is turned back. In a task class a
+    thread gets just the reserve of a processor, as a virtual one does.
     """
     component = a_component(
         "coi",
@@ -135,8 +136,8 @@ def foretold(demand: Demand, limit: float, processors: int) -> int | None:
             return value_of("mean_response_time", series) <= limit
 
         each = least(1, 100, is_enough)
-    if each is None:
-        return None
+    if each is None or in_class:
+        return each
     part = each / 100
     of_host = part * demand.threads / (processors * (1 - part) + part * demand.threads)
     return max(1, round(100 * of_host))

@@ -23,7 +23,7 @@ RESERVES = (10, 15, 20, 30, 50, 80)
 LOADS = (0, 25, 50, 75, 100)
 BROWSERS = (0, 1, 2, 5, 10)
 PRIORITIES: Mapping[str, int | None] = {FDP: 30, SRP: 31, VSP: None, PPP: None}
-REPEATS = 3
+REPEATS = 2
 MEASURED = "`rarms measure`"
 LONGEST_S = 100.0
 """What an experiment takes at most: `rarms measure`, or ten browsers that start."""

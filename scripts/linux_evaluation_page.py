@@ -5,24 +5,22 @@ Usage: python -m scripts.linux_evaluation_page FOLDER-OF-THE-ROBOT LOG
 
 import os
 import platform
-import random
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from fractions import Fraction
-from math import exp, isfinite, log
+from math import isfinite
 from pathlib import Path
-from statistics import fmean, median
+from statistics import median
 
-from rarms_iac.model.measurement import Series, run_of
-from rarms_iac.model.outcomes import Met, Missed
-from rarms_iac.model.system import AtLeast, AtMost, Component
+from benchmarks.linux_prediction import demand_of, foretold
+from rarms_iac.model.measurement import run_of
+from rarms_iac.model.run import Periodic
+from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.versions import find_tree
 from rarms_iac.statistics.distributions import share_interval
 from rarms_iac.statistics.errors import ERROR
-from rarms_iac.statistics.verdicts import judge
 from scripts.linux_evaluation import (
     BROWSERS,
     FDP,
@@ -38,12 +36,10 @@ from scripts.linux_evaluation import (
     rules,
 )
 from scripts.linux_experiments import PAIRS, SLICE, Experiment, Log, meets, series_of, value_of, values_in, values_of
+from scripts.linux_verdicts import DRAWS, FARTHEST, NEAREST, VerdictCount, count_verdicts
 from scripts.paper_drawing import Chart, draw
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-NEAREST, FARTHEST = 1.15, 3.0
-"""How many times too large or too small a drawn threshold is at least, and at most."""
-
 INTRODUCTION = """\
 Written by `make evaluation`, as root, from the real components of `manifests/delivery-robot-linux`: nothing here is
 simulated. Reservations are shares of control groups, the interfering load is a busy loop on every processor. The
@@ -54,8 +50,9 @@ task classes, so that they run in SCHED_FIFO with the reservation as their budge
 much of one processor, as a virtual processor would. VSP and PPP have none, and share. Medians of all runs at a
 reservation."""
 FOUND = """\
-*Sweep* is the least whole per cent from which on the medians of three runs meet the APT, found by halving. `rarms
-measure` saw none of those runs. Its aim is to be at most 2 points away."""
+*Sweep* is the least whole per cent from which on the medians of all runs meet the APT, found by halving. `rarms
+measure` saw none of those runs. Its aim is to be at most 2 points away; *foretold* is what the simulated host says from
+a run of the component alone (processor time and waiting time a job), by its mean response time."""
 FIGURE_3 = """\
 One operating system without partitions; stress-ng uses the given share of every processor. FDP and SRP run in
 SCHED_FIFO at 30 and 31, VSP and PPP in the ordinary class. The paper: FDP and SRP do not change up to 100 %
@@ -71,9 +68,10 @@ reservation, in whole per cent of the host, then ran {REPEATS} times beside busy
 beyond the sweep's."""
 VERDICTS = f"""\
 Each run of a reservation that was run {REPEATS} times or more is judged as `rarms` judges one, for each index of its
-APT twice: with a threshold that is drawn (seeded) to be {NEAREST:g} to {FARTHEST:g} times what the *other* runs showed,
-and with one that is too strict by as much. A verdict is wrong where the other runs show the contrary. Declared is that
-at most 1 of 100 runs gets a wrong one. Verdicts on the same run are not independent; the limits take them so."""
+APT {2 * DRAWS} times: with thresholds that are drawn (seeded) to be {NEAREST:g} to {FARTHEST:g} times what the *other*
+runs showed, and with as many that are too strict by as much. A verdict is wrong where the other runs show the contrary.
+Declared is that at most 1 of 100 runs gets a wrong one. Verdicts on the same run are not independent; the limits take
+them so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,15 +92,7 @@ class Findings:
     needed: int | None  # the least reservation, in whole per cent, from which on every index is good enough
     loaded: Mapping[int, float]  # the mean response time in ms, by what the load uses
     trials: Mapping[str, Trial]  # by rule
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VerdictCount:
-    """How verdicts on real runs did."""
-
-    judged: int
-    given: int
-    wrong: int
+    foretold: int | None = None  # per cent of the host, by the simulated host
 
 
 def main() -> None:
@@ -145,6 +135,10 @@ def _findings(record: Log, component: Component, components: int) -> Findings:
         return Trial(reserve=reserve, missed=missed, runs=len(runs))
 
     _, needed = bracket(record, component)
+    alone = record.records[Experiment(kind="alone", component=component.name)]
+    arrival = run_of(component).arrival
+    demand = demand_of(alone, component.name, 1, float(arrival.period) if isinstance(arrival, Periodic) else 0.0)
+    limit = float(component.apt["mean_response_time"].value)
     chosen = rules(record, component, _processors(), components)
     return Findings(
         component=component,
@@ -155,6 +149,7 @@ def _findings(record: Log, component: Component, components: int) -> Findings:
             for percent in LOADS
         },
         trials={rule: trial(reserve) for rule, reserve in chosen.items()},
+        foretold=foretold(demand, limit, _processors(), in_class=component.task is not None),
     )
 
 
@@ -165,42 +160,6 @@ def beside_browsers(record: Log) -> Mapping[tuple[int, int], Sequence[float]]:
         pair: [value_of("mean_response_time", series_of(FDP, each[number])) for each in pairs]
         for number, pair in enumerate(PAIRS)
     }
-
-
-def count_verdicts(record: Log, components: Mapping[str, Component]) -> VerdictCount:
-    """Judge every run by thresholds around what the other runs of the same setting showed."""
-    outcomes = [outcome for component in components.values() for outcome in _verdicts_on(record, component)]
-    given = [outcome for outcome in outcomes if outcome is not None]
-    return VerdictCount(judged=len(outcomes), given=len(given), wrong=given.count(False))
-
-
-def _verdicts_on(record: Log, component: Component) -> Iterator[bool | None]:
-    """Whether each verdict was right; None: there was none."""
-    reserves = {each.setting for each in record.records if (each.kind, each.component) == ("reserve", component.name)}
-    for reserve in sorted(reserves):
-        runs = record.runs("reserve", component.name, reserve)
-        for number, series in enumerate(runs if len(runs) >= REPEATS else []):
-            others = [run for other, run in enumerate(runs) if other != number]
-            for index in component.apt:
-                truth = fmean(value_of(index, run) for run in others)
-                chance = random.Random(f"{component.name}/{reserve}/{number}/{index}")
-                factor = exp(chance.uniform(log(NEAREST), log(FARTHEST)))
-                for limit in (truth * factor, truth / factor):
-                    yield _is_right(component, index, series, truth, limit)
-
-
-def _is_right(component: Component, index: str, series: Series, truth: float, limit: float) -> bool | None:
-    at_most = isinstance(component.apt[index], AtMost)
-    if index == "success_rate" and limit > 100:
-        limit = (100 + truth) / 2
-    threshold = (AtMost if at_most else AtLeast)(value=Fraction(limit).limit_denominator(10**6))
-    match judge(series, {index: threshold}, run_of(component)):
-        case Met():
-            return truth <= limit if at_most else truth >= limit
-        case Missed():
-            return truth > limit if at_most else truth < limit
-        case _:
-            return None
 
 
 def _write(path: Path, text: str) -> None:
@@ -310,19 +269,25 @@ def _reservations(found: Sequence[Findings]) -> list[str]:
         "",
         FOUND,
         "",
-        _row("component", "sweep", MEASURED, "apart"),
-        "|---|---:|---:|---:|",
+        _row("component", "sweep", MEASURED, "apart", "foretold", "apart"),
+        "|---|---:|---:|---:|---:|---:|",
         *(
             _row(
                 findings.component.name,
                 _needed(findings),
                 f"{findings.trials[MEASURED].reserve} %",
-                "" if findings.needed is None else f"{findings.trials[MEASURED].reserve - findings.needed:+} points",
+                _apart(findings.trials[MEASURED].reserve, findings.needed),
+                "none" if findings.foretold is None else f"{findings.foretold} %",
+                _apart(findings.foretold, findings.needed),
             )
             for findings in found
         ),
         "",
     ]
+
+
+def _apart(reserve: int | None, needed: int | None) -> str:
+    return "" if reserve is None or needed is None else f"{reserve - needed:+} points"
 
 
 def _figure_3(by_name: Mapping[str, Findings]) -> list[str]:

@@ -207,8 +207,8 @@ class Laboratory:
         done = subprocess.run(
             words, cwd=self.robot, env=dict(self.environment), stdout=subprocess.PIPE, text=True, check=True
         )
-        (found,) = json.loads(done.stdout)["components"]
-        return float(found["reserve"])
+        (found,) = json.loads(done.stdout)["experiments"]
+        return float(found["planned"] or found["reserve"])
 
     def _alone(self, component: Component) -> Record:
         """Nothing runs beside the component."""

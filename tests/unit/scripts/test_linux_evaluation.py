@@ -23,7 +23,7 @@ from scripts.linux_evaluation import (
     next_experiment,
     rules,
 )
-from scripts.linux_evaluation_page import Findings, Trial, VerdictCount, count_verdicts, page
+from scripts.linux_evaluation_page import Findings, Trial, page
 from scripts.linux_experiments import (
     PAIRS,
     Experiment,
@@ -34,6 +34,7 @@ from scripts.linux_experiments import (
     value_of,
     values_of,
 )
+from scripts.linux_verdicts import VerdictCount, count_verdicts
 from tests.builders import a_component, at_most
 
 COMPONENT = replace(
@@ -142,6 +143,7 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
             curve={reserve: {"p95_response_time": 1000 / reserve, "throughput": inf} for reserve in RESERVES},
             needed=20,
             loaded=dict.fromkeys(LOADS, 12.34),
+            foretold=19,
             trials={
                 MEASURED: Trial(reserve=22, missed=0, runs=3),
                 "even split": Trial(reserve=15, missed=2, runs=3),
@@ -159,7 +161,7 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
     assert f"| {FDP} | 20 % | even split | 15 % | 2 of 3 | 0 |" in lines
     assert f"| {MEASURED} | 0 of 12 | 88 | 8 |" in lines
     assert "| even split | 8 of 12 | 60 | 0 |" in lines
-    assert f"| {FDP} | 20 % | 22 % | +2 points |" in lines
+    assert f"| {FDP} | 20 % | 22 % | +2 points | 19 % | -1 points |" in lines
     assert "| 10 | 150.0 | 175.0 | 175.0 |" in lines
     assert "- 210 were asked for, and 10 (4.8 %) have no verdict." in lines
     assert "- 1 of 200 are wrong: 0.03 to 2.35 % (one-sided 95 % limits), and 1 % is declared." in lines
