@@ -11,7 +11,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import UseCaseError
-from rarms_iac.app.pull_request import AptHeadroom, LogUse, PlanReview
+from rarms_iac.app.pull_request import AptHeadroom, PlanReview
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
@@ -20,7 +20,7 @@ from rarms_iac.model.plan import HostPlan, Plan, UndoLevel
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_milliseconds, show_percent, show_processors
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import attributes_of, describe_disruption, symbol
 from rarms_iac.views.console import UNLIMITED, render, visible
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
@@ -111,6 +111,9 @@ def findings_markdown(findings: Sequence[Diagnostic]) -> str:
     return "\n\n".join([*_findings(findings)] or ["No findings."]) + "\n"
 
 
+_STAYS_OFF = "and stays off until somebody starts it"
+
+
 def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
     """Each partition that stops on a host, and for how long; a guest's own shutdown and start take what they take.
 
@@ -124,7 +127,7 @@ def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
         starts = [n for n, each in enumerate(later) if isinstance(each.operation, StartPartition)]
         end = next((n for n in starts if later[n].address.partition == name), None)
         if end is None:
-            yield name, "and stays off until somebody starts it"
+            yield name, _STAYS_OFF
             continue
         graces = sum(each.operation.grace_ms for each in later[:end] if isinstance(each.operation, StopPartition))
         others = starts.index(end)
@@ -140,8 +143,7 @@ def _risks(review: PlanReview) -> Iterator[str]:
     plan = review.plan
     kinds = (_stops, _removals, _shrinks, _later_effects)
     changes = [line for risks_of in kinds for part in plan.hosts for line in risks_of(part)]
-    stops = [stop for part in plan.hosts for stop in _downtimes(part)]
-    lines = [*_without_risk(plan, changes, stops), *changes]
+    lines = [*_without_risk(plan, changes), *changes]
     if review.headrooms:
         lines.append(f"- **Least headroom:** {_headroom(review.headrooms[0])}")
     yield "#### Risk\n\n" + "\n".join(_fitting(lines, _RISKS, "more"))
@@ -151,13 +153,13 @@ def _risks(review: PlanReview) -> Iterator[str]:
     yield "#### Taking it back\n\n" + "\n".join(_fitting(list(_undo(plan)), _LOGS, "more"))
 
 
-def _without_risk(plan: Plan, changes: Sequence[str], stops: Sequence[object]) -> Iterator[str]:
+def _without_risk(plan: Plan, changes: Sequence[str]) -> Iterator[str]:
     """What a reader who looks for a risk and finds none may rely on."""
     if not any(part.steps for part in plan.hosts):
         yield "- Nothing changes on the hosts."
     elif not changes:
         yield "- Nothing stops, shrinks or is removed."
-    elif not stops:
+    elif not any(isinstance(step.operation, StopPartition) for part in plan.hosts for step in part.steps):
         yield "- Nothing stops."
 
 
@@ -229,6 +231,9 @@ def _undo(plan: Plan) -> Iterator[str]:
     for step in lasting:
         level = "in part" if step.undo.level is UndoLevel.PARTIAL else "not at all"
         yield f"- {_text(str(step.address))}, {_text(step.title)}: {level}; {_text(step.undo.message)}"
+    again = [_text(name) for part in plan.hosts for name, duration in _downtimes(part) if duration != _STAYS_OFF]
+    if again:
+        yield f"- It stops {in_a_row(again)} again, for as long as above."
 
 
 def _table(plan: Plan) -> Iterator[str]:
@@ -301,12 +306,9 @@ def _name(partition: str, part: HostPlan) -> str:
 def _logs(review: PlanReview) -> Iterator[str]:
     if review.logs:
         head = "| data log | CR before | after |\n|---|--:|--:|"
-        rows = [f"| {_code(log.path)} | {_cr(log.before)} | {_cr(log.after)} |" for log in review.logs]
+        uses = [[f"{use} %" if isinstance(use, int) else use for use in (log.before, log.after)] for log in review.logs]
+        rows = [f"| {_code(log.path)} | {' | '.join(use)} |" for log, use in zip(review.logs, uses, strict=True)]
         yield "#### Data logs\n\n" + "\n".join([head, *_fitting(rows, _LOGS, "more data logs")])
-
-
-def _cr(use: LogUse) -> str:
-    return f"{use} %" if isinstance(use, int) else use
 
 
 def _findings(findings: Sequence[Diagnostic]) -> Iterator[str]:
@@ -332,7 +334,8 @@ def _finding(finding: Diagnostic) -> str:
 def _scripts(review: PlanReview) -> Iterator[str]:
     lines: list[str] = []
     for name, change in review.scripts.items():
-        lines += [] if change.is_empty else _shown(render(difference_text(change, "the base", name), UNLIMITED))
+        text = "" if change.is_empty else render(difference_text(change, "the base", name), UNLIMITED)
+        lines += [_plain(line, indent=True) for line in text.splitlines()]
     lines += [f"{_plain(name)}: the base has no such script" for name in review.new_scripts]
     if lines:
         yield _folded("What changed in the scripts", ["```text", *_fitting(lines, _SCRIPTS, "more lines"), "```"])
@@ -349,10 +352,6 @@ def _steps(part: HostPlan) -> Iterator[str]:
         yield f"Host {_plain(part.host.name)}"
         for number, step in enumerate(part.steps, 1):
             yield f"{number}. {_plain(f'{step.address}: {step.title}')}"
-
-
-def _shown(text: str) -> list[str]:
-    return [_plain(line, indent=True) for line in text.splitlines()]
 
 
 def _fitting(lines: Sequence[str], room: int, more: str) -> list[str]:
