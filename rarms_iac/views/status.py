@@ -10,6 +10,7 @@ from rarms_iac.model.quantities import show_percent, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.as_json import as_json
+from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.hosts import TITLES
 from rarms_iac.views.output.common import output_of
@@ -57,7 +58,7 @@ def _host(host: HostOverview) -> "Iterator[RenderableType]":
     others = f", {show_processors(host.unmanaged)} by unmanaged machines" if host.unmanaged else ""
     yield styled((f"Host {host.name}", STRONG), f"  {_bar(float(used), float(host.capacity))}  {share}{others}")
     if host.partitions:
-        yield table([_row(partition) for partition in host.partitions], wrap=(1, 4), right=(2, 3), indent=2)
+        yield table([_row(partition) for partition in host.partitions], wrap=(0, 3), right=(1, 2), indent=2)
     for drift in host.other_drift:
         name = str(drift.address).removeprefix("partition/")
         yield paragraph(styled(f"{name}: ", (TITLES[drift.kind], CHANGED)), indent=2, more=2)
@@ -72,11 +73,8 @@ def _bar(used: float, capacity: float) -> str:
 
 
 def _row(partition: PartitionStatus) -> tuple[str, ...]:
-    components = partition.components
-    members = f"[{', '.join(components)}]" if components and components != (partition.name,) else ""
     return (
-        partition.name,
-        members,
+        partition.name + members_of(partition.name, {partition.name: partition.components}),
         show_percent(partition.reserve),
         show_processors(partition.reserved),
         "; ".join(_remarks(partition)),

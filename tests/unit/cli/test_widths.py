@@ -61,6 +61,29 @@ def test_no_line_of_words_is_wider_than_the_terminal(robot: Path, words: tuple[s
     assert told
 
 
+def test_many_components_of_long_names_are_told_whole_in_80_columns(tmp_path: Path) -> None:
+    names = [
+        "obstacle-avoidance-front",
+        "speech-recognition-english",
+        "door-opening-and-closing",
+        "battery-supervision",
+    ]
+    entries = "".join(f"  {name}: {{ criticality: 1, memory: 64 MiB, cpu: {{ reserve: 3 % }} }}\n" for name in names)
+    shared = f"partitions: {{ everything-that-is-not-critical: {{ components: [{', '.join(names)}] }} }}\n"
+    host = "hosts: { onboard: { logical_processors: 4, memory: 8 GiB } }\n"
+    head = f"schema: rarms/v1\napplication: {{ name: robot }}\n{host}"
+    Path(tmp_path, "rarms.yaml").write_text(f"{head}components:\n{entries}{shared}", encoding="utf-8")
+
+    with chdir(tmp_path), a_terminal_of(80):
+        planned = rarms("plan").out
+        assert rarms("apply", "--auto-approve").code == 0
+        applied = rarms("status").out
+
+    for text in (planned, applied):
+        assert max(map(len, text.splitlines())) <= 80
+        assert all(name in text for name in names)
+
+
 def is_one_word(line: str, columns: int) -> bool:
     """A path or a place: it is not broken, so that it can be copied."""
     return max(map(len, line.split())) > columns - 10
