@@ -20,7 +20,7 @@ from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
-from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
+from rarms_iac.model.system import AtLeast, AtMost, Component, RunsOn, System, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
@@ -193,7 +193,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     findings = tuple(
         finding
         for result in results
-        for finding in _findings(result, manifest, reserved=bool(places[result.component.name].join))
+        for finding in _findings(result, manifest, reserved=places[result.component.name] != ProcessPlace())
     )
     return RunOutcome(results=tuple(results), findings=findings)
 
@@ -264,19 +264,22 @@ def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter
     system, reasons = manifest.system, []
     group = next((group for group in groups_of(system) if component in group.members), None)
     hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
-    if group is None or not hosts:
-        return ProcessPlace()
-    classes = classes_of(group.members, system.tasks, group.name, manifest.places).classes
+    name = group.name if group else ""
+    members = (
+        group.members if group else [other for other in system.components.values() if other.runs_on is RunsOn.HOST]
+    )
+    classes = classes_of(members, system.tasks, name, manifest.places).classes
     for host in hosts:
-        period = deadline_period_us(group, host)
-        part = PartitionWork(partition=group.name, components=(component,), classes=classes, deadline_period_us=period)
+        period = deadline_period_us(group, host) if group else None
+        part = PartitionWork(partition=name, components=(component,), classes=classes, deadline_period_us=period)
         try:
             place = place_on(host, part, system.application.name)
         except HostError as problem:
             reasons.append(str(problem))
             continue
         task = f" ({' '.join(place.words)})" if place.words else ""
-        reporter.placed(f"{component.name} runs in its partition {group.name} on {host.name}{task}.")
+        inside = f"in its partition {name} on {host.name}" if group else f"on {host.name} itself"
+        reporter.placed(f"{component.name} runs {inside}{task}.")
         return place
     reporter.placed(f"{component.name} runs without a reservation, beside everything else: {'; '.join(reasons)}.")
     return ProcessPlace()

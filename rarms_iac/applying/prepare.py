@@ -155,6 +155,8 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
     held = hold_back(targeted(difference.changes, request.targets), goal.budget)
     ordered = order(plan_changes(held.allowed, goal.context), goal.budget)
     steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
+    here = [partition for partition in (layout.partitions if layout else ()) if partition.host == goal.name]
+    mechanisms = {partition.name: partition.mechanism for partition in here if partition.mechanism}
     plan = HostPlan(
         host=request.system.hosts[goal.name],
         facts=goal.observed.facts,
@@ -169,11 +171,8 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
         scripts={},
         totals=totals_of(goal.observed, _wanted_of(request, goal), application, held.allowed, steps),
         threads=goal.threads,
-        components={
-            partition.name: partition.components
-            for partition in (() if layout is None else layout.partitions)
-            if partition.host == goal.name
-        },
+        components={partition.name: partition.components for partition in here},
+        mechanisms=mechanisms or None,
         stopped=_staying_stopped(request, goal),
     )
     guests = _guest_tasks(request, goal)

@@ -205,7 +205,8 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settli
         for name, members in sorted(layout.partitions.items())
     ]
     if layout.on_host:
-        partitions.append(PartitionWork(partition="", components=layout.on_host))
+        classes = classes_of(layout.on_host, layout.tasks, "", FirstLine(file="")).classes
+        partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
     if load is not None:
         partitions.append(PartitionWork(partition=P2, load=load))
     return Work(

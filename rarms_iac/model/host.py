@@ -119,3 +119,8 @@ class Host:
     connect: Connect | None
     settings: HostSettings
     system_responsiveness: int | None = None  # per cent that MMCSS leaves to everybody else; None: left as it is
+
+    @property
+    def processor_word(self) -> str:
+        """What a processor of a partition is called there: a control group has no virtual ones."""
+        return "processor" if self.provider is ProviderKind.LINUX else "virtual processor"

@@ -41,6 +41,7 @@ class PlacedPartition:
     sharing: CoreSharing = ANY_THREAD
     secure_boot: str | None = None  # as the manifest fixes it; None: as its machine has it
     quota_period_us: int | None = None  # on Linux, how often its limit is counted anew; None: nothing limits it
+    mechanism: str = ""  # on Linux, how its reservation is kept and why, for a person
 
     @property
     def claim(self) -> Claim:

@@ -11,7 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.operations import Operation
-from rarms_iac.model.state import HostFacts
+from rarms_iac.model.state import SPARSE, HostFacts
 from rarms_iac.model.system import Disruption
 
 Reading = bool | int | str
@@ -134,6 +134,8 @@ class HostPlan:
         default_factory=dict
     )  # by partition of the layout; for the reader
     stopped: tuple[str, ...] = ()  # partitions that `rarms stop` stopped and that stay so; for the reader
+    # By partition of a Linux host: how its reservation is kept and why; for the reader.
+    mechanisms: Mapping[str, str] | None = field(default=None, metadata=SPARSE)
 
 
 class Purpose(StrEnum):

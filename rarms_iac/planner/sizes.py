@@ -43,7 +43,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     if isinstance(wanted, NotMeasured):
         return unmeasured(wanted, host)
     processors = _processors(group, host)
-    reserve, width = per_virtual_processor(wanted, processors), counted(processors, "virtual processor")
+    reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
     if reserve > 100:
         message = (
             f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
@@ -76,6 +76,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         making=_making(group, host),
         secure_boot=_fixed_secure_boot(group, host),
         quota_period_us=_quota_period(group, host, limit, processors),
+        mechanism=mechanism_of(group, host)[1] if reserve else "",
     )
 
 
@@ -177,6 +178,5 @@ def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, p
     names = ", ".join(member.name for member in group.members)
     lost = guaranteed(reserve, processors) - wanted
     rounding = f", rounded up by {show_processors(lost)}" if lost else ""
-    mechanism = mechanism_of(group, host)[1]
-    how = f"; {mechanism}" if mechanism else ""
-    return f"{share} of {host.name} for {names}: {reserve} % of {each_processor(processors)}{rounding}{how}"
+    each = each_processor(processors, host.processor_word)
+    return f"{share} of {host.name} for {names}: {reserve} % of {each}{rounding}"

@@ -265,7 +265,8 @@ def _rounding(explanation: Explanation) -> Iterator[str]:
         yield "none: nothing is reserved"
         return
     lost = guaranteed(placed.reserve, placed.processors) - explanation.wanted
-    grain = f"{placed.reserve} % of {each_processor(placed.processors)} (whole per cent are the provider's grain)"
+    each = each_processor(placed.processors, explanation.host.processor_word)
+    grain = f"{placed.reserve} % of {each} (whole per cent are the provider's grain)"
     yield f"{grain}: {show_processors(placed.reserved)}, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )
@@ -279,7 +280,7 @@ def _partition(explanation: Explanation) -> Iterator[str]:
         names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
         yield f"{explanation.placed.name}: {explanation.component.name} is combined with {names}"
         yield from explanation.why_together
-    processors = counted(explanation.placed.processors, "virtual processor")
+    processors = counted(explanation.placed.processors, explanation.host.processor_word)
     yield f"memory {show_bytes(explanation.placed.memory)}, {processors}"
 
 
@@ -319,6 +320,8 @@ def _host(explanation: Explanation) -> Iterator[str]:
 def _limit_and_weight(explanation: Explanation) -> Iterator[str]:
     yield f"limit {explanation.placed.limit} %: {explanation.placed.why_limit}"
     yield f"weight {explanation.placed.weight}: {explanation.placed.why_weight}"
+    if explanation.placed.mechanism:
+        yield explanation.placed.mechanism
 
 
 def _rejected(explanation: Explanation) -> Iterator[str]:

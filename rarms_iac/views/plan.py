@@ -133,6 +133,8 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
         )
     yield from _not_undone(part)
     if verbose:
+        for name, mechanism in (part.mechanisms or {}).items():
+            yield paragraph(f"partition/{name} is {mechanism}.", indent=2)
         yield from _threads(part)
         yield from _steps(part)
     if part.totals is not None:

@@ -1,17 +1,24 @@
-"""Control groups of version 2, in a machine whose kernel has no others; see machine.py."""
+"""Linux hosts in an emulated machine: control groups of version 2; see machine.py."""
 
 import pytest
 
 from tests.linux_machine.machine import run_in_machine
 
-TESTS = ("tests/unit/providers/cgroups/test_groups.py",)
+CONTRACTS = (
+    "tests/unit/providers/cgroups/test_groups.py",
+    "tests/contracts/test_linux_host.py",
+    "tests/contracts/test_host_contract.py",
+    "tests/contracts/test_apply_crashes.py::test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial",
+)
 """What runs in the machine, in one process: there, a second process takes half a minute to start."""
+
+OPTIONS = "-p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 --basetemp=/tmp/pytest-in-machine"
 
 
 @pytest.mark.needs("linux-machine")
-def test_the_tests_of_linux_hosts_pass_on_version_2() -> None:
-    options = "-p no:cacheprovider -p no:xdist -p no:cov -q --durations=5 --basetemp=/tmp/pytest-in-machine"
-    result = run_in_machine(f".venv/bin/python -m pytest {options} {' '.join(TESTS)}", timeout_s=600)
+def test_hosts_of_version_2_keep_the_contract() -> None:
+    tests = f"-k 'not simulated' {' '.join(CONTRACTS)}"
+    result = run_in_machine(f".venv/bin/python -m pytest {OPTIONS} {tests}", timeout_s=900)
 
     assert result.exit_code == 0, result.output
     assert " passed" in result.output

@@ -136,7 +136,7 @@ def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDe
 def out_of_range(settings: PartitionSettings) -> str:
     """Describe what of the settings no control group can have; empty where all is possible."""
     if not 0 < len(settings.name) <= LONGEST_NAME or "/" in settings.name or settings.name in {".", ".."}:
-        return f"a machine's name has 1 to {LONGEST_NAME} characters and no slash"
+        return f"a partition's name has 1 to {LONGEST_NAME} characters and no slash"
     if settings.processors < 1:
         return f"a partition has at least 1 processor, not {settings.processors}"
     if not 0 <= settings.reserve <= 100 or not 0 <= settings.limit <= 100:
@@ -167,10 +167,7 @@ def lack_of_reserve(wanted: PartitionSettings, machine: str, state: State) -> st
     if not wanted.reserve:
         return ""
     if wanted.processors > available:
-        return (
-            f"{wanted.name} has {wanted.processors} virtual processors with a reserve, "
-            f"and there are {available} logical ones"
-        )
+        return f"{wanted.name} has {wanted.processors} processors with a reserve, and the host has {available}"
     taken = sum(other.settings.reserve * other.settings.processors for other in _others_running(machine, state))
     if taken + wanted.reserve * wanted.processors <= 100 * available:
         return ""

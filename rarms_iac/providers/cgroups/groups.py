@@ -89,6 +89,15 @@ class GroupTree(ABC):
     def _prepare_group(self, name: str) -> None:
         """Give a fresh group what it needs before a process may join."""
 
+    @property
+    def boot(self) -> str:
+        """What stands for the machine's start in definitions, where groups outlive it; empty: they do not."""
+        return ""
+
+    def name_for(self, partition: str) -> str:
+        """Return what a partition's group is called, unless that name is taken."""
+        return partition
+
     def ask_to_end(self, name: str, grace_ms: int) -> None:
         """Ask the processes in the group to end (SIGTERM), and wait until they did or the grace is over.
 
@@ -143,18 +152,22 @@ class GroupTree(ABC):
             TimeoutError: its processes do not end, or something keeps the group.
             OSError: it may not be removed.
         """
+        self._end_processes(name)
         until = time.monotonic() + _WAIT_SECONDS
-        while running := self.processes(name):
-            _signal(running, signal.SIGKILL)
-            kernel.wait(until, f"{name}: {len(running)} processes do not end")
         for folder in reversed(self._folders):
             for group in kernel.inner_first(folder / name):
                 kernel.remove_folder(group, until)
             with suppress(OSError):  # another group is in it, or it is gone
                 folder.rmdir()
 
+    def _end_processes(self, name: str) -> None:
+        until = time.monotonic() + _WAIT_SECONDS
+        while running := self.processes(name):
+            _signal(running, signal.SIGKILL)
+            kernel.wait(until, f"{name}: {len(running)} processes do not end")
+
     def place(self, name: str) -> ProcessPlace:
-        """Return what brings a starting process into the group: the files that take its id."""
+        """Return what brings a starting process into the group: the files that take its id, or words before its own."""
         return ProcessPlace(join=tuple(folder / name / "cgroup.procs" for folder in self._folders))
 
     def allow_real_time(self, name: str, percent: float) -> None:

@@ -135,7 +135,8 @@ class LinuxMeasuringHost(LinuxHostProvider):
         """The components of a partition, which go on until they are ended: how often one may fail, others judge."""
         for component in part.components:
             run = replace(run_of(component), until=ENDLESS, failures=10**9)
-            words = self._words(component, part, groups[part.partition]) if part.partition else ()
+            group = groups.get(part.partition)
+            words = self._words(component, part, group) if group else class_words(component, part.classes)
             yield ComponentRun(component.name, run, self._inside(part, groups, words))
 
     def _words(self, component: Component, part: PartitionWork, group: str) -> tuple[str, ...]:
@@ -155,23 +156,28 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     def _inside(self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()) -> StartContext:
         place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
+        words = (*place.words, *words)
         return replace(self._context, inside=replace(place, words=words, environment=class_environment(part)))
 
     def place(self, part: PartitionWork, application: str) -> ProcessPlace:
         """Return where the processes of a component belong: in the control group of its partition, in its task class.
 
         Args:
-            part: the partition's name in the manifest, one component, and the task classes of all members.
+            part: the partition's name in the manifest, empty for the host itself, one component, and the task classes
+                of all members.
             application: whose partition it is.
 
         Raises:
             HostRefused: the partition is not there or does not run.
         """
         (component,) = part.components
+        if not part.partition:
+            return ProcessPlace(words=class_words(component, part.classes), environment=class_environment(part))
         real_time = bool(class_environment(part))
         group = self._running_group(part.partition, application, real_time=real_time)
-        words, environment = self._words(component, part, group), class_environment(part)
-        return replace(self.tree.place(group), words=words, environment=environment)
+        place = self.tree.place(group)
+        words = (*place.words, *self._words(component, part, group))
+        return replace(place, words=words, environment=class_environment(part))
 
     def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
         """The control group of a partition that runs, with a budget for task classes where some are to run there."""

@@ -125,6 +125,8 @@ class LinuxHostProvider(JournaledHost):
         """The machine below."""
         if self._known_machine is None:
             self._known_machine = this_machine()
+            if self.tree.boot:
+                self._known_machine = replace(self._known_machine, boot=self.tree.boot)
         return self._known_machine
 
     def observe(self) -> State:
@@ -213,7 +215,7 @@ class LinuxHostProvider(JournaledHost):
             case RemovePartition():
                 if self._runs(definition):
                     raise self._refused(
-                        f"{definition.settings.name} is running, and only a machine that is off can be removed"
+                        f"{definition.settings.name} is running, and only a partition that is off can be removed"
                     )
                 with self._report_failure(self._folder):
                     disk.current().remove(self._file(definition))
@@ -290,7 +292,8 @@ class LinuxHostProvider(JournaledHost):
 
     def _free_name(self, definition: GroupDefinition) -> str:
         name = definition.settings.name
-        return name if name not in self.tree.names() else f"{name}.{definition.id[:8]}"
+        group = self.tree.name_for(name)
+        return group if group not in self.tree.names() else self.tree.name_for(f"{name}.{definition.id[:8]}")
 
     def _runs(self, definition: GroupDefinition) -> bool:
         return is_running(definition, self.tree.names(), self.machine.boot)
@@ -328,7 +331,7 @@ class LinuxHostProvider(JournaledHost):
         """The id of the one partition that the operation's name stands for."""
         found = resolve(state.partitions, operation.partition, scope, operation.machine)
         if len(found) != 1:
-            count = f"{len(found)} machines stand" if found else "no machine stands"
+            count = f"{len(found)} control groups stand" if found else "no control group stands"
             raise self._refused(f"{count} for the partition {operation.partition}")
         return found[0].id
 

@@ -14,7 +14,7 @@ CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 _CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: with it a group is there
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
-_MOST_SHARES_V1, _MOST_WEIGHT_V2 = 262_144, 10_000
+_MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
 _PAGE = mmap.PAGESIZE
 
@@ -111,9 +111,8 @@ class GroupTreeV2(GroupTree):
 
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
-        if values.memory is not None and (used := self._unreclaimable(name)) > values.memory:
-            raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
-        kernel.write(self._file("cpu", name, "cpu.weight"), str(_weight(values)))
+        self._refuse_used_memory(name, values.memory)
+        kernel.write(self._file("cpu", name, "cpu.weight"), str(weight_v2(values)))
         self._write_quota(name, values.quota_percent, values.period_us)
         kernel.write(self._file("cpuset", name, "cpuset.cpus"), _list(values) if values.processors else "\n")
         kernel.write(self._file("memory", name, "memory.max"), "max" if values.memory is None else str(values.memory))
@@ -122,7 +121,7 @@ class GroupTreeV2(GroupTree):
         """See `GroupTree.read`."""
         quota, period = kernel.read(self._file("cpu", name, "cpu.max")).split()
         memory = kernel.read(self._file("memory", name, "memory.max"))
-        processors = kernel.read(self._file("cpuset", name, "cpuset.cpus"))
+        processors = kernel.read_if_there(self._file("cpuset", name, "cpuset.cpus"))
         return GroupValues(
             shares_percent=float(kernel.read(self._file("cpu", name, "cpu.weight"))),
             quota_percent=None if quota == "max" else int(quota) * 100 / int(period),
@@ -135,14 +134,16 @@ class GroupTreeV2(GroupTree):
         """See `GroupTree.shown`."""
         return replace(
             values,
-            shares_percent=float(_weight(values)),
+            shares_percent=float(weight_v2(values)),
             quota_percent=_rounded_quota(values),
             period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
             memory=_whole_pages(values.memory),
         )
 
-    def _unreclaimable(self, name: str) -> int:
-        return kernel.entry_of(self._file("memory", name, "memory.stat"), "anon")
+    def _refuse_used_memory(self, name: str, memory: int | None) -> None:
+        used = kernel.entry_of(self._file("memory", name, "memory.stat"), "anon")
+        if memory is not None and used > memory:
+            raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
 
     def cpu_ms(self, name: str) -> float:
         """See `GroupTree.cpu_ms`."""
@@ -155,9 +156,8 @@ class GroupTreeV2(GroupTree):
     def usable_processors(self) -> int:
         """See `GroupTree.usable_processors`."""
         folder = self._slices["cpu"]
-        return len(
-            kernel.numbers(kernel.read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus.effective"))
-        )
+        files = (group / "cpuset.cpus.effective" for group in (folder, folder.parent))
+        return len(kernel.numbers(next(filter(None, map(kernel.read_if_there, files)))))
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
         quota = "max" if percent is None else str(round(percent * period_us / 100))
@@ -168,7 +168,7 @@ class GroupTreeV2(GroupTree):
         for parent in (folder.parent, folder):
             kernel.make_folder(parent)
             kernel.write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in _CONTROLLERS_V2))
-        kernel.write(folder / "cpu.weight", str(_MOST_WEIGHT_V2))
+        kernel.write(folder / "cpu.weight", str(MOST_WEIGHT_V2))
 
     def _prepare_group(self, name: str) -> None:
         """Nothing: in version 2 a group without processors of its own has those of the slice."""
@@ -189,8 +189,9 @@ def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_
     unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
     missing_v2 = tuple(_missing_v2(unified))
     if version == "v2" or (version == "automatic" and not missing_v2):
-        slices = dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_name)
-        return MissingFeatures(names=missing_v2) if missing_v2 else GroupTreeV2(slices)
+        if missing_v2:
+            return MissingFeatures(names=missing_v2)
+        return GroupTreeV2(dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_name))
     if missing_v1 := tuple(_missing_v1(root)):
         return MissingFeatures(names=missing_v1)
     return GroupTreeV1({name: (root / name).resolve() / slice_name for name in _CONTROLLERS_V1})
@@ -226,8 +227,9 @@ def _shares(values: GroupValues) -> int:
     return min(max(2, round(values.shares_percent * 10)), _MOST_SHARES_V1)
 
 
-def _weight(values: GroupValues) -> int:
-    return min(max(1, round(values.shares_percent)), _MOST_WEIGHT_V2)
+def weight_v2(values: GroupValues) -> int:
+    """The weight of version 2 for these values."""
+    return min(max(1, round(values.shares_percent)), MOST_WEIGHT_V2)
 
 
 def _whole_pages(memory: int | None) -> int | None:

@@ -267,3 +267,17 @@ def test_a_deadline_is_of_the_components_first_thread_and_needs_all_processors(l
     tree.write("vision", replace(tree.read("vision"), processors=(0,)))
     refused = rarms("run", "-f", str(linux_folder), "--samples", "2")
     assert "the kernel refuses SCHED_DEADLINE to a thread that may not run on all" in refused.err
+
+
+@pytest.mark.needs("control-groups")
+def test_a_component_of_the_host_itself_runs_outside_in_its_task_class(linux_folder: Path) -> None:
+    seen = on_linux(linux_folder, "\n    task: MotionControl\n    runs_on: host")
+    file = linux_folder / "rarms.yaml"
+    file.write_text(file.read_text(encoding="utf-8").replace("    cpu: { reserve: 10 % }\n", ""), encoding="utf-8")
+
+    ran = rarms("run", "-f", str(linux_folder), "--samples", "2")
+
+    assert "vision runs on onboard itself (chrt --fifo 23)." in ran.err
+    groups, policy, priority = json.loads(seen.read_text(encoding="utf-8"))
+    assert slice_of(linux_folder) not in groups
+    assert (policy, priority) == (os.SCHED_FIFO, 23)

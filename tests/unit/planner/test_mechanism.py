@@ -45,7 +45,7 @@ def test_a_share_caps_nothing_and_nobody_has_a_weight_on_linux() -> None:
 
     assert (found.limit, found.weight, found.quota_period_us, found.generation) == (100, 100, None, 0)
     assert found.why_weight == "Linux shares what nobody reserved in proportion to the reservations"
-    assert found.reason.endswith("; kept as a share, for then idle processors serve everybody (chosen by rarms)")
+    assert found.mechanism == "kept as a share, for then idle processors serve everybody (chosen by rarms)"
 
 
 def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_threshold() -> None:
@@ -53,7 +53,7 @@ def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_thr
 
     assert (found.reserve, found.limit, found.quota_period_us) == (35, 35, 8_800)
     assert "the mechanism is quota" in found.why_limit
-    assert found.reason.endswith("(the manifest says so)")
+    assert found.mechanism.endswith("(the manifest says so)")
 
 
 def test_fewer_processors_than_the_host_has_are_a_quota_on_linux() -> None:

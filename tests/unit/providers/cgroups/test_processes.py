@@ -53,10 +53,8 @@ def test_a_process_is_known_by_its_name_and_parent() -> None:
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
 def test_the_doctor_names_what_a_killed_supervisor_left_in_a_partition(tmp_path: Path) -> None:
-    host, groups = (
-        LinuxMeasuringHost(a_host(provider=ProviderKind.LINUX), tmp_path, tmp_path / "state", groups_of(tmp_path)),
-        groups_of(tmp_path),
-    )
+    described, groups = a_host(provider=ProviderKind.LINUX, keep_processor="5 %"), groups_of(tmp_path)
+    host = LinuxMeasuringHost(described, tmp_path, tmp_path / "state", groups)
     with ready(host):
         context = replace(StartContext(base=tmp_path), inside=groups.place("rarms-p1"))
         with ComponentRun("busy", a_run(BUSY, until=10_000), context) as run:

@@ -1,0 +1,95 @@
+"""The way of an operator over a Linux host: plan, apply, drift, undo, script, destroy, on real control groups.
+
+It runs on the kernel of this machine, and in `tests/linux_machine/` with control groups of version 2 and with systemd.
+"""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: robot }}
+hosts:
+  onboard:
+    provider: linux
+    logical_processors: 2
+    memory: 1 GiB
+    keep_for_host: {{ processor: 10 % }}
+    linux: {{ slice: {slice} }}
+components:
+  face-detection: {{ criticality: 2, memory: 64 MiB, cpu: {{ reserve: 40 % }} }}
+  speech: {{ criticality: 1, memory: 64 MiB, cpu: {{ reserve: 20 % }} }}
+partitions:
+  face-detection: {{ components: [face-detection], linux: {{ mechanism: quota }} }}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    """A manifest whose host is this machine; its control groups are gone after the test."""
+    (tmp_path / "rarms.yaml").write_text(MANIFEST.format(slice=slice_of(tmp_path)), encoding="utf-8")
+    yield tmp_path
+    forget_groups(tmp_path)
+    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+
+
+def seen(folder: Path) -> dict[str, Any]:
+    """What a snapshot of the host holds of its partitions, by name, but for their ids."""
+    assert rarms("snapshot", "-f", str(folder), "--out", str(folder / "snapshot.json")).code == 0
+    state: Any = json.loads((folder / "snapshot.json").read_text(encoding="utf-8"))
+    return {found["settings"]["name"]: found["settings"] for found in state["state"]["partitions"]}
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
+    where = ("-f", str(folder))
+    planned = rarms("plan", *where, "--verbose")
+    assert planned.code == 2
+    assert "partition/face-detection is kept as a quota" in " ".join(planned.out.split())
+    assert rarms("apply", *where, "--auto-approve").code == 0
+    assert rarms("plan", *where).code == 0
+    tree = groups_of(folder)
+    vision, speech = tree.name_for("face-detection"), tree.name_for("speech")
+    assert tree.names() == tuple(sorted((vision, speech)))
+    assert tree.read(vision).quota_percent == pytest.approx(80, abs=0.1)
+    assert tree.read("").quota_percent == 180
+
+    tree._write_quota(vision, 120, 100_000)
+    drifted = rarms("drift", *where)
+    assert drifted.code == 2
+    assert "limit" in drifted.out
+    assert rarms("apply", *where, "--auto-approve").code == 0
+    assert tree.read(vision).quota_percent == pytest.approx(80, abs=0.1)
+
+    assert rarms("undo", *where, "--auto-approve").code == 0
+    assert rarms("destroy", *where, "--auto-approve").code == 0
+    assert tree.names() == ()
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_the_shown_script_run_by_sh_does_what_apply_does(folder: Path) -> None:
+    where = ("-f", str(folder))
+    assert rarms("apply", *where, "--auto-approve").code == 0
+    applied = seen(folder)
+    assert rarms("destroy", *where, "--auto-approve").code == 0
+    assert seen(folder) == {}
+
+    assert rarms("show", "--script", *where, "--out", str(folder / "scripts")).code == 0
+    (script,) = (folder / "scripts").rglob("onboard.sh")
+    done = subprocess.run(["sh", str(script)], capture_output=True, text=True, timeout=600)
+
+    assert done.returncode == 0, done.stderr
+    assert seen(folder) == applied
+    assert rarms("plan", *where).code == 0
