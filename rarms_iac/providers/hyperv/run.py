@@ -1,6 +1,7 @@
 """A Hyper-V host: `observe.ps1` looks at it, and a plan's own scripts change it."""
 
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,6 +134,11 @@ class LiveHypervHost:
         return self._read(self._printed())
 
     def _printed(self) -> str:
+        """What `observe.ps1` prints, or on the computer itself what WMI and the registry show."""
+        if sys.platform == "win32" and self._host.connect is None:
+            from rarms_iac.providers.hyperv.local_windows import observe_here
+
+            return observe_here()
         script = ScriptBundle(runs=OBSERVE, files={OBSERVE: render_observe().decode("ascii")})
         document = _Document()
         ended = self._run(script, (), OBSERVE_SECONDS, document)

@@ -1,0 +1,171 @@
+"""The Windows of this computer: `LocalWindows` with wmi, winreg and pywin32, which only Windows has."""
+
+import ctypes
+import json
+import os
+import re
+import sys
+import warnings
+import winreg
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pywintypes
+import win32api
+import win32evtlog
+import win32security
+
+from rarms_iac.providers.hyperv.local_probes import RegistryKey, local_document
+from rarms_iac.providers.hyperv.observation import MAX_BYTES
+from rarms_iac.providers.hyperv.wmi_machines import QUERIES, NotRead, WmiInstance
+from rarms_iac.storage.reading import read_file
+
+assert sys.platform == "win32"
+
+with warnings.catch_warnings():
+    # Its texts hold what Python 3.12 warns of wherever it compiles them first.
+    warnings.simplefilter("ignore", SyntaxWarning)
+    import wmi
+
+ACCESS_DENIED, NO_NAMESPACE = 0x80041003, 0x8004100E
+EXPLANATIONS = {
+    ACCESS_DENIED: "WMI lets only Administrators and Hyper-V Administrators ask that",
+    NO_NAMESPACE: "this Windows has no such WMI namespace: its role Hyper-V is not installed",
+}
+EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
+KINDS = {
+    winreg.REG_SZ: "String",
+    winreg.REG_EXPAND_SZ: "ExpandString",
+    winreg.REG_BINARY: "Binary",
+    winreg.REG_DWORD: "DWord",
+    winreg.REG_MULTI_SZ: "MultiString",
+    winreg.REG_QWORD: "QWord",
+    winreg.REG_NONE: "None",
+}
+
+
+def observe_here() -> str:
+    """What `observe.ps1` would print here, a line of JSON, without starting PowerShell."""
+    return json.dumps(local_document(ThisWindows()), separators=(",", ":"))
+
+
+class ThisWindows:
+    """See `LocalWindows`. Each class of WMI is listed once."""
+
+    def __init__(self) -> None:
+        self.instances = cache(self._instances)
+
+    def computer(self) -> str:
+        """See the protocol."""
+        return str(win32api.GetComputerName())
+
+    def bits(self) -> int:
+        """See the protocol."""
+        return 8 * ctypes.sizeof(ctypes.c_void_p)
+
+    def _instances(self, name: str) -> list[WmiInstance]:
+        found = self._asked(namespace_of(name), lambda connection: connection.query(f"SELECT * FROM {name}"))  # noqa: S608 - a name of ours
+        return [{known: getattr(each, known, None) for known in QUERIES[name]} for each in found]
+
+    def disk(self, path: str) -> WmiInstance:
+        """See the protocol: what the service returns is an instance as XML."""
+
+        def ask(connection: Any) -> str:
+            (service,) = connection.query("SELECT * FROM Msvm_ImageManagementService")
+            *_, text = service.GetVirtualHardDiskSettingData(Path=path)
+            return str(text)
+
+        text = self._asked(namespace_of("Msvm_"), ask)
+        values = {each.get("NAME"): each.findtext("VALUE") for each in ET.fromstring(text).iter("PROPERTY")}  # noqa: S314 - Hyper-V's own
+        return {name: values.get(name) for name in QUERIES["Msvm_VirtualHardDiskSettingData"]}
+
+    def _asked(self, namespace: str, ask: Any) -> Any:
+        try:
+            return ask(wmi.WMI(namespace=namespace, find_classes=False))
+        except wmi.x_wmi as problem:
+            code = getattr(problem.com_error, "hresult", 0) % 2**32
+            message = EXPLANATIONS.get(code, str(problem.com_error))
+            raise NotRead(f"0x{code:08x}", f"{message} ({namespace})", denied=code == ACCESS_DENIED) from problem
+
+    def key(self, path: str, *, of_user: bool = False) -> RegistryKey:
+        """See the protocol."""
+        root = winreg.HKEY_CURRENT_USER if of_user else winreg.HKEY_LOCAL_MACHINE
+        try:
+            with winreg.OpenKey(root, path, access=winreg.KEY_READ | winreg.KEY_WOW64_64KEY) as opened:
+                keys, values, _ = winreg.QueryInfoKey(opened)
+                found = [winreg.EnumValue(opened, at) for at in range(values)]
+                return RegistryKey(
+                    values=[_value(*value) for value in found],
+                    keys=[winreg.EnumKey(opened, at) for at in range(keys)],
+                )
+        except OSError as problem:
+            raise _not_read(problem, path) from problem
+
+    def is_elevated(self) -> bool:
+        """See the protocol: of a token that User Account Control filtered, the group only denies."""
+        administrators = win32security.CreateWellKnownSid(win32security.WinBuiltinAdministratorsSid, None)
+        return bool(win32security.CheckTokenMembership(None, administrators))
+
+    def scheduler(self) -> int:
+        """See the protocol."""
+        try:
+            newest = win32evtlog.EvtQueryReverseDirection | win32evtlog.EvtQueryChannelPath
+            events = win32evtlog.EvtNext(win32evtlog.EvtQuery("System", newest, EVENT), 1)
+        except pywintypes.error as problem:
+            denied = problem.winerror == 5
+            raise NotRead(f"Win32Error{problem.winerror}", problem.strerror, denied=denied) from problem
+        text = win32evtlog.EvtRender(events[0], win32evtlog.EvtRenderEventXml) if events else ""
+        data = re.search(r"<Data[^>]*>(0[xX][0-9A-Fa-f]+|[0-9]+)</Data>", text)
+        if data is None:
+            raise NotRead("NoMatchingEventsFound", "the log has no event 2 of the hypervisor any more")
+        return int(data[1], 0)
+
+    def journal(self) -> tuple[str, str]:
+        """See the protocol."""
+        path = Path(os.environ.get("PROGRAMDATA", r"C:\ProgramData")) / "rarms" / "journal.jsonl"
+        try:
+            text = read_file(path, MAX_BYTES).decode("ascii", "replace")
+            owned = win32security.GetFileSecurity(str(path), win32security.OWNER_SECURITY_INFORMATION)
+            owner = win32security.ConvertSidToStringSid(owned.GetSecurityDescriptorOwner())
+        except (OSError, pywintypes.error) as problem:
+            raise _not_read(problem, str(path)) from problem
+        return owner, text
+
+    def modules(self) -> list[str]:
+        """See the protocol: those that come with Windows."""
+        system = Path(os.environ.get("SYSTEMROOT", r"C:\Windows")) / "System32"
+        found = (system / "WindowsPowerShell" / "v1.0" / "Modules" / "Hyper-V").glob("*/Hyper-V.psd1")
+        return sorted((manifest.parent.name for manifest in found), reverse=True)
+
+
+def namespace_of(name: str) -> str:
+    """The namespace of a class."""
+    if name.startswith("Msvm_"):
+        return r"root\virtualization\v2"
+    return r"root\cimv2\power" if name == "Win32_PowerPlan" else r"root\cimv2"
+
+
+def _value(name: str, data: Any, kind: int) -> tuple[str, str, int | str]:
+    """As PowerShell reads it: numbers without sign, everything else as text."""
+    match data:
+        case int() if kind in (winreg.REG_DWORD, winreg.REG_QWORD):
+            return name, KINDS[kind], data
+        case str() if kind == winreg.REG_EXPAND_SZ:
+            return name, KINDS[kind], winreg.ExpandEnvironmentStrings(data)
+        case bytes():
+            return name, KINDS.get(kind, "Unknown"), " ".join(map(str, data))
+        case list():
+            return name, KINDS[kind], " ".join(map(str, data))
+        case _:
+            return name, KINDS.get(kind, "Unknown"), "" if data is None else str(data)
+
+
+def _not_read(problem: Any, path: str) -> NotRead:
+    code = getattr(problem, "winerror", None)
+    if isinstance(problem, PermissionError) or code == 5:
+        return NotRead("UnauthorizedAccess", f"{path} may not be read", denied=True)
+    if isinstance(problem, FileNotFoundError) or code in (2, 3):
+        return NotRead("PathNotFound", f"there is no {path}")
+    return NotRead(f"Win32Error{code}", f"{path}: {problem}")

@@ -1,0 +1,354 @@
+"""Hyper-V's machines through WMI, as `observe.ps1` shows them (windows.md 1.3, 3). Pure.
+
+Every class is listed once, and joined here: what WMI filters by text would need quoting.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+from rarms_iac.storage.codec import Json
+
+WmiInstance = Mapping[str, Any]
+"""The properties of an instance; numbers of 64 bits are text, references are paths."""
+
+SETTINGS = "Msvm_VirtualSystemSettingData"
+QUERIES: Mapping[str, tuple[str, ...]] = {
+    "Msvm_ComputerSystem": ("Name", "ElementName", "EnabledState", "OperationalStatus"),
+    SETTINGS: (
+        *("InstanceID", "VirtualSystemType", "VirtualSystemSubType", "Version", "Notes", "AutomaticStartupAction"),
+        *("AutomaticStartupActionDelay", "AutomaticShutdownAction", "UserSnapshotType", "AutomaticSnapshotsEnabled"),
+        *("SecureBootEnabled", "SecureBootTemplateId"),
+    ),
+    "Msvm_SettingsDefineState": ("ManagedElement", "SettingData"),
+    "Msvm_VirtualSystemSettingDataComponent": ("GroupComponent", "PartComponent"),
+    "Msvm_ProcessorSettingData": (
+        *("InstanceID", "VirtualQuantity", "Reservation", "Limit", "Weight", "HwThreadsPerCore", "CpuGroupId"),
+    ),
+    "Msvm_MemorySettingData": ("InstanceID", "VirtualQuantity", "Reservation", "Limit", "DynamicMemoryEnabled"),
+    "Msvm_StorageAllocationSettingData": ("InstanceID", "ResourceSubType", "HostResource"),
+    "Msvm_SyntheticEthernetPortSettingData": ("InstanceID", "ElementName"),
+    "Msvm_EmulatedEthernetPortSettingData": ("InstanceID", "ElementName"),
+    "Msvm_EthernetPortAllocationSettingData": ("InstanceID", "Parent", "HostResource", "EnabledState"),
+    "Msvm_VirtualEthernetSwitch": ("Name", "ElementName"),
+    "Msvm_SnapshotOfVirtualSystem": ("Antecedent", "Dependent"),
+    "Msvm_VirtualSystemManagementServiceSettingData": (
+        *("DefaultExternalDataRoot", "DefaultVirtualHardDiskPath", "NumaSpanningEnabled"),
+    ),
+    "Msvm_NumaNode": ("NodeID", "NumberOfLogicalProcessors", "CurrentlyConsumableMemoryBlocks"),
+    "Msvm_KvpExchangeComponent": ("SystemName", "GuestIntrinsicExchangeItems"),
+    "Msvm_ShutdownComponent": ("SystemName", "EnabledState", "OperationalStatus"),
+    "Msvm_VirtualHardDiskSettingData": ("Type", "ParentPath"),
+    "Win32_ComputerSystem": ("TotalPhysicalMemory",),
+    "Win32_Processor": ("Name", "NumberOfCores", "NumberOfLogicalProcessors"),
+    "Win32_PowerPlan": ("InstanceID", "IsActive"),
+}
+"""What is asked for, by class: an older Windows may lack a property, which is None then."""
+
+REALISED = "Microsoft:Hyper-V:System:Realized"
+DISK = "Microsoft:Hyper-V:Virtual Hard Disk"
+STATES = {
+    1: "Other",
+    2: "Running",
+    3: "Off",
+    4: "Stopping",
+    6: "Saved",
+    9: "Paused",
+    10: "Starting",
+    11: "Reset",
+    32773: "Saving",
+    32776: "Pausing",
+    32777: "Resuming",
+    32779: "FastSaved",
+    32780: "FastSaving",
+}
+"""EnabledState by the names of PowerShell; from 32781 on the two numberings clash (windows.md 3)."""
+DEGRADED = 3
+"""OperationalStatus of a machine that lost its storage: PowerShell calls its state critical."""
+START_ACTIONS = {2: "Nothing", 3: "StartIfRunning", 4: "Start"}
+STOP_ACTIONS = {2: "TurnOff", 3: "Save", 4: "ShutDown"}
+CHECKPOINTS = {2: "Disabled", 3: "Production", 4: "ProductionOnly", 5: "Standard"}
+DISK_TYPES = {2: "Fixed", 3: "Dynamic", 4: "Differencing"}
+TEMPLATES = {
+    "1734c6e8-3154-4dda-ba5f-a874cc483422": "MicrosoftWindows",
+    "272e7447-90a4-4563-a4b9-8e4ab00526ce": "MicrosoftUEFICertificateAuthority",
+    "4292ae2b-ee2c-42b5-a969-dd8f8689f6f3": "OpenSourceShieldedVM",
+}
+
+_GUID = re.compile(r"[0-9A-Fa-f]{8}(?:-[0-9A-Fa-f]{4}){3}-[0-9A-Fa-f]{12}")
+_REFERENCE = re.compile(r'[.,](?:InstanceID|Name)="((?:[^"\\]|\\.)*)"')
+
+
+class NotRead(Exception):
+    """A probe has no value.
+
+    Attributes:
+        denied: the caller may not ask; else there is no such thing.
+        error: an id in no language.
+        message: in Windows' words, or ours.
+    """
+
+    def __init__(self, error: str, message: str, *, denied: bool = False) -> None:
+        super().__init__(message)
+        self.denied = denied
+        self.error = error
+        self.message = message
+
+
+class WmiSource(Protocol):
+    """What this computer's WMI answers; each raises `NotRead`."""
+
+    def computer(self) -> str:
+        """The computer's name."""
+        ...
+
+    def instances(self, name: str) -> Sequence[WmiInstance]:
+        """All instances of a class of `QUERIES`."""
+        ...
+
+    def disk(self, path: str) -> WmiInstance:
+        """The Msvm_VirtualHardDiskSettingData of a virtual disk."""
+        ...
+
+
+def read_host_visible(source: WmiSource) -> Json:
+    """A caller without rights sees no machines and no error; the host itself is an instance that is always there."""
+    computer = source.computer().lower()
+    return any(_str(each, "Name").lower() == computer for each in source.instances("Msvm_ComputerSystem"))
+
+
+def read_hypervisor(source: WmiSource) -> Json:
+    """Processors are those of all NUMA nodes: under minroot this Windows sees fewer (windows.md 2)."""
+    services = source.instances("Msvm_VirtualSystemManagementServiceSettingData")
+    nodes = source.instances("Msvm_NumaNode")
+    systems = source.instances("Win32_ComputerSystem")
+    if not services or not nodes or not systems:
+        raise NotRead("NotFound", "Hyper-V shows nothing of its host to this account", denied=True)
+    return {
+        "name": source.computer(),
+        "logical_processors": sum(_int(node, "NumberOfLogicalProcessors") for node in nodes),
+        "memory": _int(systems[0], "TotalPhysicalMemory"),
+        "numa_spanning": bool(services[0]["NumaSpanningEnabled"]),
+        "machine_folder": _str(services[0], "DefaultExternalDataRoot"),
+        "disk_folder": _str(services[0], "DefaultVirtualHardDiskPath"),
+    }
+
+
+def read_processors(source: WmiSource) -> Json:
+    """The processor packages, as Windows sees them."""
+    return [
+        {
+            "name": _str(each, "Name"),
+            "cores": _int(each, "NumberOfCores"),
+            "logical": _int(each, "NumberOfLogicalProcessors"),
+        }
+        for each in source.instances("Win32_Processor")
+    ]
+
+
+def read_numa_nodes(source: WmiSource) -> Json:
+    """WMI's pages name no total of a node's memory: 0 stands for not known, and nobody goes by it."""
+    return [
+        {
+            "node": _int(node, "NodeID"),
+            "memory_available": _int(node, "CurrentlyConsumableMemoryBlocks"),
+            "memory": 0,
+        }
+        for node in source.instances("Msvm_NumaNode")
+    ]
+
+
+_SWITCH = "Msvm_VirtualEthernetSwitch"
+
+
+def _settings(source: WmiSource) -> Iterator[tuple[WmiInstance, WmiInstance]]:
+    """Each machine with its current settings: not those of its checkpoints, and not the host itself."""
+    systems = {_str(system, "Name"): system for system in source.instances("Msvm_ComputerSystem")}
+    settings = {_str(each, "InstanceID"): each for each in source.instances(SETTINGS)}
+    for link in source.instances("Msvm_SettingsDefineState"):
+        system, setting = systems.get(_end(link, "ManagedElement")), settings.get(_end(link, "SettingData"))
+        if system is None or setting is None or not _GUID.fullmatch(_str(system, "Name")):
+            continue
+        if _str(setting, "VirtualSystemType") == REALISED:
+            yield system, setting
+
+
+def _parts(source: WmiSource, setting: WmiInstance, *classes: str) -> list[WmiInstance]:
+    """The devices of these classes that belong to a machine's settings, in WMI's order."""
+    links = source.instances("Msvm_VirtualSystemSettingDataComponent")
+    parts = [_end(link, "PartComponent") for link in links if _end(link, "GroupComponent") == setting["InstanceID"]]
+    known = {_str(each, "InstanceID"): each for name in classes for each in source.instances(name)}
+    return [known[part] for part in parts if part in known]
+
+
+def read_machines(source: WmiSource, unread: list[Json]) -> Iterator[Json]:
+    """Each machine; one whose settings cannot be read goes to `unread`, and hides none of the others."""
+    for system, setting in _settings(source):
+        machine = {"id": _str(system, "Name").lower(), "name": _str(system, "ElementName")}
+        try:
+            yield {**machine, **_machine(source, system, setting)}
+        except NotRead as problem:
+            unread.append({**machine, "error": problem.error, "message": problem.message})
+
+
+def _machine(source: WmiSource, system: WmiInstance, setting: WmiInstance) -> dict[str, Json]:
+    (cpu,) = _parts(source, setting, "Msvm_ProcessorSettingData")[:1] or (_lacks("processor"),)
+    (memory,) = _parts(source, setting, "Msvm_MemorySettingData")[:1] or (_lacks("memory"),)
+    snapshots = source.instances("Msvm_SnapshotOfVirtualSystem")
+    threads, automatic = cpu["HwThreadsPerCore"], setting["AutomaticSnapshotsEnabled"]
+    return {
+        "state": _state(system),
+        "generation": 2 if _str(setting, "VirtualSystemSubType").endswith(":2") else 1,
+        "version": _str(setting, "Version"),
+        "notes": "\n".join(setting["Notes"] or ()),
+        "processors": _int(cpu, "VirtualQuantity"),
+        "reserve": _int(cpu, "Reservation") // 1000,  # cmdlets show whole per cents (windows.md 1.3)
+        "limit": _int(cpu, "Limit") // 1000,
+        "weight": _int(cpu, "Weight"),
+        "threads_per_core": "" if threads is None else str(threads),
+        "memory": _int(memory, "VirtualQuantity") * 2**20,
+        "memory_minimum": _int(memory, "Reservation") * 2**20,
+        "memory_maximum": _int(memory, "Limit") * 2**20,
+        "dynamic_memory": bool(memory["DynamicMemoryEnabled"]),
+        "start_action": _named(START_ACTIONS, setting, "AutomaticStartupAction"),
+        "start_delay": _seconds(_str(setting, "AutomaticStartupActionDelay")),
+        "stop_action": _named(STOP_ACTIONS, setting, "AutomaticShutdownAction"),
+        "checkpoints": _named(CHECKPOINTS, setting, "UserSnapshotType"),
+        "automatic_checkpoints": "" if automatic is None else str(bool(automatic)),
+        "checkpoint_count": sum(_end(each, "Antecedent") == system["Name"] for each in snapshots),
+        "clustered": "",  # no class of this namespace says it
+        "disks": list(_disks(source, setting)),
+        "adapters": list(_adapters(source, setting)),
+    }
+
+
+def _lacks(device: str) -> WmiInstance:
+    raise NotRead("NotFound", f"it has no {device} settings in WMI")
+
+
+def _state(system: WmiInstance) -> str:
+    state = _named(STATES, system, "EnabledState")
+    return f"{state}Critical" if DEGRADED in list(system["OperationalStatus"] or ())[:1] else state
+
+
+def _disks(source: WmiSource, setting: WmiInstance) -> Iterator[str]:
+    for part in _parts(source, setting, "Msvm_StorageAllocationSettingData"):
+        if _str(part, "ResourceSubType") == DISK:
+            yield from part["HostResource"] or ()
+
+
+def paths_of_disks(source: WmiSource) -> Iterator[str]:
+    """The virtual disks that machines have."""
+    for _, setting in _settings(source):
+        yield from _disks(source, setting)
+
+
+def read_disk(source: WmiSource, path: str) -> Json:
+    """What a disk that a machine has is; of one that cannot be read only its path."""
+    try:
+        found = source.disk(path)
+    except NotRead:
+        return {"path": path, "type": "", "parent": ""}
+    return {"path": path, "type": _named(DISK_TYPES, found, "Type"), "parent": found["ParentPath"] or ""}
+
+
+def _adapters(source: WmiSource, setting: WmiInstance) -> Iterator[Json]:
+    switches = {_str(each, "Name"): _str(each, "ElementName") for each in source.instances(_SWITCH)}
+    connected = {
+        _key_of(_str(link, "Parent")): _key_of(link["HostResource"][0])
+        for link in _parts(source, setting, "Msvm_EthernetPortAllocationSettingData")
+        if link["HostResource"] and _int(link, "EnabledState") == 2
+    }
+    ports = ("Msvm_SyntheticEthernetPortSettingData", "Msvm_EmulatedEthernetPortSettingData")
+    for port in _parts(source, setting, *ports):
+        switch = switches.get(connected.get(_str(port, "InstanceID"), ""), "")
+        yield {"name": _str(port, "ElementName"), "switch": switch}
+
+
+def read_switches(source: WmiSource) -> Json:
+    """The names of the virtual switches."""
+    return [_str(each, "ElementName") for each in source.instances(_SWITCH)]
+
+
+def read_cpu_groups(source: WmiSource) -> Json:
+    """The processor settings as they lie there, those of checkpoints too."""
+    return [
+        {
+            "instance": _str(each, "InstanceID"),
+            "group": each["CpuGroupId"] or "",
+            "reservation": _int(each, "Reservation"),
+        }
+        for each in source.instances("Msvm_ProcessorSettingData")
+    ]
+
+
+def read_firmware(source: WmiSource) -> Iterator[Json]:
+    """Secure boot of each machine of generation 2."""
+    for system, setting in _settings(source):
+        if _str(setting, "VirtualSystemSubType").endswith(":2"):
+            template = str(setting["SecureBootTemplateId"] or "").strip("{}").lower()
+            yield {
+                "machine": _str(system, "Name").lower(),
+                "secure_boot": "On" if setting["SecureBootEnabled"] else "Off",
+                "template": TEMPLATES.get(template, template),
+            }
+
+
+def read_guests(source: WmiSource) -> Json:
+    """What guests tell of their system."""
+    return [
+        {
+            "machine": _str(each, "SystemName").lower(),
+            "system": [
+                item
+                for item in each["GuestIntrinsicExchangeItems"] or ()
+                if ">OSName<" in item or ">OSBuildNumber<" in item
+            ],
+        }
+        for each in source.instances("Msvm_KvpExchangeComponent")
+    ]
+
+
+def read_shutdown_services(source: WmiSource) -> Json:
+    """Whether guests can be asked to shut down."""
+    return [
+        {
+            "machine": _str(each, "SystemName").lower(),
+            "enabled": _int(each, "EnabledState"),
+            "status": [int(number) for number in each["OperationalStatus"] or ()],
+        }
+        for each in source.instances("Msvm_ShutdownComponent")
+    ]
+
+
+def _str(instance: WmiInstance, name: str) -> str:
+    return str(instance[name] or "")
+
+
+def _int(instance: WmiInstance, name: str) -> int:
+    return int(instance[name] or 0)
+
+
+def _named(names: Mapping[int, str], instance: WmiInstance, name: str) -> str:
+    number = _int(instance, name)
+    if number not in names:
+        raise NotRead("UnknownNumber", f"{name} is {number}, which has no name")
+    return names[number]
+
+
+def _seconds(interval: str) -> int:
+    """A CIM interval, `ddddddddhhmmss.mmmmmm:000`, in seconds."""
+    if not interval:
+        return 0
+    days, hours, minutes, seconds = (int(interval[at:end]) for at, end in ((0, 8), (8, 10), (10, 12), (12, 14)))
+    return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
+
+
+def _end(link: WmiInstance, name: str) -> str:
+    return _key_of(_str(link, name))
+
+
+def _key_of(path: str) -> str:
+    """The key of the instance that a path leads to; backslashes are doubled in it."""
+    found = _REFERENCE.search(path)
+    return re.sub(r"\\(.)", r"\1", found[1]) if found else ""

@@ -1,0 +1,129 @@
+"""A host through WMI and the registry is the host that observe.ps1 shows: one set of fixtures, read both ways."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from rarms_iac.providers.hyperv.local_probes import local_document
+from rarms_iac.providers.hyperv.observation import observation_of
+from rarms_iac.providers.hyperv.parse import to_state
+from rarms_iac.providers.hyperv.wmi_machines import QUERIES, STATES, NotRead, WmiInstance
+from tests.cases.situations import folders
+from tests.needs import SHARED, require
+from tests.recorded_hosts import NAMES, document
+from tests.twin.observing import document_of, host_from
+from tests.unit.providers.hyperv.made_windows import FACTS, MadeWindows
+
+NOT_IN_WMI = ("powershell", "numa", "execution_policy")
+"""Which PowerShell looked, what its process allows, and the memory of a NUMA node: no state rests on them."""
+
+
+def printed(name: str) -> dict[str, Any]:
+    """What observe.ps1 prints of a host, without machines in states that WMI's pages do not number."""
+    found = document_of(host_from(document(name)))
+    if found["machines"]["status"] == "value":
+        known = [machine for machine in found["machines"]["value"] if _is_numbered(machine["state"])]
+        gone = {machine["id"] for machine in found["machines"]["value"]} - {machine["id"] for machine in known}
+        found["machines"]["value"] = known
+        for probe in ("firmware", "guests", "shutdown_services"):
+            found[probe]["value"] = [each for each in found[probe]["value"] if each["machine"] not in gone]
+        disks = {disk for machine in known for disk in machine["disks"]}
+        found["virtual_disks"]["value"] = [each for each in found["virtual_disks"]["value"] if each["path"] in disks]
+        groups = found["cpu_groups"]
+        if groups["status"] == "value":
+            groups["value"] = [each for each in groups["value"] if each["instance"][10:46].lower() not in gone]
+    return found
+
+
+def _is_numbered(state: str) -> bool:
+    return state.removesuffix("Critical") in STATES.values()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_ways_show_the_same_state(name: str) -> None:
+    by_script = printed(name)
+
+    by_wmi = local_document(MadeWindows(by_script))
+
+    assert to_state(observation_of(by_wmi), "cell") == to_state(observation_of(by_script), "cell")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_ways_print_the_same_field_by_field(name: str) -> None:
+    by_script = printed(name)
+
+    by_wmi: dict[str, Any] = local_document(MadeWindows(by_script))
+
+    assert by_wmi.keys() == by_script.keys()
+    for machine in by_script["machines"].get("value", []):
+        machine["clustered"] = ""  # no class of the namespace says it
+    groups = by_wmi["cpu_groups"]
+    if "value" in groups:  # some of the recorded hosts show no setting of a machine's processors
+        groups["value"] = [each for each in groups["value"] if "\\cpu\\" not in each["instance"]]
+    for probe in by_script.keys() - set(NOT_IN_WMI):
+        expected, found = by_script[probe], by_wmi[probe]
+        if isinstance(expected, dict) and expected["status"] != "value":
+            assert found["status"] in (expected["status"], "denied"), probe
+        else:
+            assert found == expected, probe
+
+
+@pytest.mark.parametrize("folder", [folder for folder in folders() if "boot" in folder.name or "live" in folder.name])
+def test_secure_boot_and_what_guests_tell_come_through(folder: Any) -> None:
+    by_script = document_of(host_from(json.loads((folder / "host.json").read_text(encoding="utf-8"))))
+
+    by_wmi = local_document(MadeWindows(by_script))
+
+    assert by_wmi["firmware"] == by_script["firmware"]
+    assert by_wmi["guests"] == by_script["guests"]
+    assert to_state(observation_of(by_wmi), "cell") == to_state(observation_of(by_script), "cell")
+
+
+def test_a_machine_in_a_state_without_a_name_is_unread_and_hides_no_other() -> None:
+    class Odd(MadeWindows):
+        def instances(self, name: str) -> Sequence[WmiInstance]:
+            found = [dict(each) for each in super().instances(name)]
+            if name == "Msvm_ComputerSystem":
+                found[1]["EnabledState"] = 32790
+            return found
+
+    by_script = printed("server-2022-with-strangers")
+
+    found = observation_of(local_document(Odd(by_script)))
+
+    state = to_state(found, "cell")
+    assert len(state.partitions) == len(by_script["machines"]["value"]) - 1
+    unread = local_document(Odd(by_script))["unread_machines"]
+    assert isinstance(unread, dict)
+    assert "EnabledState is 32790" in str(unread["value"])
+
+
+@pytest.mark.parametrize("denied", [True, False])
+def test_a_class_that_cannot_be_read_is_no_empty_list(denied: bool) -> None:
+    class Refusing(MadeWindows):
+        def instances(self, name: str) -> Any:
+            if name == "Msvm_SettingsDefineState":
+                raise NotRead("0x80041003", "no", denied=denied)
+            return super().instances(name)
+
+    found = local_document(Refusing(printed("server-2022-with-strangers")))
+
+    assert found["machines"] == {"status": "denied" if denied else "absent", "error": "0x80041003", "message": "no"}
+
+
+def test_every_property_that_is_asked_for_is_one_of_its_class() -> None:
+    without_page = {"Msvm_EmulatedEthernetPortSettingData", "Msvm_VirtualEthernetSwitch"}
+
+    assert {name for name in QUERIES if name.startswith("Msvm_")} - FACTS.keys() == without_page
+    assert {name: sorted(FACTS[name]) for name in FACTS} == {name: sorted(QUERIES[name]) for name in FACTS}
+
+
+def test_the_facts_are_those_of_the_pages() -> None:
+    require("shared")
+    pages = json.loads((SHARED / "hyperv" / "wmi.json").read_text(encoding="utf-8"))["classes"]
+
+    for name, types in FACTS.items():
+        known = pages[name]["properties"]
+        assert {key: " ".join(known[key]["type"].split()) for key in types} == types

@@ -1,0 +1,187 @@
+"""This computer's Windows: the real wmi module, the real registry, pywin32. Under wine, which has no Hyper-V."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rarms_iac.model.state import ValueKind
+from rarms_iac.planner.task_classes import classes_of, registry_values
+from rarms_iac.providers.hyperv.local_probes import PROFILE_KEY, local_document
+from rarms_iac.providers.hyperv.observation import observation_of
+from rarms_iac.providers.hyperv.parse import to_state
+from rarms_iac.providers.hyperv.wmi_machines import NotRead
+from tests.builders import a_component
+from tests.planning import PLACES
+from tests.unit.cli.running import rarms
+
+if sys.platform != "win32":
+    pytest.skip("needs windows: this is not Windows", allow_module_level=True)
+assert sys.platform == "win32"
+
+import winreg  # noqa: E402
+
+from rarms_iac.providers.hyperv import local_windows  # noqa: E402
+from rarms_iac.providers.hyperv.local_windows import ThisWindows, observe_here  # noqa: E402
+
+TASKS = rf"{PROFILE_KEY}\Tasks"
+SHIPPED = {"Scheduling Category": "Medium", "SFIO Priority": "Normal", "Background Only": "True"}
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: cell }
+hosts:
+  cell: { provider: hyperv, logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 5 %, memory: 1 GiB } }
+components:
+  vision: { criticality: 30, memory: 512 MiB, cpu: { reserve: 20 % } }
+"""
+
+
+@pytest.fixture
+def tasks() -> Iterator[None]:
+    """The real key of multimedia tasks with a class that Windows ships; wine has none."""
+    _remove(TASKS)
+    audio: Any = winreg.CreateKey(winreg.HKEY_LOCAL_MACHINE, rf"{TASKS}\Audio")
+    for name, text in SHIPPED.items():
+        winreg.SetValueEx(audio, name, 0, winreg.REG_SZ, text)
+    winreg.SetValueEx(audio, "Affinity", 0, winreg.REG_DWORD, 0xFFFFFFFF)
+    winreg.CloseKey(audio)
+    yield
+    _remove(TASKS)
+
+
+def _remove(path: str) -> None:
+    subprocess.run(["reg", "delete", rf"HKLM\{path}", "/f"], capture_output=True)
+
+
+def test_a_windows_without_hyperv_is_told_in_words_and_everything_else_is_read() -> None:
+    found = json.loads(observe_here())
+
+    observation_of(found)
+    for probe in ("host_visible", "hypervisor", "machines", "switches", "firmware", "guests"):
+        assert (found[probe]["status"], found[probe]["error"]) == ("absent", "0x8004100e"), probe
+        assert "its role Hyper-V is not installed" in found[probe]["message"]
+    assert found["elevated"] == {"status": "value", "value": True}
+    assert found["machine_id"]["status"] == "value"
+    assert found["pending_restart"] == {"status": "value", "value": False}
+
+
+def test_plan_and_doctor_say_that_it_has_no_hyperv(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+
+    planned = rarms("plan", "-f", str(tmp_path))
+    examined = rarms("doctor", "-f", str(tmp_path))
+
+    assert planned.code == 1
+    assert "its role Hyper-V is not installed" in " ".join(planned.err.split())
+    assert examined.code == 2
+    assert "RARMS233" in examined.out + examined.err
+
+
+def test_task_classes_come_out_of_the_registry_as_rarms_means_them(tasks: None, tmp_path: Path) -> None:
+    """Through a real `reg import`; what Windows ships stays to the byte, and types are compared."""
+    component = a_component("speech", criticality=9, task="SpeechRecognition")
+    (values,) = classes_of([component], {}, "", PLACES).classes
+    before = _exported(rf"{TASKS}\Audio", tmp_path)
+    lines = ["Windows Registry Editor Version 5.00", "", rf"[HKEY_LOCAL_MACHINE\{TASKS}\SpeechRecognition]"]
+    for name, value in registry_values(values).items():
+        text = f"dword:{value.data:08x}" if value.kind is ValueKind.DWORD else f'"{value.data}"'
+        lines.append(f'"{name}"={text}')
+    (tmp_path / "class.reg").write_text("\n".join([*lines, ""]), encoding="utf-16")
+
+    subprocess.run(["reg", "import", str(tmp_path / "class.reg")], check=True, capture_output=True)
+    state = to_state(observation_of(local_document(ThisWindows())), "cell")
+
+    classes = {task.name: task for task in state.tasks}
+    assert dict(classes["SpeechRecognition"].values) == dict(registry_values(values))
+    assert classes["Audio"].values["Affinity"].data == 0xFFFFFFFF
+    assert _exported(rf"{TASKS}\Audio", tmp_path) == before
+
+
+def _exported(path: str, folder: Path) -> bytes:
+    file = folder / "exported.reg"
+    subprocess.run(["reg", "export", rf"HKLM\{path}", str(file), "/y"], check=True, capture_output=True)
+    return file.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("kind", "data", "expected"),
+    [
+        ("REG_SZ", "True", ("String", "True")),
+        ("REG_DWORD", 0xFFFFFFFF, ("DWord", 0xFFFFFFFF)),
+        ("REG_QWORD", 2**63, ("QWord", 2**63)),
+        ("REG_EXPAND_SZ", "%RARMS_TESTS%!", ("ExpandString", "here!")),
+        ("REG_MULTI_SZ", ["a", "b"], ("MultiString", "a b")),
+        ("REG_BINARY", b"\x01\xff", ("Binary", "1 255")),
+    ],
+)
+def test_values_have_the_kinds_and_data_that_powershell_shows(
+    kind: str, data: Any, expected: tuple[str, Any], tasks: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RARMS_TESTS", "here")
+    with winreg.CreateKey(winreg.HKEY_LOCAL_MACHINE, rf"{TASKS}\Odd") as key:
+        winreg.SetValueEx(key, "Value", 0, getattr(winreg, kind), data)
+
+    assert ThisWindows().key(rf"{TASKS}\Odd").values == [("Value", *expected)]
+
+
+def test_a_key_that_is_not_there_is_absent() -> None:
+    with pytest.raises(NotRead) as raised:
+        ThisWindows().key(r"SOFTWARE\rarms\nowhere")
+
+    assert (raised.value.error, raised.value.denied) == ("PathNotFound", False)
+
+
+def test_a_journal_comes_with_its_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PROGRAMDATA", str(tmp_path))
+    (tmp_path / "rarms").mkdir()
+    (tmp_path / "rarms" / "journal.jsonl").write_text("{}", encoding="ascii")
+
+    owner, text = ThisWindows().journal()
+
+    assert owner.startswith("S-1-5-")
+    assert text == "{}"
+
+
+DISK = """<INSTANCE CLASSNAME="Msvm_VirtualHardDiskSettingData"><PROPERTY NAME="Type" TYPE="uint16"><VALUE>4</VALUE>
+</PROPERTY><PROPERTY NAME="ParentPath" TYPE="string"><VALUE>D:\\images\\base.vhdx</VALUE></PROPERTY></INSTANCE>"""
+
+
+def test_what_the_module_gives_is_taken_by_name_and_each_class_is_listed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A connection of ours, as wine has no provider: an older host lacks properties, which are None then."""
+    asked: list[str] = []
+
+    class Connection:
+        def query(self, text: str) -> list[object]:
+            asked.append(text)
+            service = SimpleNamespace(GetVirtualHardDiskSettingData=lambda Path: (0, None, DISK))  # noqa: N803
+            return [service] if "ImageManagement" in text else [SimpleNamespace(Name="cell", ElementName="id")]
+
+    monkeypatch.setattr(local_windows.wmi, "WMI", lambda **_: Connection())
+    windows = ThisWindows()
+
+    for _ in range(2):
+        assert windows.instances("Msvm_VirtualEthernetSwitch") == [{"Name": "cell", "ElementName": "id"}]
+    assert windows.instances("Msvm_NumaNode")[0]["NodeID"] is None
+    assert windows.disk("D:\\a.vhdx") == {"Type": "4", "ParentPath": "D:\\images\\base.vhdx"}
+    assert asked.count("SELECT * FROM Msvm_VirtualEthernetSwitch") == 1
+
+
+@pytest.mark.parametrize(("code", "denied"), [(0x80041003, True), (0x80041010, False)])
+def test_what_wmi_refuses_is_denied_and_what_it_does_not_know_is_absent(
+    code: int, denied: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**_: object) -> None:
+        raise local_windows.wmi.x_wmi("", com_error=SimpleNamespace(hresult=code - 2**32))
+
+    monkeypatch.setattr(local_windows.wmi, "WMI", refuse)
+
+    with pytest.raises(NotRead) as raised:
+        ThisWindows().instances("Msvm_ComputerSystem")
+
+    assert (raised.value.error, raised.value.denied) == (f"0x{code:08x}", denied)
