@@ -65,16 +65,16 @@ def _experiments(log: Log, components: Mapping[str, Component], processors: int)
         for reserve in RESERVES:
             yield Experiment(kind="reserve", component=name, setting=reserve)
     for name in components:
+        for percent in LOADS:
+            yield Experiment(kind="class", component=name, setting=percent)
+    for browsers in BROWSERS:
+        yield Experiment(kind="browsers", component=FDP, setting=browsers)
+    for name in components:
         yield Experiment(kind="measured", component=name)
     for component in components.values():
         yield from _narrowing(log, component)
         for reserve in rules(log, component, processors, len(components)).values():
             yield from _repeated(component.name, reserve)
-    for name in components:
-        for percent in LOADS:
-            yield Experiment(kind="class", component=name, setting=percent)
-    for browsers in BROWSERS:
-        yield Experiment(kind="browsers", component=FDP, setting=browsers)
 
 
 def _repeated(name: str, reserve: int) -> Iterator[Experiment]:

@@ -13,11 +13,12 @@ from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
 TRIES = 3
 """So often a disturbed setting is measured at most."""
 
-STOLEN = 0.02
-"""The part of all processors' time that the machine below may take."""
+STOLEN = 0.05
+"""The part of all processors' time that the machine below may take: components are slower then, the safe side."""
 
-SHORT = 0.03
-"""The part of all processors' time that neither P1 nor P2 may get of what P2 reserves: rarms' own time is in it."""
+SHORT = 0.05
+"""The part of all processors' time that neither P1 nor P2 may get of what P2 reserves: what rarms itself consumes is in
+it, and about a two-hundredth of each other process that wants a processor. It is taken from both alike."""
 
 
 def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | None) -> str:
