@@ -264,6 +264,8 @@ def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter
     system, reasons = manifest.system, []
     group = next((group for group in groups_of(system) if component in group.members), None)
     hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
+    if not hosts:
+        return ProcessPlace()
     name = group.name if group else ""
     members = (
         group.members if group else [other for other in system.components.values() if other.runs_on is RunsOn.HOST]
