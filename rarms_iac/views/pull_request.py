@@ -233,7 +233,7 @@ def _undo(plan: Plan) -> Iterator[str]:
         yield f"- {_text(str(step.address))}, {_text(step.title)}: {level}; {_text(step.undo.message)}"
     again = [_text(name) for part in plan.hosts for name, duration in _downtimes(part) if duration != _STAYS_OFF]
     if again:
-        yield f"- It stops {in_a_row(again)} again, for as long as above."
+        yield f"- The undo stops {in_a_row(again)} again, for as long as above."
 
 
 def _table(plan: Plan) -> Iterator[str]:

@@ -47,7 +47,7 @@ def test_the_comment_begins_with_its_marker_and_tells_the_risk_first(applied: Pa
     heads = re.findall("^#### (.*)$", text, re.MULTILINE)
     assert heads[:2] == ["Risk", "Taking it back"]
     assert "**Stops:** vision on onboard, at least for its own shutdown and start, at most 45 s" in text
-    assert "- It stops vision again, for as long as above." in text
+    assert "- The undo stops vision again, for as long as above." in text
     assert "reserve 1.6 LP → 1.2 LP, limit 4 LP → 2 LP, memory 1 GiB → 512 MiB" in text
     assert "| `~` | vision | onboard | 1.6 LP (40 %) | 1.2 LP (30 %) | 1 GiB | 512 MiB | processors 4 → 2" in text
 
