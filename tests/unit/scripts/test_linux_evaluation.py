@@ -141,9 +141,11 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
         Findings(
             component=replace(COMPONENT, name=name),
             curve={reserve: {"p95_response_time": 1000 / reserve, "throughput": inf} for reserve in RESERVES},
+            too_little=19,
             needed=20,
-            loaded=dict.fromkeys(LOADS, 12.34),
+            measured=22,
             foretold=19,
+            loaded=dict.fromkeys(LOADS, 12.34),
             trials={
                 MEASURED: Trial(reserve=22, missed=0, runs=3),
                 "even split": Trial(reserve=15, missed=2, runs=3),
@@ -165,3 +167,11 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
     assert "| 10 | 150.0 | 175.0 | 175.0 |" in lines
     assert "- 210 were asked for, and 10 (4.8 %) have no verdict." in lines
     assert "- 1 of 200 are wrong: 0.03 to 2.35 % (one-sided 95 % limits), and 1 % is declared." in lines
+    assert not any("Not measured" in line for line in lines)
+
+    early = [replace(findings, too_little=15, measured=None, loaded={}, trials={}) for findings in found]
+    lines = page(early, {}, VerdictCount(judged=0, given=0, wrong=0))
+
+    assert f"| {FDP} | 16 to 20 % | none |  | 19 % | +0 points |" in lines
+    assert lines[-3].endswith("Fig. 4 (browsers), what people do today, verdicts, checked by measuring again.")
+    assert not any(line.startswith("## Fig. 3") for line in lines)
