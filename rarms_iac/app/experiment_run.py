@@ -66,11 +66,11 @@ def run_experiment(
         hosts: Those of the manifest.
         experiment: What is measured.
         bench: The host; the caller holds its lock.
-        request: How.
+        request: The options: reserves, strategy, seed, what is done on a busy host.
         reporter: Hears of every setting.
         stop: Asked between settings and while samples come.
-        strategy: Which settings; None: as the request says.
-        rest: Stops what is in the way, where it may; None: nothing is stopped.
+        strategy: Which settings are measured; None: as the request says.
+        rest: Stops partitions of the application, where it may; None: nothing is stopped.
 
     Returns:
         How it ended, with every setting that this rests on, the recorded ones included.
@@ -112,53 +112,57 @@ def _run_held(
     strategy: Strategy | None,
     rest: PartitionRest | None,
 ) -> ExperimentResult:
-    seen = _look_at_bench(experiment, bench, request)
+    bench_state = _look_at_bench(experiment, bench, request)
     log = read_experiment_log(hosts, experiment, bench)
-    book = settings_log_of(log, request.seed, seen.running)
+    settings_log = settings_log_of(log, request.seed, bench_state.running)
     if log.changed:
         reporter.message(_describe_stale(log))
 
     def checked() -> MeasuringBudget:
-        _make_room(hosts, experiment, bench, request, seen, rest or PartitionRest(hosts=hosts, reporter=reporter))
-        if strategy is None:  # who asks for single settings says himself what they are for
-            reporter.message(_describe_duration(experiment, request, seen, book))
-        return seen.budget
+        _make_room(
+            hosts, experiment, bench, request, bench_state, rest or PartitionRest(hosts=hosts, reporter=reporter)
+        )
+        if strategy is None:  # a caller with its own strategy tells the user itself what it measures
+            reporter.message(_describe_duration(experiment, request, bench_state, settings_log))
+        return bench_state.budget
 
-    around = MeasuringContext(
+    context = MeasuringContext(
         host=bench,
         budget=checked,
-        seed=request.seed or highest_seed(book.settings()) or USUAL_SEED,
+        seed=request.seed or highest_seed(settings_log.settings()) or USUAL_SEED,
         reporter=reporter.settings,
         should_stop=stop.should_stop,
-        others=tuple(_going_on(hosts, seen.running)),
+        others=tuple(_work_beside(hosts, bench_state.running)),
     )
-    ended = measure(experiment, strategy or _strategy(hosts, experiment, request, seen), book, around)
-    if ended.new and seen.running:
-        reporter.findings([_busy_warning(experiment, seen.running)])
+    measurement = measure(
+        experiment, strategy or _strategy(hosts, experiment, request, bench_state), settings_log, context
+    )
+    if measurement.new and bench_state.running:
+        reporter.findings([_busy_warning(experiment, bench_state.running)])
     return ExperimentResult(
         experiment=experiment,
-        conclusion=ended.conclusion,
-        settings=ended.settings,
-        new=ended.new,
-        planned=least_reserve(curves_of(ended.settings, experiment.runs, apts_of(experiment))),
-        log=book.path.as_posix(),
+        conclusion=measurement.conclusion,
+        settings=measurement.settings,
+        new=measurement.new,
+        planned=least_reserve(curves_of(measurement.settings, experiment.runs, apts_of(experiment))),
+        log=settings_log.path.as_posix(),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _BenchState:
-    """What there is on the host."""
+    """What is free on the host, and what is in the way there."""
 
     budget: MeasuringBudget
     running: tuple[Partition, ...]  # what is in the way and is not to be stopped
     top: int  # the highest CR that it can give
-    memory_ms: float  # its scheduler's
+    memory_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
 
 
 def _look_at_bench(experiment: Experiment, bench: MeasuringHost, request: MeasureRequest) -> _BenchState:
     """Look at the host; partitions of the application rest, unless it is to be measured beside them."""
-    seen = bench.observe()
-    state = seen if request.on_busy_host else at_rest(seen, experiment.application)
+    observed = bench.observe()
+    state = observed if request.on_busy_host else at_rest(observed, experiment.application)
     budget = host_budget(experiment.host, state, experiment.application)
     return _BenchState(
         budget=budget,
@@ -168,14 +172,14 @@ def _look_at_bench(experiment: Experiment, bench: MeasuringHost, request: Measur
     )
 
 
-def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> Strategy:
+def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, bench_state: _BenchState) -> Strategy:
     """What the options ask for.
 
     Raises:
-        UseCaseError: a search, and no threshold (negative).
+        UseCaseError: a search is asked for, and a member has no threshold (negative).
     """
     if request.coarse:
-        return Sweeping(reserves=coarse_reserves(seen.top))
+        return Sweeping(reserves=coarse_reserves(bench_state.top))
     if request.reserves:
         return Sweeping(reserves=request.reserves)
     for member in experiment.members:
@@ -189,15 +193,15 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, see
                 hosts.manifest.sources,
             )
     goal = goal_of(experiment)
-    # Other partitions on the host: `_refuse` names them before the first run. Do not end earlier for lack of room,
+    # Other partitions on the host: `_refuse_host` names them before the first run. Do not end earlier for lack of room,
     # which says less.
-    refused = bool(seen.running) and not request.on_busy_host
-    verifying = Verifying(goal=goal, most=100 if refused else seen.top)
+    refused = bool(bench_state.running) and not request.on_busy_host
+    verifying = Verifying(goal=goal, most=100 if refused else bench_state.top)
     if request.verify:
         return verifying
     to_the_letter = request.strategy == PAPER
     search = Searching(
-        goal=goal, next_step=STRATEGIES[request.strategy], most=seen.top, own_settings_only=to_the_letter
+        goal=goal, next_step=STRATEGIES[request.strategy], most=bench_state.top, own_settings_only=to_the_letter
     )
     return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
@@ -208,7 +212,7 @@ def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: Measuri
     The host would refuse it too; here the line of the manifest can be named, and nothing was changed yet.
 
     Raises:
-        UseCaseError: there is one (negative).
+        UseCaseError: there is such a member or load (negative).
     """
     members = [("components", member.name, member) for member in experiment.members]
     for section, name, subject in [*members, ("interference", experiment.setup.interference, experiment.load)]:
@@ -228,17 +232,19 @@ def _make_room(
     experiment: Experiment,
     bench: MeasuringHost,
     request: MeasureRequest,
-    seen: _BenchState,
+    bench_state: _BenchState,
     rest: PartitionRest,
 ) -> None:
-    """Refuse what cannot be measured, then stop what is in the way. Asked once something must really be run.
+    """Refuse what cannot be measured, then stop what is in the way.
+
+    `run_experiment` calls it only where the data log does not hold every setting already.
 
     Raises:
-        UseCaseError: As `_refuse_what_cannot_run` and `_refuse`; partitions of the application run, and may not be
+        UseCaseError: As `_refuse_what_cannot_run` and `_refuse_host`; partitions of the application run, and may not be
             stopped (refused).
     """
     _refuse_what_cannot_run(hosts, experiment, bench)
-    _refuse(experiment, request, seen)
+    _refuse_host(experiment, request, bench_state)
     if request.on_busy_host:
         return
     if still_running := rest.stop(bench):
@@ -251,42 +257,44 @@ def _make_room(
         raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=address)])
 
 
-def _refuse(experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> None:
-    """Asked once something must really be run.
+def _refuse_host(experiment: Experiment, request: MeasureRequest, bench_state: _BenchState) -> None:
+    """Refuse a host that is busy, has reservations that the paper does not know, or has no room.
 
     Raises:
         UseCaseError: Something runs on the host, or it has reservations that the paper does not know (refused);
             there is no room (negative).
     """
     host = experiment.host.name
-    if seen.running and not request.on_busy_host:
-        names = ", ".join(partition_name(partition) for partition in seen.running)
+    if bench_state.running and not request.on_busy_host:
+        names = ", ".join(partition_name(partition) for partition in bench_state.running)
         message = f"On {host} these run, and would change what is measured: {names}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
         raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=f"host/{host}")])
-    if request.strategy == PAPER and not request.reserves and not seen.budget.unreserved:
+    if request.strategy == PAPER and not request.reserves and not bench_state.budget.unreserved:
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
         raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.at(None, message, advice, address=f"host/{host}")])
-    if seen.top == 0 or (request.reserves and max(request.reserves) > seen.top):
+    if bench_state.top == 0 or (request.reserves and max(request.reserves) > bench_state.top):
         message = (
-            f"{host} can give P1 at most {seen.top} % of each of its {experiment.setup.processors} processors, and P2 "
-            "some memory beside it."
+            f"{host} can give P1 at most {bench_state.top} % of each of its {experiment.setup.processors} processors, "
+            "and P2 some memory beside it."
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, advice, address=f"host/{host}")])
 
 
-def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _BenchState, book: SettingsLog) -> str:
+def _describe_duration(
+    experiment: Experiment, request: MeasureRequest, bench_state: _BenchState, settings_log: SettingsLog
+) -> str:
     """Say how long measuring takes: at least, while jobs are as fast as they should be, and at most."""
     bounds = expected_duration(
         experiment,
-        book.settings(),
-        coarse_reserves(seen.top) if request.coarse else request.reserves,
-        top=seen.top,
+        settings_log.settings(),
+        coarse_reserves(bench_state.top) if request.coarse else request.reserves,
+        top=bench_state.top,
         to_the_letter=request.strategy == PAPER,
-        earlier=replace(book, seed=None).settings(),
-        settles_ms=Settling(memory_ms=seen.memory_ms).least_ms,
+        earlier=replace(settings_log, seed=None).settings(),
+        settles_ms=Settling(memory_ms=bench_state.memory_ms).least_ms,
     )
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:
@@ -297,10 +305,10 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
     return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}about {most}."
 
 
-def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
-    """Yield what the application's own partitions do meanwhile: their components, under names that nobody looks for.
+def _work_beside(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
+    """Yield the work of the application's partitions that go on running, their components under names of their own.
 
-    What machines of others do is not known: a simulated host has them idle.
+    What other partitions run is not known: a simulated host has them idle.
     """
     application = hosts.system.application.name
     names = {

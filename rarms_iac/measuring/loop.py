@@ -22,7 +22,7 @@ from rarms_iac.measuring.partitions import (
     shapes_of_test_partitions,
 )
 from rarms_iac.measuring.search.trials import is_clear
-from rarms_iac.measuring.settling import Contender, Settling, contends_for_all
+from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting, SettingEvidence
@@ -238,10 +238,10 @@ def watch(
             if len(failures[name]) > allowed[name]:
                 return TooManyFailures(component=name, failures=tuple(failures[name]), allowed=allowed[name])
         if start is None:
-            settling.saw(running, name)
+            settling.record_job(running, name)
             running.count_from_now()
             if settling.is_over(running.elapsed_ms()):
-                start = _start(running, samples, settling.excess())
+                start = _start(running, samples, settling.excess_message())
             continue
         samples[name].append(replace(sample, began_ms=sample.began_ms - start.elapsed_ms))
         if (least := min(map(len, samples.values()))) >= looks_at:
@@ -330,7 +330,7 @@ def _run_setting(
         raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
     set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
     processors = bench.budget.capacity.logical_processors
-    takes = beside * processors / 100 if contends_for_all(experiment.load, processors) else None
+    takes = beside * processors / 100 if wants_all_processors(experiment.load, processors) else None
     disturbances: list[str] = []
     while True:
         setting, evidence = _try_setting(experiment, context, bench, step, beside)
@@ -373,11 +373,11 @@ def _try_setting(
 def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -> tuple[Contender, ...]:
     """P1, where P2 wants all that it does not reserve; what others reserve and leave idle is shared, and no excess."""
     others = any(claim.reserve and claim.processors for claim in budget.claims)
-    if others or not contends_for_all(experiment.load, budget.capacity.logical_processors):
+    if others or not wants_all_processors(experiment.load, budget.capacity.logical_processors):
         return ()
     names = tuple(member.name for member in experiment.members)
     processors = experiment.setup.processors * reserve / 100
-    return (Contender(components=names, processors=processors, must_come_down=True),)
+    return (Contender(components=names, processors=processors, excess_forbids_verdict=True),)
 
 
 def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:

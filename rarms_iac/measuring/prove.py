@@ -17,7 +17,7 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
 )
 from rarms_iac.measuring.performance import MeasuredIndex
-from rarms_iac.measuring.settling import Contender, Settling, contends_for_all
+from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.model.measurement import P2, Series, SettingEvidence, run_of
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -220,13 +220,13 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settli
 
 def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Contender, ...]:
     """Partitions whose consumption shows what the scheduler does; what others leave idle is theirs to use for good."""
-    if not contends_for_all(load, layout.host_processors):
+    if not wants_all_processors(load, layout.host_processors):
         return ()
     return tuple(
         Contender(
             components=tuple(member.name for member in members if member.apt),
             processors=layout.reserves[name],
-            must_come_down=False,
+            excess_forbids_verdict=False,
         )
         for name, members in sorted(layout.partitions.items())
         if name in layout.reserves

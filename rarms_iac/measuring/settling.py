@@ -1,9 +1,9 @@
-"""When a host has forgotten how its work began: what is seen before says nothing about the next hour.
+"""Settling: from when on samples count, because the host's scheduler has forgotten how the work began.
 
-A scheduler remembers: who was late, and what was not used of a reserve. Until that has passed, a component may have a
-processor for itself, and answer in 3 ms where it will soon take 300. Its response times cannot tell, since they are
-steady meanwhile; what it consumes can: where all of a host's time is reserved and wanted, whoever wants more than its
-reserve gets just that. So samples count from when both have been seen: time, and consumption.
+A scheduler remembers who was late, and how much of a reserve was not used. Until that has passed, a component may have
+a processor for itself, and answer in 3 ms where it will soon take 300. Response times do not show this, since they are
+steady meanwhile. Consumption does: where all of a host's time is reserved or wanted, a component that wants more than
+its reserve gets just its reserve. So samples count once enough time has passed and consumption has come down to that.
 """
 
 from collections.abc import Sequence
@@ -12,23 +12,23 @@ from dataclasses import dataclass, field
 from rarms_iac.model.system import BusyLoop, Interference
 from rarms_iac.providers.measuring import RunningWork
 
-MEMORIES = 30
-"""So many times the scheduler's longest memory passes before samples count, and again while they are taken."""
+MEMORY_FACTOR = 30
+"""Samples count after this many times the scheduler's longest memory, and are then taken for at least as long again."""
 
-PATIENCE = 20
-"""After so many times `Settling.least_ms`, and two jobs of each component, consumption is not waited for any longer."""
+PATIENCE_FACTOR = 20
+"""After this many times `Settling.least_ms`, and two jobs of each component, samples count whatever was consumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contender:
-    """Components of a partition beside which everybody wants all that there is."""
+    """Components that share a partition, beside a load that wants all the processor time that is not reserved."""
 
     components: tuple[str, ...]
     processors: float  # LPs that their partition reserves, all of its VPs together
-    must_come_down: bool  # what it gets beyond that is no part of what is asked, so that there is no verdict with it
+    excess_forbids_verdict: bool  # where it still gets more than it reserves, its samples give no verdict
 
 
-def contends_for_all(load: Interference | None, logical_processors: int) -> bool:
+def wants_all_processors(load: Interference | None, logical_processors: int) -> bool:
     """Whether a load leaves no processor idle, so that consumption shows what a scheduler does.
 
     Args:
@@ -53,10 +53,10 @@ class Settling:
     @property
     def least_ms(self) -> float:
         """How long it takes at least, and how long a series of samples is at least."""
-        return MEMORIES * self.memory_ms
+        return MEMORY_FACTOR * self.memory_ms
 
-    def saw(self, running: RunningWork, component: str) -> None:
-        """Take note of what a component consumed by now; to be called as each of its jobs ends.
+    def record_job(self, running: RunningWork, component: str) -> None:
+        """Record what a component consumed until now; to be called as each of its jobs ends.
 
         Args:
             running: tells the time and what was consumed.
@@ -73,43 +73,43 @@ class Settling:
             marks.pop(0)  # older than what is looked at
 
     def is_over(self, elapsed_ms: float) -> bool:
-        """Whether samples count from now on: for a verdict, or (`excess`) for none.
+        """Return whether samples count from now on; whether they can give a verdict, `excess_message` says.
 
         Args:
             elapsed_ms: since the work began.
 
         Returns:
-            False: what is seen yet is no sample.
+            False: the samples so far do not count.
         """
         if elapsed_ms < self.least_ms:
             return False
-        return not self._excesses() or self._is_in_vain(elapsed_ms)
+        return not self._excesses() or self._gives_up_waiting(elapsed_ms)
 
-    def excess(self) -> str:
+    def excess_message(self) -> str:
         """Say why there will be no verdict; empty where there may be one.
 
         Returns:
-            Words that name components, and LPs consumed beside LPs reserved.
+            A clause that names the components, the LPs that they consumed and the LPs that are reserved.
         """
         return "; ".join(
             f"{' and '.join(contender.components)} still consumed {consumed:.3g} LP where {contender.processors:.3g} "
             "are reserved, and what is left over by others is no promise"
             for contender, consumed in self._excesses()
-            if contender.must_come_down
+            if contender.excess_forbids_verdict
         )
 
     def _excesses(self) -> list[tuple[Contender, float]]:
-        """The contenders that consume more than is theirs, with what they consume of late, in LPs."""
+        """Return the contenders that recently consumed more than they reserve, with what they consumed, in LPs."""
         found = []
         for contender in self.contenders:
-            consumed = sum(self._of_late(name) for name in contender.components)
-            # A memory's worth of reserve may have been saved up before.
-            if consumed > contender.processors * (1.0 + 1.0 / MEMORIES) + 1.0 / (10 * MEMORIES):
+            consumed = sum(self._recent_processors(name) for name in contender.components)
+            # NOTE: a reserve that was saved up before, as much as one memory holds, is no excess.
+            if consumed > contender.processors * (1.0 + 1.0 / MEMORY_FACTOR) + 1.0 / (10 * MEMORY_FACTOR):
                 found.append((contender, consumed))
         return found
 
-    def _of_late(self, component: str) -> float:
-        """Its consumption, in LPs, from job to job over the last `least_ms` or the last job, whichever is longer."""
+    def _recent_processors(self, component: str) -> float:
+        """Return the LPs that a component consumed over the last `least_ms`, or over its last job if that is longer."""
         marks = self._marks.get(component, [])
         if len(marks) < 2:
             return 0.0
@@ -117,7 +117,7 @@ class Settling:
         since, before = marks[0]
         return (consumed - before) / (now - since) if now > since else 0.0
 
-    def _is_in_vain(self, elapsed_ms: float) -> bool:
+    def _gives_up_waiting(self, elapsed_ms: float) -> bool:
         names = [name for contender in self.contenders for name in contender.components]
         jobs = min((self._jobs.get(name, 0) for name in names), default=0)
-        return elapsed_ms > PATIENCE * self.least_ms and jobs >= 2
+        return elapsed_ms > PATIENCE_FACTOR * self.least_ms and jobs >= 2
