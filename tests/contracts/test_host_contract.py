@@ -408,7 +408,7 @@ def test_a_machine_of_the_same_name_is_neither_seen_as_ours_nor_touched(room: Ro
     (stranger,) = host.observe().partitions
 
     assert host.read(VISION, SCOPE) == NOTHING
-    with refused(host, "no (machine|control group) stands for the partition vision"):
+    with refused(host, "no (machine|control group) is managed as the partition vision"):
         do(host, StartPartition(partition="vision"))
 
     do(host, *making(reserve=40))
@@ -439,7 +439,7 @@ def test_two_machines_under_one_mark_are_nobodys(room: Room) -> None:
     assert {partition.foreign_mark for partition in host.observe().partitions} == {
         "the mark of robot/vision stands on 2 machines"
     }
-    with refused(host, "no (machine|control group) stands"):
+    with refused(host, "no (machine|control group) is managed"):
         do(host, start())
 
 
@@ -463,7 +463,7 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
     do(host, RenamePartition(partition="speech", machine=speech.id, name=SCOPE.pending("vision")))
 
     assert host.read(VISION, SCOPE) == {"exists": True, "machines": 2}
-    with refused(host, "2 (machines|control groups) stand for the partition vision"):
+    with refused(host, "2 (machines|control groups) are managed as the partition vision"):
         do(host, start())
 
 
@@ -573,7 +573,7 @@ def test_what_no_machine_can_have(room: Room, operation: Operation, message: str
             WriteTaskClass(task="x", inside="", values={"p": RegistryValue(kind=ValueKind.SZ, data=1)}),
             "p is no text",
         ),
-        (WriteTaskClass(task="x", inside="nobody", values=VALUES), "no machine stands for the partition nobody"),
+        (WriteTaskClass(task="x", inside="nobody", values=VALUES), "no machine is managed as the partition nobody"),
     ],
 )
 def test_what_no_virtual_machine_can_have(windows: Room, operation: Operation, message: str) -> None:

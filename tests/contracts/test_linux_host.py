@@ -130,7 +130,7 @@ def test_memory_that_the_kernel_cannot_take_back_is_refused_and_all_stays(
 
 
 def test_what_control_groups_do_not_have_is_refused(host: LinuxHostProvider) -> None:
-    with pytest.raises(HostRefused, match="a control group has no such thing"):
+    with pytest.raises(HostRefused, match="a control group cannot do this"):
         host.execute(SetSecureBoot(partition="vision", secure_boot="off"), SCOPE)
     with pytest.raises(HostRefused, match="no dynamic memory"):
         host.execute(SetMemory(partition="vision", memory=32 * MIB, dynamic=True), SCOPE)

@@ -144,11 +144,11 @@ def out_of_range(settings: PartitionSettings) -> str:
     if settings.reserve > settings.limit:
         return f"the reserve of {settings.reserve} % is above the limit of {settings.limit} %"
     if settings.limit < 1:
-        return "with a limit of 0 % nothing in it would ever run"
+        return "with a limit of 0 % nothing would run: the limit is at least 1 %"
     if not 1 <= settings.weight <= 10_000:
         return f"a weight is 1 to 10000, not {settings.weight}"
     if settings.memory < 0:
-        return f"memory is no less than nothing, not {settings.memory} B"
+        return f"memory is at least 0 B, not {settings.memory} B"
     return "a control group has no dynamic memory" if settings.dynamic_memory else ""
 
 

@@ -155,8 +155,8 @@ class LinuxHostProvider(JournaledHost):
         if names:
             message = f"{counted(len(names), 'partition')} of {self.name} ran when the machine stopped, and "
             message += f"{in_a_row(names)} did not start with it."
-            advice = "Start it with `rarms apply`, or with the plan's script: `sh HOST.sh --boot`. Have the machine do "
-            advice += 'that at each start (docs/linux.md, "After the machine starts").'
+            advice = "`rarms apply` starts what is off, and so does the plan's script: `sh HOST.sh --boot`. Have the "
+            advice += 'machine do that at each start (docs/linux.md, "After the machine starts").'
             yield OFF_SINCE_RESTART.at(None, message, advice, address=f"host/{self.name}")
 
     def _kept_nothing(self) -> Iterator[Diagnostic]:
@@ -190,9 +190,9 @@ class LinuxHostProvider(JournaledHost):
             case CreatePartition():
                 self._create(operation, state, scope)
             case RemoveDisk() | SetSecureBoot():
-                raise self._refused(f"a control group has no such thing ({operation})")
+                raise self._refused(f"a control group cannot do this: {operation}")
             case _ if isinstance(operation, TaskOperation):
-                raise self._refused(f"the multimedia class scheduler is of Windows ({operation})")
+                raise self._refused(f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}")
             case _:
                 definition = known[self._only(operation, state, scope)]
                 self._change(definition, operation, state)
@@ -331,8 +331,8 @@ class LinuxHostProvider(JournaledHost):
         """The id of the one partition that the operation's name stands for."""
         found = resolve(state.partitions, operation.partition, scope, operation.machine)
         if len(found) != 1:
-            count = f"{len(found)} control groups stand" if found else "no control group stands"
-            raise self._refused(f"{count} for the partition {operation.partition}")
+            count = f"{len(found)} control groups are" if found else "no control group is"
+            raise self._refused(f"{count} managed as the partition {operation.partition}")
         return found[0].id
 
     def _definitions(self) -> list[GroupDefinition]:
@@ -352,8 +352,8 @@ class LinuxHostProvider(JournaledHost):
         if status.st_uid not in {0, os.geteuid()} or status.st_mode & 0o022:
             raise HostDamaged(
                 self.name,
-                f"others than root may write to {self._folder}: what lies there is not believed",
-                f"look at what lies there, then `chown root` and `chmod 700 {self._folder}`",
+                f"others than root may write to {self._folder}, so rarms does not trust the files in it",
+                f"check the files there, then `chown -R root {self._folder}` and `chmod 700 {self._folder}`",
             )
 
     def _load(self, path: Path) -> GroupDefinition:

@@ -182,8 +182,8 @@ class SimulatedHostProvider(JournaledHost):
         """The one machine that the name stands for."""
         machines = resolve(state.partitions, address.partition, scope, address.machine)
         if len(machines) != 1:
-            count = f"{len(machines)} machines stand" if machines else "no machine stands"
-            raise HostRefused(self.name, f"{count} for the partition {address.partition}", PARTITION_AGAIN)
+            count = f"{len(machines)} machines are" if machines else "no machine is"
+            raise HostRefused(self.name, f"{count} managed as the partition {address.partition}", PARTITION_AGAIN)
         return content.machines[machines[0].id]
 
     def _fault(self, content: Content, operation: Operation) -> tuple[str, Fault] | None:
