@@ -1,4 +1,4 @@
-"""Proving: what is applied is found on the hosts, run all together, and judged beside its thresholds."""
+"""Proving: finds the applied layout on the hosts, runs all its components together and judges them by their APTs."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -38,7 +38,6 @@ from rarms_iac.storage.datalog.files import configuration_path
 
 USUAL_SEED = 1
 
-
 ProofVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]
 
 
@@ -47,7 +46,7 @@ class ProveRequest:
     """How an applied layout is to be run."""
 
     interference: str | None = None  # a load beside it; None: there is none
-    samples: int | None = None  # a component; None: as its `until` says
+    samples: int | None = None  # of each component; None: as its `run.until` says
     seed: int = USUAL_SEED
     lock_timeout_ms: int = 0
 
@@ -63,7 +62,7 @@ class ProveOutcome:
 
 
 SampleListener = Callable[[str, Mapping[str, Series]], None]
-"""Hears of each host how far its components are, as samples come."""
+"""Called with the name of a host and the samples of its components so far, as they come."""
 
 
 def prove_layout(
@@ -80,10 +79,10 @@ def prove_layout(
 
     Args:
         hosts: Those that can run components are held meanwhile.
-        request: Against which load, and how long.
-        reporter: Hears what a killed run left.
+        request: Beside which load, and how long.
+        reporter: Hears what an earlier run that was killed had left on the hosts.
         stop: Asked while samples come.
-        listener: Hears of each host how far its components are.
+        listener: Called as samples come.
 
     Returns:
         The proofs by host name, the thresholds that are not shown to be met, and what nobody could run.
@@ -95,13 +94,13 @@ def prove_layout(
     """
     if request.interference:
         refuse_unknown((request.interference,), hosts.system.interference, "interference")
-    names = _able(hosts)
+    names = _measurable_hosts(hosts)
     proofs: list[LayoutProof] = []
     with hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches, stop.gently():
         states = {name: bench.observe() for name, bench in benches.items()}
-        everywhere = {**_seen_elsewhere(hosts, names), **states}
+        everywhere = {**_observe_others(hosts, names), **states}
         layouts = applied_layouts(hosts, states, everywhere)
-        _refuse_what_is_not_applied(hosts, states, everywhere)
+        _refuse_unapplied(hosts, states, everywhere)
         for name, layout in layouts.items():
             with_limit = with_samples(layout, request.samples)
             proof = _prove(hosts, benches[name], states[name], with_limit, request, stop, listener)
@@ -111,7 +110,7 @@ def prove_layout(
     with hold_configuration_logs(Path(hosts.folder)):
         _record(hosts, proofs, states)
     return ProveOutcome(
-        proofs=tuple(proofs), findings=tuple(_not_met(hosts, proofs)), not_proven=_left_out(hosts, layouts)
+        proofs=tuple(proofs), findings=tuple(_not_met(hosts, proofs)), not_proven=_not_proven(hosts, layouts)
     )
 
 
@@ -144,29 +143,29 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
 
 
 def _proven(verdict: IndexVerdict) -> ProvenIndex:
-    seen = verdict.measured.estimate
+    estimate = verdict.measured.estimate
     return ProvenIndex(
         index=verdict.measured.index,
         threshold=show_threshold(index_named(verdict.measured.index), verdict.measured.threshold),
-        value=seen.value if seen else None,
-        lower=seen.lower if seen and isfinite(seen.lower) else None,
-        upper=seen.upper if seen and isfinite(seen.upper) else None,
+        value=estimate.value if estimate else None,
+        lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
+        upper=estimate.upper if estimate and isfinite(estimate.upper) else None,
         met=verdict.met,
         verdict=verdict_of(verdict.verdict),
         error=verdict.error,
     )
 
 
-def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
-    """Observe the other hosts, as far as they can be reached: a partition that is there is not missing here."""
+def _observe_others(hosts: Hosts, measurable: tuple[str, ...]) -> dict[str, State]:
+    """Observe the hosts that are not measurable, where they can be reached: their partitions are not missing either."""
     states: dict[str, State] = {}
-    for name in sorted(set(hosts.system.hosts) - set(able)):
+    for name in sorted(set(hosts.system.hosts) - set(measurable)):
         with suppress(UseCaseError):
             states[name] = observe_host(hosts.open(name))
     return states
 
 
-def _left_out(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
+def _not_proven(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
     proven = {name for layout in layouts.values() for name in layout.partitions}
     return tuple(group.name for group in groups_of(hosts.system) if group.name not in proven)
 
@@ -203,19 +202,19 @@ def applied_layouts(
     layouts: dict[str, AppliedLayout] = {}
     for name in sorted(states):
         partitions = {group.name: group.members for group in groups if running[group.name] == name}
-        on_host = tuple(_on_host(hosts, name, tuple(sorted(states))))
+        on_host = tuple(_host_components(hosts, name, tuple(sorted(states))))
         if partitions or on_host:
-            running_here = [here for here in states[name].of(application).partitions if here.settings.running]
             reserves = {
-                partition_name(here): guaranteed(here.settings.reserve, here.settings.processors)
-                for here in running_here
+                partition_name(partition): guaranteed(partition.settings.reserve, partition.settings.processors)
+                for partition in states[name].of(application).partitions
+                if partition.settings.running
             }
             layouts[name] = AppliedLayout(
                 application=application,
                 host_processors=system.hosts[name].logical_processors,
                 reserved=sum(reserves.values(), Fraction(0)),
                 partitions=partitions,
-                reserves={name: float(processors) for name, processors in reserves.items()},
+                reserves={partition: float(processors) for partition, processors in reserves.items()},
                 on_host=on_host,
                 tasks=system.tasks,
                 deadline_periods_us={
@@ -228,7 +227,7 @@ def applied_layouts(
 
 
 def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
-    """Refuse partitions that rarms stopped: who starts them can prove them.
+    """Refuse partitions that rarms stopped, before anything says that they are not applied: the user can start them.
 
     Raises:
         UseCaseError: There are some (refused).
@@ -246,42 +245,42 @@ def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
         raise UseCaseError(Outcome.REFUSED, [finding])
 
 
-def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]) -> None:
-    """What is proven is what is applied: members, reservations and classes as the manifest and the logs have them now.
+def _refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]) -> None:
+    """Refuse hosts that a plan would change: only what manifest and data logs say now can be proven.
 
     Raises:
-        UseCaseError: a plan would change something (3), or the manifest cannot be planned (4).
+        UseCaseError: A plan would change something (refused), or the manifest cannot be planned (as `outcome_of`).
     """
-    limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # nothing is held back: all that differs is seen
-    asked = planner_request(hosts, PlanRequest(limits=limits), everywhere)
-    prepared = prepare(replace(asked, hosts=tuple(sorted(states))), everywhere)
+    limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # so that no change is held back and goes unseen
+    plan_request = planner_request(hosts, PlanRequest(limits=limits), everywhere)
+    prepared = prepare(replace(plan_request, hosts=tuple(sorted(states))), everywhere)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
-    waiting = [f"{change.address} on {part.host.name}" for part in prepared.plan.hosts for change in part.changes]
-    if waiting:
-        message = f"The manifest asks for something that is not applied yet: {', '.join(waiting)}."
-        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, str(waiting[0]).partition(" ")[0])])
+    pending = [f"{change.address} on {part.host.name}" for part in prepared.plan.hosts for change in part.changes]
+    if pending:
+        message = f"The manifest asks for something that is not applied yet: {', '.join(pending)}."
+        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, pending[0].partition(" ")[0])])
 
 
-def _on_host(hosts: Hosts, name: str, able: tuple[str, ...]) -> Iterator[Component]:
-    """Components of the host's own operating system; who may be on several is on the first."""
+def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> Iterator[Component]:
+    """Yield the components of the host's own operating system; one that is allowed on several hosts is on the first."""
     for component in hosts.system.components.values():
-        allowed = [each for each in able if component.hosts is None or each in component.hosts]
+        allowed = [each for each in measurable if component.hosts is None or each in component.hosts]
         if component.runs_on is RunsOn.HOST and allowed[:1] == [name]:
             yield component
 
 
-def _able(hosts: Hosts) -> tuple[str, ...]:
-    able = tuple(
+def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
+    measurable = tuple(
         name
         for name in hosts.chosen
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None
     )
-    if not able:
-        message = f"Components can be run on none of these: {', '.join(hosts.chosen) or 'there are none'}."
+    if not measurable:
+        message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
         raise UseCaseError(Outcome.FAILED, [findings.CANNOT_MEASURE.at(None, message, advice)])
-    return able
+    return measurable
 
 
 def _not_applied(message: str, address: str) -> Diagnostic:
@@ -298,18 +297,18 @@ def _prove(
     stop: StopSignal,
     listener: SampleListener,
 ) -> LayoutProof | None:
-    """One host's layout; None where an end was asked for."""
+    """Prove one host's layout; None where the user asked for an end."""
     host = hosts.system.hosts[bench.name]
-    room = host_budget(host, state, layout.application)
+    budget = host_budget(host, state, layout.application)
     load = hosts.system.interference[request.interference] if request.interference else None
-    if load is not None and not has_memory_for_load(room):
+    if load is not None and not has_memory_for_load(budget):
         message = f"{bench.name} has no memory left for a partition that holds {request.interference}."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, "Prove without --interference.")])
 
     def looked(series: Mapping[str, Series]) -> None:
         listener(bench.name, series)
 
-    answer = prove(bench, layout, load, room, seed=request.seed, should_stop=stop.should_stop, looked=looked)
+    answer = prove(bench, layout, load, budget, seed=request.seed, should_stop=stop.should_stop, looked=looked)
     if isinstance(answer, TooManyFailures):
         name = answer.component
         message = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
@@ -335,7 +334,7 @@ def _not_met(hosts: Hosts, proofs: list[LayoutProof]) -> Iterator[Diagnostic]:
 
 
 def _finding_of(verdict: IndexVerdict) -> tuple[Finding, str]:
-    """Which finding a verdict is that is not met, and what to do about it."""
+    """Return the finding for a verdict that is not met, and the advice with it."""
     match verdict.verdict:
         case Unsteady():
             return findings.NO_STEADY_STATE, "Look for what grows while it runs, or give it more: `--samples 2000`."

@@ -234,7 +234,7 @@ def bench_of(hosts: Hosts) -> Host:
     for name in hosts.chosen:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
             return hosts.system.hosts[name]
-    message = f"Components can be run on none of these: {', '.join(hosts.chosen)}."
+    message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen)}."
     raise UseCaseError(
         Outcome.FAILED,
         [
