@@ -20,21 +20,23 @@ USUAL_PERIOD_US = 100_000
 """The kernel's own period of a quota."""
 
 SLICE_PERIOD_US = 20_000
-"""That of the slice's: partitions wait for what is kept for the host in pieces of 1 ms where that is 5 %."""
+"""The period of the slice's limit: with 5 % kept for the host, partitions wait 1 ms in every 20 ms."""
 
 _REAL_TIME = 90
-"""The most, in per cent of each processor, that real-time processes of a group get (version 1); all together get 95."""
+"""The most, in per cent of each processor, that real-time processes of a group get (version 1); the kernel gives
+those of all groups together 95 %."""
 
 _RUNTIME = "cpu.rt_runtime_us"
 
 _WAIT_SECONDS = 10.0
+"""How long `remove` waits for killed processes to end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupValues:
     """The values of a control group, in per cent of one logical processor, microseconds and bytes."""
 
-    shares_percent: float  # counted against the shares of the other groups
+    shares_percent: float  # its weight against those of the other groups; a reserve of so many per cent
     quota_percent: float | None = None  # None: no limit
     period_us: int = USUAL_PERIOD_US
     processors: tuple[int, ...] | None = None  # it runs on these only; None: on all
@@ -103,7 +105,7 @@ class GroupTree(ABC):
 
         Args:
             name: of the group, which need not be there.
-            grace_ms: how long they may take; with 0 nobody is asked.
+            grace_ms: how long they may take; with 0 no process is asked.
         """
         until = time.monotonic() + grace_ms / 1000
         if grace_ms:
@@ -139,7 +141,7 @@ class GroupTree(ABC):
         if not self._slices["cpu"].is_dir():
             return
         for name in self.names():
-            with suppress(FileNotFoundError):  # it went just now
+            with suppress(FileNotFoundError):  # the group was removed meanwhile
                 values = self.read(name)
                 if percent is not None and values.quota_percent is not None and values.quota_percent > percent:
                     self.write(name, replace(values, quota_percent=percent))
@@ -212,5 +214,5 @@ def _signal(processes: tuple[int, ...], number: signal.Signals) -> None:
 
 
 def _budget_us(group: Path) -> int:
-    """The real-time budget in a piece of 100 ms."""
+    """Return the real-time budget of a group in 100 ms, in microseconds."""
     return int(kernel.read(group / _RUNTIME)) * USUAL_PERIOD_US // int(kernel.read(group / "cpu.rt_period_us"))

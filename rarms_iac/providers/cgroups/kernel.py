@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 LOOK_SECONDS = 0.005
-"""How often is looked whether something has happened."""
+"""The pause between two looks at whether something has happened."""
 
 
 def make_folder(folder: Path) -> None:
@@ -37,7 +37,11 @@ def remove_folder(group: Path, until: float) -> None:
 
 
 def wait(until: float, message: str) -> None:
-    """Wait for a moment.
+    """Wait for `LOOK_SECONDS`; to be called in a loop.
+
+    Args:
+        until: the time (`time.monotonic`) after which there is no more waiting.
+        message: of the error then.
 
     Raises:
         TimeoutError: the time is over, with this message.
@@ -48,7 +52,7 @@ def wait(until: float, message: str) -> None:
 
 
 def inner_first(group: Path) -> Iterator[Path]:
-    """The folders of a group and of those below it, the innermost first; nothing where it is not there."""
+    """Yield the folders of a group and of those below it, the innermost first; none where the group is not there."""
     with suppress(FileNotFoundError):
         for entry in sorted(group.iterdir()):
             if entry.is_dir():
@@ -57,28 +61,28 @@ def inner_first(group: Path) -> Iterator[Path]:
 
 
 def entry_of(file: Path, name: str) -> int:
-    """The number behind a name in a file of `name number` lines; 0 where it has none."""
+    """Return the number behind a name in a file of `name number` lines; 0 where the name is missing. Raises OSError."""
     return next((int(value) for word, value in (line.split() for line in read(file).splitlines()) if word == name), 0)
 
 
 def numbers(text: str) -> tuple[int, ...]:
-    """Read the kernel's form of a set of processors: `0-2,5`."""
+    """Return the processors that the kernel lists as `0-2,5`, ascending."""
     spans = [part.partition("-") for part in text.split(",") if part]
     return tuple(number for first, _, last in spans for number in range(int(first), int(last or first) + 1))
 
 
 def read(file: Path) -> str:
-    """The text of a file, without its line end. Raises OSError."""
+    """Return the text of a file, without its line end. Raises OSError."""
     return file.read_text(encoding="ascii").strip()
 
 
 def read_if_there(file: Path) -> str:
-    """The text of a file; empty where there is none."""
+    """Return the text of a file, without its line end; empty where there is no file. Raises OSError."""
     return read(file) if file.exists() else ""
 
 
 def write(file: Path, text: str) -> None:
-    """Write a file in one call: the kernel takes or refuses the whole value, and the file is never replaced."""
+    """Write a file in one call: the kernel takes or refuses the whole value. Raises OSError where it refuses."""
     handle = os.open(file, os.O_WRONLY)
     try:
         os.write(handle, text.encode("ascii"))

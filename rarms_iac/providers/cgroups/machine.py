@@ -1,4 +1,4 @@
-"""The machine below a Linux host's partitions: what rarms has to know of it, read from its own files."""
+"""The machine below a Linux host's partitions: its facts, read from `/etc`, `/proc` and `/sys`."""
 
 import os
 import platform
@@ -17,7 +17,7 @@ _MACHINE_ID = Path("/etc/machine-id")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _REAL_TIME = Path("/proc/sys/kernel")
 _SMT = Path("/sys/devices/system/cpu/smt/active")
-_LIMIT = 4096
+_LIMIT = 4096  # bytes: the longest file that is read
 MEBIBYTE = 2**20
 
 
@@ -35,7 +35,7 @@ class LinuxMachine:
 
 
 def this_machine() -> LinuxMachine:
-    """The machine that this process runs on.
+    """Read the machine that this process runs on.
 
     Raises:
         OSError: this Linux has no `/proc`.
@@ -53,6 +53,7 @@ def this_machine() -> LinuxMachine:
 
 
 def _deadline_percent() -> int:
+    """Return the part of each processor that the kernel admits for SCHED_DEADLINE; 0 where it does not say."""
     runtime, period = (int(_text(_REAL_TIME / f"sched_rt_{name}_us") or 0) for name in ("runtime", "period"))
     return 100 if runtime < 0 else runtime * 100 // period if period else 0
 
@@ -77,7 +78,7 @@ def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFa
         smt=machine.smt,
         logical_processors=machine.logical_processors,
         memory=machine.memory,
-        rights=Rights.PROVEN,  # without them nothing is observed (`run.py`)
+        rights=Rights.PROVEN,  # `LinuxHostProvider.tree` has refused the host where they are missing
         deadline_percent=None if percent == USUAL_DEADLINE_PERCENT else percent,
     )
 

@@ -1,4 +1,4 @@
-"""The processes of this machine as `/proc` shows them: what they consumed, and who stands beside them."""
+"""The processes of this machine as `/proc` shows them: what they consumed, and whether a supervisor ends them."""
 
 import os
 from collections.abc import Iterable
@@ -10,12 +10,12 @@ _SUPERVISOR = "supervisor_process.py"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessStat:
-    """What `/proc/<id>/stat` says of a process."""
+    """The values of `/proc/<id>/stat` that rarms uses."""
 
     name: str
     parent: int
     ticks: int  # of processor time that it consumed itself
-    ticks_of_children: int  # that its children had consumed when they ended
+    ticks_of_children: int  # that those of its children that ended had consumed
 
 
 def read_process(process: int) -> ProcessStat | None:
@@ -54,10 +54,13 @@ def consumed_ms(process: int) -> float:
 
 
 def orphans(processes: Iterable[int]) -> tuple[tuple[int, str], ...]:
-    """Return those beside which no supervisor of rarms stands, with their names: nobody ends them with a component.
+    """Return the processes that no supervisor of rarms started, with their names: none ends with its component.
 
     Args:
-        processes: ids of those in a control group.
+        processes: ids of the processes in a control group.
+
+    Returns:
+        Pairs of id and name, in the order of the ids given.
     """
     found = ((process, read_process(process)) for process in processes)
     return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent))

@@ -12,7 +12,12 @@ from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, Group
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
-_CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: with it a group is there
+_CONTROLLERS_V1 = (
+    "cpuset",
+    "memory",
+    "cpuacct",
+    "cpu",
+)  # cpu last: `GroupTree.names` looks there
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
@@ -178,13 +183,13 @@ def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_
     """Choose the version that this machine has, version 2 where it has both.
 
     Args:
-        slice_name: of the group below which ours lie.
+        slice_name: the group below which those of rarms lie.
         version: automatic, v1 or v2.
         root: where control groups are mounted.
 
     Returns:
-        The groups below the slice, which need not be there yet; or what is missing, of version 1 where it is that of
-        both.
+        The groups below the slice, which need not be there yet; or what is missing (where both versions lack
+        something: what version 1 lacks).
     """
     unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
     missing_v2 = tuple(_missing_v2(unified))
