@@ -1,7 +1,7 @@
-"""Definitions of partitions, and what the kernel's values say of them. Pure.
+"""Definitions of partitions, and their settings as the kernel's values show them. Pure.
 
-A definition is one file of JSON, a setting a line, replaced as a whole. A partition runs where its definition tells
-the machine's latest start (`boot`) and its control group is there; before and after that it is only a definition.
+A definition is one file of JSON, one setting a line, replaced as a whole. A partition runs if its definition has the
+id of the machine's latest start (`boot`) and its control group exists; otherwise it is off.
 """
 
 import json
@@ -47,48 +47,64 @@ SettingOperation = SetProcessors | SetCpu | SetMemory | SetActions | RenameParti
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupDefinition:
-    """A partition as it is to be whenever it runs."""
+    """A partition as its file defines it, running or not."""
 
     id: str
-    settings: PartitionSettings  # `running` is always false: `boot` and the kernel tell
+    settings: PartitionSettings  # `running` is always false: see `is_running`
     notes: str = ""
-    group: str = ""  # of its control group below the slice; empty: it has none
-    boot: str = ""  # the machine's start since which the group is whole; empty: it is being made or removed
-    changing: bool = False  # the group is getting values that are not written here yet
+    group: str = ""  # name of its control group below the slice; empty: it has none
+    boot: str = ""  # id of the machine's start in which the group was made; empty: it is being made or removed
+    changing: bool = False  # the group is given values that this definition does not have yet
     format: Format = "rarms-partition/1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunningGroup:
-    """A control group in the kernel: its values, and what those of its definition would be shown as."""
+    """A control group in the kernel: its values, and those that the kernel would show if it were as defined."""
 
     actual: GroupValues
-    wanted: GroupValues | None = None  # None: no definition knows it
+    wanted: GroupValues | None = None  # None: no definition names this group
 
 
 def write_definition(definition: GroupDefinition) -> bytes:
-    """The file of a definition."""
+    """Return the content of a definition's file."""
     return (json.dumps(encode(definition), indent=1, sort_keys=True) + "\n").encode("ascii")
 
 
 def read_definition(data: bytes) -> GroupDefinition:
-    """The definition in a file.
+    """Return the definition in a file.
+
+    Args:
+        data: the file's content.
 
     Raises:
-        NotDecodable: it is not as it was written.
+        NotDecodable: the content is not as `write_definition` writes it.
     """
     return decode(GroupDefinition, parse_json(data.decode("utf-8", "replace")))
 
 
 def new_definition(operation: CreatePartition, name: str, host: str, taken: Iterable[str]) -> GroupDefinition:
-    """A new partition, off, without reserve, under this name; its id is one that is not taken on the host."""
+    """Define a new partition, off and without reserve.
+
+    Args:
+        operation: says its memory.
+        name: of the partition; with the host's id it decides the new id.
+        host: the machine's id.
+        taken: ids of the host's partitions, which the new one does not get.
+    """
     known = frozenset(taken)
     number = next(number for number in _ids(f"{host}/{name}") if number not in known)
     return GroupDefinition(id=number, settings=_new_settings(name, operation.memory))
 
 
 def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) -> GroupDefinition:
-    """What a group that no definition knows would be as a partition; its id is always the same."""
+    """Return a group that no definition names as a partition, under an id that is always the same.
+
+    Args:
+        name: of the group.
+        group: its values.
+        machine: on which it is.
+    """
     number = str(uuid.uuid5(NAMESPACE, f"{machine.id}/group/{name}"))
     settings = observed_settings(_new_settings(name, 0), replace(group, wanted=None), machine.logical_processors)
     return GroupDefinition(id=number, settings=settings, group=name, boot=machine.boot)
@@ -112,7 +128,7 @@ def _new_settings(name: str, memory: int) -> PartitionSettings:
 
 
 def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
-    """The definition after an operation on it."""
+    """Return the definition after an operation on it."""
     settings, machine = definition.settings, definition.id
     match operation:
         case SetProcessors(processors=processors):
@@ -134,7 +150,7 @@ def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDe
 
 
 def out_of_range(settings: PartitionSettings) -> str:
-    """Describe what of the settings no control group can have; empty where all is possible."""
+    """Describe the first setting that no control group can have; empty where all are possible."""
     if not 0 < len(settings.name) <= LONGEST_NAME or "/" in settings.name or settings.name in {".", ".."}:
         return f"a partition's name has 1 to {LONGEST_NAME} characters and no slash"
     if settings.processors < 1:
@@ -153,7 +169,13 @@ def out_of_range(settings: PartitionSettings) -> str:
 
 
 def lack_of_memory(wanted: PartitionSettings, machine: str, state: State) -> str:
-    """Describe the memory that a partition of this id would have to have beside the others; empty: there is enough."""
+    """Describe the memory that is missing for a partition beside those that run; empty: there is enough.
+
+    Args:
+        wanted: the partition's settings.
+        machine: its id.
+        state: of the host.
+    """
     taken = sum(other.settings.memory for other in _others_running(machine, state))
     if taken + wanted.memory <= state.facts.memory:
         return ""
@@ -162,7 +184,13 @@ def lack_of_memory(wanted: PartitionSettings, machine: str, state: State) -> str
 
 
 def lack_of_reserve(wanted: PartitionSettings, machine: str, state: State) -> str:
-    """Describe why the processors cannot keep this reserve beside those of the partitions that run."""
+    """Describe why a reserve does not fit beside those of the partitions that run; empty: it fits.
+
+    Args:
+        wanted: the partition's settings.
+        machine: its id.
+        state: of the host.
+    """
     available = state.facts.logical_processors
     if not wanted.reserve:
         return ""
@@ -182,7 +210,7 @@ def _others_running(machine: str, state: State) -> list[Partition]:
 
 
 def slice_limit(host: Host, processors: int) -> int | None:
-    """What all partitions together may have: all but `keep_for_host`, in whole per cent of one logical processor.
+    """Return what all partitions together get at most: all but `keep_for_host`, in whole per cent of one processor.
 
     Args:
         host: as the manifest describes it.
@@ -196,7 +224,7 @@ def slice_limit(host: Host, processors: int) -> int | None:
 
 
 def values_of(settings: PartitionSettings, processors: int, limit: int | None = None) -> GroupValues:
-    """The values of a partition's control group.
+    """Return the values of a partition's control group.
 
     Args:
         settings: as defined.
@@ -216,7 +244,7 @@ def values_of(settings: PartitionSettings, processors: int, limit: int | None = 
 def to_partitions(
     definitions: Iterable[GroupDefinition], running: Mapping[str, RunningGroup], boot: str, processors: int
 ) -> tuple[Partition, ...]:
-    """The partitions by name, then id, with the marks that count.
+    """Return the partitions, sorted by name and then id, with their valid marks.
 
     Args:
         definitions: of all partitions, those of unmanaged groups included.
@@ -230,7 +258,7 @@ def to_partitions(
 
 
 def is_running(definition: GroupDefinition, groups: Iterable[str], boot: str) -> bool:
-    """Whether the partition's control group is there and whole."""
+    """Return whether the partition's control group exists and was made completely since the machine's start."""
     return bool(definition.boot) and definition.boot == boot and definition.group in groups
 
 
@@ -240,7 +268,7 @@ def _partition(
     settings, runs = definition.settings, is_running(definition, running, boot)
     if runs:
         group = running[definition.group]
-        # While values are being written, the partition is as it was; who holds the host brings it back to that.
+        # NOTE: while values are being written, the old settings count; the next run that holds the host restores them.
         observed = settings if definition.changing else observed_settings(settings, group, processors)
         settings = replace(observed, running=True)
     return Partition(
@@ -254,7 +282,7 @@ def _partition(
 
 
 def observed_settings(settings: PartitionSettings, group: RunningGroup, processors: int) -> PartitionSettings:
-    """The settings as the kernel has them: where a value is the defined one, its setting is, too.
+    """Return the settings that the kernel's values show; where a value is as defined, so is its setting.
 
     Args:
         settings: as defined; of an unmanaged group anything.
@@ -281,7 +309,7 @@ def observed_settings(settings: PartitionSettings, group: RunningGroup, processo
 
 
 def _processors(settings: PartitionSettings, group: RunningGroup, processors: int) -> int:
-    """How many of the machine's a group can use at the same time, by its set and its quota."""
+    """Return how many of the machine's processors a group can use at the same time, by its cpuset and its quota."""
     actual, wanted = group.actual, group.wanted
     of_set = processors if actual.processors is None else len(actual.processors)
     is_limited = actual.quota_percent is not None
@@ -301,7 +329,7 @@ def _period(settings: PartitionSettings, group: RunningGroup) -> int | None:
 
 
 def _percent(actual: float, defined: int) -> int:
-    """Whole per cent, away from what is defined, so that no change is rounded out of sight."""
+    """Return whole per cent, rounded away from the defined ones, so that rounding hides no change."""
     whole = math.floor(actual) if actual < defined else math.ceil(actual)
     return min(max(whole, 0), 100)
 
