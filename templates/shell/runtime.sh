@@ -1,11 +1,11 @@
-# --- runtime: from here to the records the same bytes in every script.
+# --- runtime: the same bytes in every script, up to the records. Begin to read at `main`, at its end.
 
-refuse() { # WHY: the host is not as the plan saw it
+refuse() { # WHY: the host is not as the plan saw it, or is held; exit code 3
     printf '%s\n' "$HOST: $1" >&2
     exit 3
 }
 
-fail() { # WHY
+fail() { # WHY: a call failed, and running the script again goes on; exit code 1
     printf '%s\n' "$HOST: $1" >&2
     exit 1
 }
@@ -20,7 +20,7 @@ replace_file() { # FILE: its text comes from standard input
     sync "$FOLDER"
 }
 
-# A partition's definition: JSON with a setting a line, whose names occur once.
+# A partition's definition: JSON with one setting on a line; each name occurs once.
 
 load() {
     definition=''
@@ -35,7 +35,7 @@ get() { # NAME: the setting as JSON, text without its quotes
     printf '%s\n' "$definition" | sed -n "s/^ *\"$1\": \(.*[^,]\),\{0,1\}\$/\1/p" | sed 's/^"\(.*\)"$/\1/'
 }
 
-put() { # NAME JSON: the period stands behind the processors, or nowhere
+put() { # NAME JSON: quota_period_us is added after processors, or left out where it is null
     if [ "$1" = quota_period_us ]; then
         definition=$(printf '%s\n' "$definition" | sed '/^ *"quota_period_us": /d')
         [ "$2" = null ] || put processors "$(get processors),$NEWLINE  \"$1\": $2"
@@ -48,7 +48,7 @@ put() { # NAME JSON: the period stands behind the processors, or nowhere
 
 # The partition's control group, of version 1 or 2, and its values: shares, quota, period, memory.
 
-in_kernel() { # CONTROLLER FILE: the path of the group's file
+in_kernel() { # CONTROLLER FILE: prints the path of the group's file
     case $VERSION in
     v1) printf '%s' "$ROOT/$1/$SLICE/$group/$2" ;;
     v2) printf '%s' "$ROOT/$SLICE/$group/$2" ;;
@@ -61,11 +61,11 @@ folders() {
     done | awk '!seen[$0]++'
 }
 
-bounded() { # NUMBER LEAST MOST
+bounded() { # NUMBER LEAST MOST: prints the number, or the bound that it is beyond
     if [ "$1" -lt "$2" ]; then echo "$2"; elif [ "$1" -gt "$3" ]; then echo "$3"; else echo "$1"; fi
 }
 
-defined_values() { # as the kernel will show them; -1: no quota, 0: no limit of memory
+defined_values() { # prints shares, quota, period, memory as the kernel will show them; quota -1 and memory 0: no limit
     processors=$(get processors) limit=$(get limit) period=$(get quota_period_us) memory=$(get memory) quota=-1
     period=${period:-100000}
     if [ "$limit" -lt 100 ] || [ "$processors" -lt "$PROCESSORS" ]; then
@@ -82,7 +82,7 @@ defined_values() { # as the kernel will show them; -1: no quota, 0: no limit of 
     echo "$shares $quota $period $((memory - memory % PAGE))"
 }
 
-kernel_values() {
+kernel_values() { # prints the same four as they are in the kernel
     case $VERSION in
     v1)
         limits="$(cat "$(in_kernel cpu cpu.cfs_quota_us)") $(cat "$(in_kernel cpu cpu.cfs_period_us)")"
@@ -183,7 +183,7 @@ remove_group() { # with its processes, and the slice where it is empty then
 
 # What a step reads.
 
-use() { # PARTITION ID: what the next steps are about
+use() { # PARTITION ID: the partition that the next steps change
     partition=$1 id=$2 file=$FOLDER/$2.json
     load
 }
@@ -193,7 +193,7 @@ runs() {
     [ -n "$group" ] && [ "$(get boot)" = "$BOOT" ] && [ -d "$(in_kernel cpu .)" ]
 }
 
-reading() { # NAME
+reading() { # NAME: prints what the host has now
     case $1 in
     exists) [ -f "$file" ] && echo true || echo false ;;
     running) runs && echo true || echo false ;;
@@ -205,7 +205,7 @@ reading() { # NAME
     esac
 }
 
-deviations() { # SLACK LIST: prints what is not as the list of NAME=VALUE, a line each, has it
+deviations() { # SLACK LIST: prints what differs from the list of NAME=VALUE lines; the kernel's values may by SLACK %
     printf '%s\n' "$2" | {
         while IFS= read -r word; do
             name=${word%%=*} value=${word#*=} now=$(reading "$name")
@@ -236,7 +236,7 @@ create_partition() { # NAME MEMORY: off, without reserve
     save
 }
 
-change() { # NAME JSON ...: the kernel first where the group is there, then the definition
+change() { # NAME JSON ...: changes the kernel first, where the partition runs, then the definition
     old=$definition
     while [ $# -gt 0 ]; do
         put "$1" "$2"
@@ -253,7 +253,7 @@ change() { # NAME JSON ...: the kernel first where the group is there, then the 
     save
 }
 
-note() { # NAME JSON: what the kernel knows nothing of
+note() { # NAME JSON: changes a setting that the kernel does not have
     put "$1" "$2"
     save
 }
@@ -316,7 +316,7 @@ remove_partition() {
     sync "$FOLDER"
 }
 
-recover() { # take back what a killed run left half done: the definitions tell what was whole
+recover() { # take back what a killed run left half done; the definitions have what was there before
     rm -f "$FOLDER"/.*.new
     limit_slice
     for file in "$FOLDER"/*.json; do
@@ -336,7 +336,7 @@ recover() { # take back what a killed run left half done: the definitions tell w
     done
 }
 
-start_all() { # that ran when the machine stopped, but for those that are started by hand
+start_all() { # partitions that ran when the machine stopped, except those with `start: manual`
     for file in "$FOLDER"/*.json; do
         [ -f "$file" ] || continue
         load
@@ -347,13 +347,13 @@ start_all() { # that ran when the machine stopped, but for those that are starte
     done
 }
 
-# The journal: a line a record, with its length and checksum; rarms finishes, undoes and tells a script's run.
+# The journal: one record on a line, with length and checksum; rarms can finish, undo and show a script's run.
 
-sealed() { # JSON OBJECT
+sealed() { # JSON OBJECT: prints it with its length and checksum
     printf '%s,"length":%s,"checksum":"%s"}\n' "${1%\}}" "${#1}" "$(printf '%s' "$1" | sha256sum | cut -c 1-64)"
 }
 
-record() { # JSON OBJECT
+record() { # JSON OBJECT: appended to the journal, with --what-if not
     [ -n "$WHAT_IF" ] || {
         sealed "$1" >>"$JOURNAL"
         sync "$JOURNAL"
@@ -418,7 +418,7 @@ step() { # NUMBER TITLE [gone=NUMBER] before NAME=VALUE... after NAME=VALUE... s
         load
         missed=$(deviations 0 "$after")
         [ -z "$missed" ] || fail "$partition: $title:$missed Run it again, or take it back."
-    else # a step that a killed run began is its doing
+    else # all is as wanted: where a killed run began this step, that run changed it
         case $begun in *" $index "*) status=changed ;; esac
     fi
     record "{\"number\":$index,\"status\":\"$status\",\"kind\":\"step_recorded\"}"
@@ -441,7 +441,7 @@ hold_host() { # until this shell ends
     mkdir -p "$FOLDER"
     chmod 700 "$FOLDER"
     exec 9>>"$FOLDER/lock"
-    flock -w "$LOCK_TIMEOUT" 9 || refuse "held by $(cat "$FOLDER/lock")"
+    flock -w "$LOCK_TIMEOUT" 9 || refuse "held by $(cat "$FOLDER/lock"): try again later, or wait with --lock-timeout SECONDS"
     echo "$OWNER" >"$FOLDER/lock"
     trap ': >"$FOLDER/lock"' EXIT
 }
@@ -466,7 +466,7 @@ choose_steps() { # those of this run: chosen, and of them finished and begun
     raised="$others\"$APPLICATION\":$((${serial:-0} + 1))"
     if [ -n "$first" ] && [ -z "$closing" ]; then
         [ "$run" = "$KIND $PLAN $APPLICATION" ] || [ "$KIND $run" = "undo apply $PLAN $APPLICATION" ] ||
-            refuse "the $run is unfinished: finish it with rarms apply, or take it back"
+            refuse "the $run is unfinished: finish it with rarms apply, or take it back with rarms undo"
     elif [ "$closing $run" = "done $KIND $PLAN $APPLICATION" ]; then
         echo "$HOST: the $KIND of plan $PLAN was the last run there, and it is done: nothing is to do."
         exit 0
@@ -506,7 +506,8 @@ main() {
     done
     [ "$(id -u)" = 0 ] || fail "only root may change control groups"
     [ "$(uname -n)" = "$COMPUTER" ] || refuse "this computer is $(uname -n), and the plan is for $COMPUTER"
-    [ "$(getconf _NPROCESSORS_ONLN)" = "$PROCESSORS" ] || refuse "it had $PROCESSORS logical processors"
+    [ "$(getconf _NPROCESSORS_ONLN)" = "$PROCESSORS" ] ||
+        refuse "the plan is for $PROCESSORS logical processors, and this computer has $(getconf _NPROCESSORS_ONLN): plan again"
     find_control_groups
     hold_host
     [ -n "$WHAT_IF" ] || recover

@@ -162,7 +162,10 @@ def test_a_script_refuses_a_used_plan_a_host_that_moved_and_one_that_is_held(lab
     plan = lab.settled()
     with lab.host().lock("bob@lab"):
         held = lab.run(plan)
-    assert (held.returncode, held.stderr) == (3, "onboard: held by bob@lab\n")
+    assert (held.returncode, held.stderr) == (
+        3,
+        "onboard: held by bob@lab: try again later, or wait with --lock-timeout SECONDS\n",
+    )
 
     shares = next(iter(CONTROL_GROUPS.glob(f"**/{lab.slice_name}/vision/cpu.[sw][he][ai][rg][eh]*")))
     before = shares.read_text(encoding="ascii")
