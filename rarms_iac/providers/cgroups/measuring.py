@@ -1,4 +1,4 @@
-"""A Linux host as one that is measured on: real components and loads, each started inside its control group."""
+"""Measuring on a Linux host: real components and loads, each started inside its control group."""
 
 import json
 import os
@@ -31,12 +31,12 @@ from rarms_iac.running.loads import InterferingLoad, check_load
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, order_of
 
 MEMORY_MS = 100.0
-"""How long the kernel lets what happened decide what happens: its longest quota period. Its load averages, by which a
-group's share is spread over the processors, halve every 32 ms. Seen here: beside two busy loops, two more have their
-share within two points in each window that begins 50 ms or more after their start."""
+"""How long the past influences the kernel's scheduling: its longest quota period. Its load averages, by which a group's
+share is spread over the processors, halve every 32 ms. Measured on two LPs: two busy loops that start beside two others
+have their share within two points in each window that begins 50 ms or more after their start."""
 
-AHEAD = 1
-"""The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the slice outweighs what is outside."""
+OWN_PRIORITY = 1
+"""The real-time priority (SCHED_FIFO, the lowest) of rarms and its supervisors: the load would delay them."""
 
 ENDLESS = Elapsed(time=Milliseconds(Fraction(10**12)))
 INTERFERENCE = "interference"
@@ -44,7 +44,7 @@ INTERFERENCE = "interference"
 
 _STAT, _PRESSURE, _PROCESSORS = Path("/proc/stat"), Path("/proc/pressure/cpu"), Path("/proc/cpuinfo")
 _STOLEN = 8
-"""The column of `/proc/stat` that counts what the machine below took."""
+"""The column of `/proc/stat` with the time that the hypervisor below took (steal)."""
 
 
 class LinuxMeasuringHost(LinuxHostProvider):
@@ -96,7 +96,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         return ""
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """See the interface. A task class is no thing of this host: its values go with each process."""
+        """See the interface. Task classes are not written to this host: their values go with each process."""
         if not isinstance(operation, WriteTaskClass):
             super().execute(operation, scope)
 
@@ -110,9 +110,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
         }
         with ExitStack() as ends:
             with self.reported():
-                ends.enter_context(_ahead(self.name))
+                ends.enter_context(_real_time_priority(self.name))
                 loads = [
-                    ends.enter_context(InterferingLoad(INTERFERENCE, part.load, self._inside(part, groups)))
+                    ends.enter_context(InterferingLoad(INTERFERENCE, part.load, self._start_context(part, groups)))
                     for part in work.partitions
                     if part.load is not None
                 ]
@@ -123,7 +123,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     @contextmanager
     def reported(self) -> Iterator[None]:
-        """Make host errors of what goes wrong with processes."""
+        """Raise what goes wrong with processes as `HostRefused` or `HostFailed`."""
         try:
             yield
         except CannotStart as problem:
@@ -132,15 +132,15 @@ class LinuxMeasuringHost(LinuxHostProvider):
             raise HostFailed(self.name, f"{problem}", "measure again: what is recorded is kept") from problem
 
     def _component_runs(self, part: PartitionWork, groups: Mapping[str, str]) -> Iterator[ComponentRun]:
-        """The components of a partition, which go on until they are ended: how often one may fail, others judge."""
+        """Yield the components of a partition. They run until the work ends; the caller judges their failures."""
         for component in part.components:
             run = replace(run_of(component), until=ENDLESS, failures=10**9)
             group = groups.get(part.partition)
-            words = self._words(component, part, group) if group else class_words(component, part.classes)
-            yield ComponentRun(component.name, run, self._inside(part, groups, words))
+            words = self._command_prefix(component, part, group) if group else class_words(component, part.classes)
+            yield ComponentRun(component.name, run, self._start_context(part, groups, words))
 
-    def _words(self, component: Component, part: PartitionWork, group: str) -> tuple[str, ...]:
-        """What stands before a component's own words: its deadline, or its task class.
+    def _command_prefix(self, component: Component, part: PartitionWork, group: str) -> tuple[str, ...]:
+        """Return what precedes a component's command: `chrt` or `taskset` for its deadline or its task class.
 
         Raises:
             HostRefused: the kernel would refuse the deadline.
@@ -151,10 +151,16 @@ class LinuxMeasuringHost(LinuxHostProvider):
         if values.processors is not None:
             message = f"{part.partition} holds {len(values.processors)} of {self._processors} processors, and the "
             message += "kernel refuses SCHED_DEADLINE to a thread that may not run on all"
-            raise HostRefused(self.name, message, "rarms plan shows what somebody changed (cpuset.cpus)")
+            raise HostRefused(
+                self.name,
+                message,
+                "somebody changed cpuset.cpus of its group: rarms plan shows it, rarms apply takes it back",
+            )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 
-    def _inside(self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()) -> StartContext:
+    def _start_context(
+        self, part: PartitionWork, groups: Mapping[str, str], words: tuple[str, ...] = ()
+    ) -> StartContext:
         place = self.tree.place(groups[part.partition]) if part.partition else ProcessPlace()
         words = (*place.words, *words)
         return replace(self._context, inside=replace(place, words=words, environment=class_environment(part)))
@@ -176,17 +182,19 @@ class LinuxMeasuringHost(LinuxHostProvider):
         real_time = bool(class_environment(part))
         group = self._running_group(part.partition, application, real_time=real_time)
         place = self.tree.place(group)
-        words = (*place.words, *self._words(component, part, group))
+        words = (*place.words, *self._command_prefix(component, part, group))
         return replace(place, words=words, environment=class_environment(part))
 
     def _running_group(self, partition: str, application: str, *, real_time: bool) -> str:
-        """The control group of a partition that runs, with a budget for task classes where some are to run there."""
+        """Return the control group of a running partition; with `real_time`, give it the budget of its task classes."""
         state, definitions = self._look()
         found = resolve(state.partitions, partition, Scope(application=application, plan=""))
         running = [managed for managed in found if managed.settings.running]
         if len(running) != 1:
             message = f"no partition {partition} of {application} runs"
-            raise HostRefused(self.name, message, "rarms plan shows what is wanted")
+            raise HostRefused(
+                self.name, message, "see what is missing with rarms plan, and bring it there with rarms apply"
+            )
         group = definitions[running[0].id].group
         if real_time:
             try:
@@ -199,11 +207,11 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
 
 LEAST_SHARES_PERCENT = 1.0
-"""What a group without reservation shows: the kernel knows no weight of 0."""
+"""The shares of a group without reservation: the kernel has no weight of 0."""
 
 
 def deadline_words(reserved_percent: float, period_us: int) -> tuple[str, ...]:
-    """Return the words that give a component's first thread its time in each period, before all other threads.
+    """Return the `chrt` command that gives a component's first thread its time in each period, before other threads.
 
     Threads that it makes are ordinary ones (the kernel lets no other be made): they have their group's share.
 
@@ -218,7 +226,7 @@ def deadline_words(reserved_percent: float, period_us: int) -> tuple[str, ...]:
 
 
 def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[str, ...]:
-    """Return the words before a component's own: the real-time priority and the processors of its task class.
+    """Return the command before a component's own: it sets the real-time priority and processors of its task class.
 
     Args:
         component: its `task` names the class, in any case.
@@ -232,10 +240,13 @@ def class_words(component: Component, classes: Iterable[ClassValues]) -> tuple[s
 
 
 def class_environment(part: PartitionWork) -> dict[str, str]:
-    """Return what `rcss` reads of a partition's task classes: a single thread of any component may join each of them.
+    """Return the environment variable from which `rcss` reads a partition's task classes.
 
     Args:
-        part: where its components have deadlines, the kernel gives them no priority beside.
+        part: of it the task classes.
+
+    Returns:
+        Empty without task classes, and where components have deadlines: the kernel allows no priority beside these.
     """
     if not part.classes or part.deadline_period_us is not None:
         return {}
@@ -256,7 +267,7 @@ class RealWork:
     started: float
     _counts_from: float = 0.0
     _missing: dict[str, int] = field(default_factory=dict)
-    _before: SettingEvidence = field(default_factory=SettingEvidence)  # the host's counters when it began to count
+    _before: SettingEvidence = field(default_factory=SettingEvidence)  # the host's counters when samples began to count
     _group_alone: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -295,7 +306,7 @@ class RealWork:
         return 1000 * (time.perf_counter() - self.started)
 
     def cpu_ms(self, component: str) -> float | None:
-        """See the interface: of its group where it is alone in it, else of its processes, in clock ticks."""
+        """See the interface. Of the group where the component is alone in it, else of its processes, in clock ticks."""
         if component in self._group_alone:
             group, before = self._group_alone[component]
             return self.host.tree.cpu_ms(group) - before
@@ -318,14 +329,17 @@ class RealWork:
 
 
 @contextmanager
-def _ahead(host: str) -> Iterator[None]:
-    """Have this thread, and the threads and supervisors that it starts, run before everything ordinary.
+def _real_time_priority(host: str) -> Iterator[None]:
+    """Give this thread, and the threads and supervisors that it starts, a real-time priority.
 
-    The slice with the load in it outweighs what is outside: rarms would read samples a second late, and see them so.
+    The load's slice has the highest weight: without the priority rarms would read samples up to a second late.
+
+    Raises:
+        HostRefused: this process may not take the priority.
     """
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(AHEAD))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(OWN_PRIORITY))
     except PermissionError as problem:
         raise HostRefused(
             host,
@@ -339,7 +353,7 @@ def _ahead(host: str) -> Iterator[None]:
 
 
 def _waiting_ms() -> float | None:
-    """How long something waited for a processor (PSI), since the machine's start; None: this kernel does not count."""
+    """Return how long something waited for a processor (PSI) since the machine's start; None: not counted here."""
     line = kernel_text(_PRESSURE).partition("\n")[0]
     return float(line.rpartition("total=")[2]) / 1000 if line.startswith("some") else None
 

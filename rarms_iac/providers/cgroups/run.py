@@ -1,4 +1,4 @@
-"""The Linux host: control groups in the kernel, definitions, lock and journal in a folder that only root reads."""
+"""The Linux host provider: control groups in the kernel; definitions, lock and journal in a folder of root."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -65,7 +65,7 @@ ORPHANS = Finding(
 OFF_SINCE_RESTART = Finding(
     code="RARMS316", severity=Severity.WARNING, summary="Partitions are off since the machine started again"
 )
-NOTHING_KEPT = Finding(
+NOTHING_WITHHELD = Finding(
     code="RARMS317", severity=Severity.NOTE, summary="A Linux host keeps no processor time for itself"
 )
 STATE_FOLDER = Path("/var/lib/rarms")
@@ -134,9 +134,9 @@ class LinuxHostProvider(JournaledHost):
         return self._look()[0]
 
     def examined(self) -> ObservedHost:
-        """See `ExaminableHost`: processes that nobody ends with their component are named."""
+        """See `ExaminableHost`. Findings: orphaned processes, partitions off since a restart, no `keep_for_host`."""
         state, definitions = self._look()
-        found = [*self._off_since_restart(definitions), *self._kept_nothing()]
+        found = [*self._off_since_restart(definitions), *self._without_withheld_time()]
         for partition in state.partitions:
             alone = orphans(self.tree.processes(definitions[partition.id].group)) if partition.settings.running else ()
             if alone:
@@ -159,15 +159,15 @@ class LinuxHostProvider(JournaledHost):
             advice += 'machine do that at each start (docs/linux.md, "After the machine starts").'
             yield OFF_SINCE_RESTART.at(None, message, advice, address=f"host/{self.name}")
 
-    def _kept_nothing(self) -> Iterator[Diagnostic]:
+    def _without_withheld_time(self) -> Iterator[Diagnostic]:
         if slice_limit(self._host, self._processors) is None:
             message = f"{self.name} keeps no processor time for what runs outside its partitions. While they use all "
             message += "of it, ssh, rarms and the kernel's own threads get about 1 % of a processor each."
             advice = "Write `keep_for_host: { processor: 5 % }`: partitions never get that part."
-            yield NOTHING_KEPT.at(None, message, advice, address=f"host/{self.name}")
+            yield NOTHING_WITHHELD.at(None, message, advice, address=f"host/{self.name}")
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        """The state, and by id what each partition is made of."""
+        """Return the observed state, and the definition of each partition by its id."""
         tree, machine = self.tree, self.machine
         definitions = self._definitions()
         running = self._running(tree, definitions)
@@ -194,7 +194,7 @@ class LinuxHostProvider(JournaledHost):
             case _ if isinstance(operation, TaskOperation):
                 raise self._refused(f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}")
             case _:
-                definition = known[self._only(operation, state, scope)]
+                definition = known[self._partition_id(operation, state, scope)]
                 self._change(definition, operation, state)
 
     def _create(self, operation: CreatePartition, state: State, scope: Scope) -> None:
@@ -233,13 +233,13 @@ class LinuxHostProvider(JournaledHost):
                     self._save(after)
 
     def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
-        """Give a partition that runs other settings: the kernel first, then the definition.
+        """Change the settings of a running partition: the kernel first, then the definition.
 
-        The kernel may have others than `before` says: somebody changed them by hand, and the plan takes that back.
+        The kernel's values may differ from `before`, where somebody changed them by hand and the plan takes that back.
         """
         self._save(replace(before, changing=True))
         try:
-            self._make_group(before.group)  # who made it by hand may have left out a controller
+            self._make_group(before.group)  # a group made by hand may lack a controller
             self.tree.write(before.group, self._values(after.settings))
         except OSError as problem:
             self._restore(replace(before, changing=True))
@@ -271,7 +271,7 @@ class LinuxHostProvider(JournaledHost):
         self._save(replace(definition, group="", boot=""))
 
     def _recover(self) -> None:
-        """Take back what a killed run left half done: the definitions tell what was whole."""
+        """Take back what a killed run left half done; the definitions have what was there before."""
         if self._folder.stat().st_mode & 0o077:
             self._folder.chmod(0o700)
         with self._kernel_errors(self._settings.slice):
@@ -286,7 +286,7 @@ class LinuxHostProvider(JournaledHost):
 
     def _restore(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
-            with suppress(OSError):  # what it had once it can have again, unless its processes took more meanwhile
+            with suppress(OSError):  # refused only where its processes took more memory meanwhile
                 self.tree.write(definition.group, self._values(definition.settings))
         self._save(replace(definition, changing=False))
 
@@ -310,25 +310,25 @@ class LinuxHostProvider(JournaledHost):
         return values_of(settings, self._processors, slice_limit(self._host, self._processors))
 
     def _running(self, tree: GroupTree, definitions: list[GroupDefinition]) -> dict[str, RunningGroup]:
-        """The groups in the kernel, with what those of partitions would be as defined."""
+        """Return the groups in the kernel by name, those of partitions with the values that their definitions give."""
         wanted = {definition.group: tree.shown(self._values(definition.settings)) for definition in definitions}
         found: dict[str, RunningGroup] = {}
         for name in tree.names():
-            with suppress(FileNotFoundError):  # it went just now
+            with suppress(FileNotFoundError):  # the group was removed meanwhile
                 found[name] = RunningGroup(actual=tree.read(name), wanted=wanted.get(name))
         return found
 
     def _foreign(
         self, running: dict[str, RunningGroup], definitions: list[GroupDefinition]
     ) -> Iterator[GroupDefinition]:
-        """The groups below the slice that somebody else made, as partitions that nobody manages."""
+        """Yield the groups below the slice that somebody else made, as unmanaged partitions."""
         known = {definition.group for definition in definitions if definition.boot in {"", self.machine.boot}}
         for name, group in running.items():
             if name not in known:
                 yield foreign_definition(name, group, self.machine)
 
-    def _only(self, operation: GroupOperation, state: State, scope: Scope) -> str:
-        """The id of the one partition that the operation's name stands for."""
+    def _partition_id(self, operation: GroupOperation, state: State, scope: Scope) -> str:
+        """Return the id of the partition that the operation's name resolves to."""
         found = resolve(state.partitions, operation.partition, scope, operation.machine)
         if len(found) != 1:
             count = f"{len(found)} control groups are" if found else "no control group is"
@@ -336,18 +336,18 @@ class LinuxHostProvider(JournaledHost):
         return found[0].id
 
     def _definitions(self) -> list[GroupDefinition]:
-        """All definitions, by their ids.
+        """Return all definitions, sorted by id.
 
         Raises:
             HostDamaged: one cannot be read, or others than this user may write them.
         """
         if not self._folder.is_dir():
             return []
-        self._refuse_strangers()
+        self._refuse_writable_folder()
         return [self._load(path) for path in sorted(self._folder.glob("*.json"))]
 
-    def _refuse_strangers(self) -> None:
-        """What somebody else planted must not be finished with the rights of root."""
+    def _refuse_writable_folder(self) -> None:
+        """Refuse a folder that others may write to: root must not finish what somebody else put there."""
         status = self._folder.stat()
         if status.st_uid not in {0, os.geteuid()} or status.st_mode & 0o022:
             raise HostDamaged(
