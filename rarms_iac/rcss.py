@@ -1,4 +1,4 @@
-"""RC SS for components: joins a robotic task class, in the thread that asks (docs/task-classes.md).
+"""RC SS for components: the calling thread joins a robotic task class (docs/task-classes.md).
 
     from rarms_iac.rcss import robotic_task
 
@@ -20,7 +20,7 @@ CLASSES_VARIABLE = "RARMS_TASK_CLASSES"
 """On Linux: a JSON object of each class's `priority` (SCHED_FIFO) and `affinity` (a bit for each processor; 0: all)."""
 
 INVALID_TASK_NAME, INVALID_TASK_INDEX, THREAD_ALREADY_IN_TASK, PRIVILEGE_NOT_HELD = 1550, 1551, 1552, 1314
-"""What Windows answers; elsewhere the same is told by the same numbers."""
+"""Error codes of Windows (winerror.h); on Linux the same causes have the same codes."""
 
 _EXPLANATIONS = {
     INVALID_TASK_NAME: (
@@ -29,7 +29,7 @@ _EXPLANATIONS = {
         f"{CLASSES_VARIABLE}."
     ),
     INVALID_TASK_INDEX: (
-        "MMCSS did not take the task index 0, which asks for a new one: it is not as it should be. Restart Windows."
+        "MMCSS refused the task index 0, which asks for a new task. Restart Windows, and with it MMCSS."
     ),
     THREAD_ALREADY_IN_TASK: "the thread is in a task class already. A thread has one at a time: leave the other first.",
     PRIVILEGE_NOT_HELD: (
@@ -48,7 +48,7 @@ class CannotJoin(Exception):
 
     Attributes:
         task: the class that it asked for.
-        code: why, as Windows numbers it; of other refusals the system's own number.
+        code: why, as one of the numbers above; for another cause the system's own number, 0 where it has none.
     """
 
     def __init__(self, task: str, code: int, message: str = "") -> None:
@@ -81,7 +81,7 @@ def robotic_task(name: str) -> Iterator[None]:
 if sys.platform == "win32":
 
     def _join(name: str) -> Callable[[], object]:
-        """Ask MMCSS. Each thread gets a task of its own: index 0."""
+        """Ask MMCSS for a task of the thread's own (index 0); return what leaves it."""
         avrt = ctypes.WinDLL(_AVRT, use_last_error=True)
         avrt.AvSetMmThreadCharacteristicsW.argtypes = (ctypes.c_wchar_p, ctypes.POINTER(ctypes.c_uint32))
         avrt.AvSetMmThreadCharacteristicsW.restype = ctypes.c_void_p
@@ -95,7 +95,7 @@ if sys.platform == "win32":
 elif sys.platform == "linux":
 
     def _join(name: str) -> Callable[[], object]:
-        """Set priority and processors of the thread."""
+        """Set priority and processors of the thread; return what restores them."""
         priority, affinity = _values_of(name)
         before = os.sched_getscheduler(0), os.sched_getparam(0)
         processors = os.sched_getaffinity(0)
@@ -116,7 +116,7 @@ elif sys.platform == "linux":
         return leave
 
     def _values_of(name: str) -> tuple[int, int]:
-        """The priority and the processors of a class, from the environment."""
+        """Return the priority and the processors of a class, from the environment."""
         try:
             classes = json.loads(os.environ.get(CLASSES_VARIABLE, "{}"))
             found = {key.lower(): value for key, value in classes.items()}.get(name.lower())

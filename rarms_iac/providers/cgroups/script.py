@@ -40,7 +40,11 @@ _NEVER = -1  # the number of no step
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ScriptStep:
-    """A step with its number in the apply script, and of an undo that of the removal after which it is pointless."""
+    """A step with its number in the apply script.
+
+    In an undo script `gone` is the number of the step that removed the partition later: where that was done, there is
+    nothing to undo in this step.
+    """
 
     number: int
     step: Step
@@ -48,10 +52,13 @@ class _ScriptStep:
 
 
 def quote(text: str) -> str:
-    """The text as a word of a shell, in ASCII: what is not printable is written by its bytes.
+    """Return the text as a word of a shell, in ASCII; characters that are not printable are written by their bytes.
+
+    Args:
+        text: of any length; empty gives an empty word.
 
     Raises:
-        ValueError: it holds what no word can, a NUL or half a surrogate pair.
+        ValueError: it holds a NUL or half a surrogate pair, which no word can.
     """
     if "\0" in text:
         raise ValueError("a word of a shell has no NUL")
@@ -68,16 +75,20 @@ def _printed(run: str) -> str:
 
 
 def script_names(host: str) -> tuple[str, str]:
-    """The names of a host's script and of the one that takes it back."""
+    """Return the file names of a host's apply script and of its undo script.
+
+    Args:
+        host: its name in the manifest.
+    """
     return f"{host}.sh", f"{host}.undo.sh"
 
 
 def render_shell_scripts(host_plan: HostPlan, plan: Plan, state_folder: Path) -> Mapping[str, str]:
-    """Both scripts of a Linux host by their file names; none where nothing is to be done.
+    """Return the apply and the undo script of a Linux host by their file names; none where there is nothing to do.
 
     Args:
         host_plan: the part of the plan for this host.
-        plan: what it is part of.
+        plan: the whole plan.
         state_folder: where definitions and journals of all slices lie.
 
     Raises:
@@ -94,7 +105,7 @@ def render_shell_scripts(host_plan: HostPlan, plan: Plan, state_folder: Path) ->
 
 
 def _undo_steps(steps: Sequence[Step]) -> Iterator[_ScriptStep]:
-    """What takes the steps back, the last first; what was done to a partition before it was removed went with it."""
+    """Yield the steps that take these back, the last first; see `_ScriptStep` on partitions that were removed."""
     gone: dict[str, int] = {}
     for number, step in reversed(list(enumerate(steps))):
         partition = step.address.partition
@@ -141,7 +152,7 @@ def _render(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Sequence[_Scr
 
 
 def _head(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Sequence[_ScriptStep]) -> Iterator[str]:
-    """What the script is, what it does to whom, how it is run and taken back, and what its exit codes say."""
+    """Yield the head's lines: the plan, what changes, how it is run and taken back, and the exit codes."""
     name, undo_name = script_names(host_plan.host.name)
     own, lost = (name if kind is RunKind.APPLY else undo_name), []
     yield remark(f"rarms {kind.value} script: plan {plan.id} of application {plan.application}.")
@@ -168,7 +179,7 @@ def _head(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Sequence[_Scrip
 
 
 def _plan_lines(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Iterable[_ScriptStep]) -> Iterator[str]:
-    """The steps under a banner a partition, and the partition that each few of them are about."""
+    """Yield the steps under a banner for each partition, with a `use` line where the partition changes."""
     reasons = {str(change.address): change.reason.message for change in host_plan.changes}
     ids = _ids(host_plan, plan)
     owners: set[str] = set()
@@ -193,7 +204,7 @@ def _plan_lines(kind: RunKind, host_plan: HostPlan, plan: Plan, steps: Iterable[
 
 
 def _ids(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
-    """By partition: the ids of those that the plan makes, the same that `rarms apply` would give them."""
+    """Return the ids of the partitions that the plan makes, by name: the same that `rarms apply` gives them."""
     scope = Scope(application=plan.application, plan=plan.id)
     return {
         step.operation.partition: new_definition(
@@ -205,7 +216,7 @@ def _ids(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
 
 
 def _step_lines(numbered: _ScriptStep, plan: Plan) -> Iterator[str]:
-    """A step on two lines, on more where its parts are too long for one."""
+    """Yield a step on two lines, or on more where its parts are too long for one."""
     step = numbered.step
     gone = f" gone={numbered.gone}" if numbered.gone != _NEVER else ""
     yield f"    step {numbered.number} {quote(remark(step.title))}{gone} \\"
@@ -226,7 +237,7 @@ def _words(readings: Readings) -> list[str]:
 
 
 def _text(value: Reading) -> str:
-    """A reading as the script reads it: text as it stands in JSON, which is ASCII without line ends."""
+    """Return a reading as the script's `reading` prints it: text as in JSON, which is ASCII without line ends."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -237,7 +248,7 @@ def _text(value: Reading) -> str:
 
 
 def _call(operation: Operation, plan: Plan) -> list[str]:
-    """The function of the runtime that does the operation, and its arguments."""
+    """Return the function of the runtime that does the operation, and its arguments."""
     match operation:
         case CreatePartition(partition=partition, memory=memory):
             pending = Scope(application=plan.application, plan=plan.id).pending(partition)
@@ -263,11 +274,11 @@ def _call(operation: Operation, plan: Plan) -> list[str]:
         case StopPartition(grace_ms=grace):
             return ["stop_partition", str(-(-grace // 100))]
         case _:
-            raise ValueError(f"a control group has no such thing ({operation})")
+            raise ValueError(f"a control group cannot do this: {operation}")
 
 
 def _template() -> str:
-    """The definition of a new partition, with places for what differs."""
+    """Return the definition of a new partition, with placeholders for its id, name and memory."""
     making = CreatePartition(partition="@", generation=2, memory=0)
     definition = new_definition(making, "@NAME@", "@", ())
     text = write_definition(definition).decode("ascii").rstrip("\n")
@@ -275,7 +286,7 @@ def _template() -> str:
 
 
 def _host_plan_record(host_plan: HostPlan) -> tuple[str, str]:
-    """The part of a plan as the journal holds it, cut at its steps, which stand in the script already."""
+    """Return the part of a plan as the journal holds it, before and after its steps, which the script has already."""
     record = _json(host_plan)
     steps = ",".join(map(_json, host_plan.steps))
     before, _, after = record.partition(f'"steps":[{steps}]')
