@@ -14,6 +14,7 @@ from pathlib import Path
 from statistics import median
 
 from benchmarks.linux_prediction import demand_of, foretold
+from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.system import Component
@@ -298,11 +299,15 @@ def _reservations(found: Sequence[Findings]) -> list[str]:
         "",
         FOUND,
         "",
-        _row("component", "sweep", MEASURED, "apart", "foretold", "apart"),
-        "|---|---:|---:|---:|---:|---:|",
+        _row("component", "APT", "sweep", MEASURED, "apart", "foretold", "apart"),
+        "|---|---|---:|---:|---:|---:|---:|",
         *(
             _row(
                 findings.component.name,
+                ", ".join(
+                    f"{index.replace('_', ' ')} {show_threshold(index_named(index), threshold)}"
+                    for index, threshold in findings.component.apt.items()
+                ),
                 _needed(findings),
                 "none" if findings.measured is None else f"{findings.measured} %",
                 _apart(findings.measured, findings),
