@@ -6,6 +6,7 @@ LOG holds what is done already. After SECONDS (none: never) it ends with exit co
 """
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -31,6 +32,7 @@ LONGEST_S = 100.0
 
 def main() -> int:
     """Do what is not done yet."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # its control groups go, too
     robot, log = Path(sys.argv[1]).resolve(), Log(path=Path(sys.argv[2]))
     ends = time.monotonic() + (float(sys.argv[3]) if len(sys.argv) > 3 else 1e9)
     components = components_of(robot, datetime.now(UTC).date())
