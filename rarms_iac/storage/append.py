@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json
@@ -105,13 +106,19 @@ def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
         Damaged: a record before the last is not as it was written; those before it came already.
     """
     try:
-        file = open_regular(path)
+        file = _open_log(path)
     except FileNotFoundError:
         return
     with file:
-        if os.fstat(file.fileno()).st_size > LOG_LIMIT:
-            raise TooLarge(path, LOG_LIMIT)
         yield from _records(file, path)
+
+
+def _open_log(path: Path) -> BinaryIO:
+    file = open_regular(path)
+    if os.fstat(file.fileno()).st_size > LOG_LIMIT:
+        file.close()
+        raise TooLarge(path, LOG_LIMIT)
+    return file
 
 
 def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
@@ -140,10 +147,11 @@ def read_first(path: Path) -> dict[str, Json] | None:
         The record without `length` and `checksum`.
 
     Raises:
+        TooLarge: the file has more than `LOG_LIMIT` bytes.
         Damaged: it is damaged, and others follow.
     """
     try:
-        with open_regular(path) as file:
+        with _open_log(path) as file:
             return next(_records(file, path), None)
     except FileNotFoundError:
         return None
@@ -157,6 +165,9 @@ def read_last(path: Path) -> dict[str, Json] | None:
 
     Returns:
         The record without `length` and `checksum`.
+
+    Raises:
+        TooLarge: the file has more than `LOG_LIMIT` bytes.
     """
     size = path.stat().st_size if path.exists() else 0
     _, line = _last_line(path, size)
@@ -210,7 +221,7 @@ def _last_line(path: Path, size: int) -> tuple[int, bytes]:
     """Where the last line begins, and its bytes with the line end, if it has one; read from the end."""
     if not size:
         return 0, b""
-    with open_regular(path) as file:
+    with _open_log(path) as file:
         start, tail = size, b""
         while start and b"\n" not in tail[:-1]:
             length = min(start, max(_CHUNK, len(tail)))
