@@ -3,7 +3,9 @@
 from contextlib import chdir
 from pathlib import Path
 
+from rarms_iac.views.finding_forms import OutputFormat
 from tests.unit.cli.running import rarms
+from tests.unit.manifest.examples import EVERYTHING
 
 MANIFEST = """\
 schema: rarms/v1
@@ -35,7 +37,7 @@ components:
     cpu: { reserve: measured }
     simulation: { work: 20 ms, varies: 2 % }
 """
-OVERLAY = "components: { vision: { criticality: 31 } }\n"
+OVERLAY = "application: { description: laid over }\ncomponents: { vision: { criticality: 31, memory: 512 MiB } }\n"
 
 MEASURED = "measurements/onboard"
 HOST = ".rarms/hosts/onboard.json"
@@ -45,10 +47,21 @@ COMPOUND_LOG = f"{MEASURED}/paths+video/busy-loop.jsonl"
 CONFIGURATION_LOG = f"{MEASURED}/paths.configuration.jsonl"
 TUNING_LOG = f"{MEASURED}/tuning.jsonl"
 PLAN, SNAPSHOT = "plan.json", "snapshot.json"
+EVERYTHING_FILE = "everything.yaml"
 
 READERS: dict[str, list[list[str]]] = {
-    "rarms.yaml": [["validate"], ["plan"], ["fmt"], ["measure"]],
-    "overlay.yaml": [["validate", "--overlay", "overlay.yaml"], ["plan", "--overlay", "overlay.yaml"]],
+    "rarms.yaml": [
+        *(["validate", "--output", form] for form in OutputFormat),
+        *([command] for command in ("plan", "fmt", "measure", "status", "graph", "explain", "doctor", "prove", "tune")),
+        ["plan", "--output", "markdown"],
+        ["report", "--out", "report.html"],
+    ],
+    EVERYTHING_FILE: [["validate", EVERYTHING_FILE, "--output", form] for form in OutputFormat],
+    "overlay.yaml": [
+        *(["validate", "--overlay", "overlay.yaml", "--output", form] for form in OutputFormat),
+        ["plan", "--overlay", "overlay.yaml"],
+        ["report", "--overlay", "overlay.yaml", "--out", "report.html"],
+    ],
     HOST: [
         ["plan"],
         ["apply", PLAN],
@@ -65,8 +78,8 @@ READERS: dict[str, list[list[str]]] = {
         ["plan"],
         ["explain", "paths"],
         ["report", "--out", "report.html"],
-        ["export", "--out", "table.csv"],
-        ["export", "--samples", "--out", "samples.csv"],
+        ["export", "table.csv"],
+        ["export", "samples.csv", "--samples"],
         ["measure"],
         ["select", "paths", "--at", "70 ms"],
         ["tune"],
@@ -86,6 +99,7 @@ def make_cell(folder: Path) -> Path:
     """Make the files of `READERS` in a new folder."""
     folder.mkdir()
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    (folder / EVERYTHING_FILE).write_text(EVERYTHING, encoding="utf-8", newline="\n")
     (folder / "overlay.yaml").write_text(OVERLAY, encoding="utf-8", newline="\n")
     with chdir(folder):
         for words in (

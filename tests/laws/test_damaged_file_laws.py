@@ -9,6 +9,7 @@ import json
 import os
 import re
 import signal
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager
 from pathlib import Path
@@ -18,20 +19,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.storage.digest import digest
-from tests.effort import examples
+from tests.effort import LONG, examples
 from tests.files import copy_files
 from tests.measured_cell import HOST, PLAN, READERS, make_cell
 from tests.unit.cli.running import Ran, rarms
 
 SECONDS = 600  # what hangs does so for ever: this need not be near what a command takes
 LINES, TOP = ("length", "checksum"), {PLAN: "seal", HOST: "checksum"}
-JSON_FILES = sorted(file for file in READERS if file.endswith((".json", ".jsonl")))
 REMOVE = object()
+HOSTILE_TEXT = "é\u202e\x1b[31m\x9b\r::error::x\n::error::x<script>hostile"
+PRINTABLE_TEXT = "\n::error::x<script>hostile"
 ODD_VALUES: list[Any] = [
     *(REMOVE, None, True, 0, -1, -0.0, 1.5, 1e308, -1e308, 1e-320, 10**30, 10**400, 2**63),
     *("", "x" * 3000, "1/3", "0/1", "-1/3", "9" * 40, "NaN", "2026-99-99", "../../x", "\x00", "\ud800"),
-    *("é\u202e\x1b[31m\n::error::x", [], {}, [[[[]]]]),
+    *(
+        HOSTILE_TEXT,
+        PRINTABLE_TEXT,
+        {HOSTILE_TEXT: 1},
+        {PRINTABLE_TEXT: PRINTABLE_TEXT},
+        [],
+        {},
+        json.loads("[" * 400 + "]" * 400),
+    ),
 ]
 
 
@@ -83,6 +94,29 @@ def damage_document(file: Path, draw: Callable[[list[tuple[Any, ...]]], tuple[An
     file.write_text(json.dumps(document), encoding="utf-8")
 
 
+def damage_manifest(file: Path, draw: Callable[[list[tuple[Any, ...]]], tuple[Any, ...]], new: Any) -> None:
+    """Change a manifest, and write it as JSON, which is YAML, too."""
+    document = read_manifest(file)
+    file.write_text(json.dumps(changed(document, draw(list(paths_in(document))), new), indent=1), encoding="utf-8")
+
+
+def read_manifest(file: Path) -> Any:
+    return read_text(file.read_bytes(), file.name, ".").value
+
+
+def damage(
+    folder: Path, name: str, number: int, draw: Callable[[list[tuple[Any, ...]]], tuple[Any, ...]], new: Any
+) -> None:
+    """Change one value of a file of `READERS`; of a log a value of this record."""
+    file = folder / name
+    if name.endswith(".jsonl"):
+        damage_line(file, number, draw, new)
+    elif name.endswith(".yaml"):
+        damage_manifest(file, draw, new)
+    else:
+        damage_document(file, draw, new, TOP.get(name, ""))
+
+
 @contextmanager
 def in_time() -> Iterator[None]:
     """Fail what hangs, where the system has alarms."""
@@ -107,13 +141,16 @@ def check(answer: Ran) -> None:
     text = answer.out + answer.err
     assert "RARMS199" not in text
     assert "Traceback" not in text
-    assert "\x1b" not in text
-    assert "\u202e" not in text
-    assert not re.search(r"^\s*::error", text, re.MULTILINE)
+    assert not RAW & set(text)
+    assert not re.search(r"[\r\n]\s*::error::x", f"\n{text}")
+
+
+RAW = set("\x1b\x9b\u202e")
+"""Signs that change what a terminal shows."""
 
 
 @settings(max_examples=examples(60))
-@given(data=st.data(), file=st.sampled_from(JSON_FILES), new=st.sampled_from(ODD_VALUES))
+@given(data=st.data(), file=st.sampled_from(sorted(READERS)), new=st.sampled_from(ODD_VALUES))
 def test_a_value_that_nobody_wrote_is_a_finding(
     cell: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, file: str, new: Any
 ) -> None:
@@ -124,10 +161,7 @@ def test_a_value_that_nobody_wrote_is_a_finding(
         return data.draw(st.sampled_from(paths))
 
     try:
-        if file.endswith(".jsonl"):
-            damage_line(folder / file, data.draw(st.integers(0, 20)), draw, new)
-        else:
-            damage_document(folder / file, draw, new, TOP.get(file, ""))
+        damage(folder, file, data.draw(st.integers(0, 20)), draw, new)
     except (ValueError, TypeError):  # no seal can be made of it: the reader need not get further than we did
         return
     words = data.draw(st.sampled_from(READERS[file]))
@@ -135,13 +169,13 @@ def test_a_value_that_nobody_wrote_is_a_finding(
         check(rarms(*words))
 
 
-HOSTILE_TEXT = "é\u202e\x1b[31m\n::error::x"
-
-
 def text_fields(file: Path) -> dict[tuple[Any, ...], tuple[int, tuple[Any, ...]]]:
     """Every field of a document that is text, once: its shape, with the record and the way to it."""
-    texts = file.read_text(encoding="utf-8")
-    documents = [json.loads(line) for line in texts.splitlines()] if file.suffix == ".jsonl" else [json.loads(texts)]
+    if file.suffix == ".yaml":
+        documents = [read_manifest(file)]
+    else:
+        texts = [file.read_text(encoding="utf-8")]
+        documents = [json.loads(text) for text in (texts[0].splitlines() if file.suffix == ".jsonl" else texts)]
     found: dict[tuple[Any, ...], tuple[int, tuple[Any, ...]]] = {}
     for number, document in enumerate(documents):
         for path in paths_in(document):
@@ -154,22 +188,31 @@ def text_fields(file: Path) -> dict[tuple[Any, ...], tuple[int, tuple[Any, ...]]
     return found
 
 
-@pytest.mark.parametrize("file", JSON_FILES)
-def test_no_text_of_a_document_reaches_a_reader_raw(cell: Path, tmp_path: Path, file: str) -> None:
+TEXTS = [HOSTILE_TEXT, PRINTABLE_TEXT, {PRINTABLE_TEXT: PRINTABLE_TEXT}]
+"""A manifest with the first is read no further than to its signs; other documents have them escaped."""
+
+
+@pytest.mark.parametrize(
+    ("file", "new"),
+    [(file, new) for file in sorted(READERS) for new in (TEXTS if LONG or file.endswith(".yaml") else TEXTS[:1])],
+)
+def test_no_text_of_a_document_reaches_a_reader_raw(cell: Path, tmp_path: Path, file: str, new: Any) -> None:
     fields = text_fields(cell / file)
     for number, (record, path) in enumerate(fields.values()):
         folder = tmp_path / str(number)
         copy_files(cell, folder)
-        if file.endswith(".jsonl"):
-            damage_line(folder / file, record, lambda _, path=path: path, HOSTILE_TEXT)  # type: ignore[misc]
-        else:
-            damage_document(folder / file, lambda _, path=path: path, HOSTILE_TEXT, TOP.get(file, ""))  # type: ignore[misc]
+        damage(folder, file, record, lambda _, path=path: path, new)  # type: ignore[misc]
         words = READERS[file][number % len(READERS[file])]
         with chdir(folder), in_time():
-            check(rarms(*words))
+            answer = rarms(*words)
+        check(answer)
         page = folder / "report.html"
-        assert not page.exists() or not set("\x1b\u202e") & set(page.read_text(encoding="utf-8"))
-    assert len(fields) >= 5
+        shown = page.read_text(encoding="utf-8") if page.exists() else ""
+        assert not RAW & set(shown)
+        if {"markdown", "junit"} & set(words):
+            shown += re.sub(r"`[^`]*`", "", answer.out)  # within code nothing is HTML
+        assert "<script>hostile" not in shown
+    assert fields
 
 
 def make_pipe(path: Path) -> None:
@@ -197,7 +240,24 @@ def empty_file(path: Path) -> None:
     path.write_bytes(b"")
 
 
-PLACED = [make_pipe, make_folder, link_to_an_endless_device, link_to_itself, link_to_a_pipe, empty_file]
+def huge_file(path: Path) -> None:
+    path.touch()
+    os.truncate(path, 2**36)  # it takes no room on the disk
+
+
+def link_to_nothing(path: Path) -> None:
+    path.symlink_to("nothing")
+
+
+def make_socket(path: Path) -> None:
+    with chdir(path.parent), socket.socket(socket.AF_UNIX) as bound:  # from there, as its name must be short
+        bound.bind(path.name)
+
+
+PLACED = [
+    *(make_pipe, make_folder, make_socket, huge_file, empty_file),
+    *(link_to_an_endless_device, link_to_itself, link_to_a_pipe, link_to_nothing),
+]
 LOCKS = {
     ".rarms/hosts/onboard.lock": [["apply", "--auto-approve"], ["plan"]],
     ".rarms/locks/configuration.lock": [["prove"]],
