@@ -302,7 +302,8 @@ def _describe_duration(
     least = f"{show_duration(bounds.least_ms)} to " if 0 < bounds.least_ms < bounds.most_ms else ""
     clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
     most = show_duration(bounds.most_ms)
-    return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}about {most}."
+    most = f"{most}, as only `run.timeout` bounds a job" if bounds.by_timeout else f"about {most}"
+    return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}{most}."
 
 
 def _work_beside(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

@@ -34,6 +34,9 @@ class DurationBounds:
     most_settings: int
     least_ms: float
     most_ms: float
+    by_timeout: bool = (
+        False  # `most_ms` has only the timeout of some component to go by, and is far beyond what is usual
+    )
 
 
 def expected_duration(
@@ -79,6 +82,7 @@ def expected_duration(
         most_settings=most,
         least_ms=least * shortest,
         most_ms=most * longest,
+        by_timeout=any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
     )
 
 

@@ -76,6 +76,7 @@ def test_jobs_take_what_thresholds_allow_or_their_timeout(apt: dict[str, Thresho
     found = bounds(an_experiment(run, apt=apt), sweep=(20, 40))
 
     assert found.most_ms == 2 * 100 * each_ms
+    assert found.by_timeout == (each_ms == 1000)
 
 
 def test_members_that_run_together_end_with_the_slowest() -> None:
