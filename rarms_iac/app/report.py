@@ -67,7 +67,8 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
         RequestError: A name is not in the manifest.
         UseCaseError: A log cannot be read, or there is none (negative).
     """
-    report = replace(measured_report(manifest, components), statuses=_statuses(manifest))
+    logs = _logs_of(manifest, components)  # as long as they are in use, nothing below reads them again
+    report = replace(_report(manifest, components, logs), statuses=_statuses(manifest))
     return replace(report, candidates=_candidates(manifest)) if with_candidates else report
 
 
@@ -85,12 +86,11 @@ def measured_report(manifest: Manifest, components: Sequence[str] = ()) -> Repor
         RequestError: A name is not in the manifest.
         UseCaseError: A log cannot be read, or there is none (negative).
     """
-    system = manifest.system
-    refuse_unknown(components, system.components, "component")
-    logs = tuple(_read_logs(system, Path(manifest.folder)))
-    if components:
-        logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
-    report = report_of(system, logs, tuple(_proofs(manifest, components)))
+    return _report(manifest, components, _logs_of(manifest, components))
+
+
+def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[LogBesideManifest]) -> Report:
+    report = report_of(manifest.system, logs, tuple(_proofs(manifest, components)))
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
     return replace(report, tunings=tuple(tunings_of(measurements_of(manifest))))
@@ -109,6 +109,12 @@ def _nothing(components: Sequence[str]) -> Diagnostic:
     return NOTHING_MEASURED.at(
         None, message, f"Measure first: `rarms measure{''.join(f' {component}' for component in components)}`."
     )
+
+
+def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[LogBesideManifest, ...]:
+    refuse_unknown(components, manifest.system.components, "component")
+    logs = tuple(_read_logs(manifest.system, Path(manifest.folder)))
+    return tuple(log for log in logs if not components or set(log.log.header.setup.members) & set(components))
 
 
 def _read_logs(system: System, folder: Path) -> Iterator[LogBesideManifest]:

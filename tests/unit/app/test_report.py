@@ -9,6 +9,7 @@ import pytest
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, today_utc
+from rarms_iac.storage.datalog import files as log_files
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
@@ -104,6 +105,23 @@ def test_a_stale_log_is_named_and_not_drawn_and_folded_on_the_page(robot: Path, 
     assert "stale: vision.simulation.work: 60 ms -> 70 ms" in ran.out
     assert len(ran.lines) < len(fresh.lines) - 5
     assert "<summary>What it showed then</summary>" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_a_log_is_read_once_for_all_that_a_report_shows(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[Path] = []
+    numbered_records = log_files._numbered_records
+
+    def counted(path: Path) -> object:
+        read.append(path)
+        return numbered_records(path)
+
+    monkeypatch.setattr(log_files, "_numbered_records", counted)
+
+    answer = rarms("report", "--out", str(robot.parent / "report.html"), "-f", str(robot))
+
+    assert answer.code == 0, answer.err
+    assert read
+    assert len(read) == len(set(read))
 
 
 def test_without_a_log_there_is_nothing_to_report(tmp_path: Path) -> None:
