@@ -1,6 +1,8 @@
 """What only a Linux host does: its settings are the kernel's, whoever wrote them, and a restart ends every one."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,7 @@ from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.interface import HostDamaged, HostRefused
 from tests import builders
 from tests.contracts.benches import groups_of, open_linux, opened_bench
+from tests.laws.test_damaged_file_laws import ODD_VALUES, PLACED, changed, in_time, paths_in
 
 MIB = 2**20
 SCOPE = Scope(application="robot", plan="0123456789ab")
@@ -155,3 +158,30 @@ def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Pa
 
     with pytest.raises(HostRefused, match=r"the controller cpuset of version 2 .*; the controller memory"):
         LinuxHostProvider(described, tmp_path).observe()
+
+
+def test_a_definition_that_nobody_wrote_is_read_or_refused(host: LinuxHostProvider, tmp_path: Path) -> None:
+    (file,) = (tmp_path / "rarms").glob("*.json")
+    document = json.loads(file.read_bytes())
+    for path in paths_in(document):
+        for value in ODD_VALUES:
+            with suppress(ValueError, TypeError):  # JSON has no such value
+                file.write_text(json.dumps(changed(document, path, value)), encoding="utf-8")
+            with suppress(HostDamaged):
+                host.observe()
+
+    file.write_text(json.dumps({**document, "settings": {}}), encoding="utf-8")
+    with pytest.raises(HostDamaged):
+        host.observe()
+
+
+@pytest.mark.parametrize("place", PLACED)
+def test_what_is_no_file_in_a_definitions_place_is_refused(
+    host: LinuxHostProvider, tmp_path: Path, place: Callable[[Path], None]
+) -> None:
+    (file,) = (tmp_path / "rarms").glob("*.json")
+    file.unlink()
+    place(file)
+
+    with in_time(), pytest.raises(HostDamaged, match=file.name):
+        host.observe()
