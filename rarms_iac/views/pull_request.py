@@ -131,11 +131,10 @@ def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
             continue
         graces = sum(each.operation.grace_ms for each in later[:end] if isinstance(each.operation, StopPartition))
         others = starts.index(end)
-        of_others = f" and {counted(others, 'start')} of others" if others else ""
+        of_others = f", after {counted(others, 'start')} of others" if others else ""
         yield (
             name,
-            "at least for its own shutdown and start, "
-            f"at most {show_milliseconds(graces)} to shut down, then its start{of_others}",
+            f"for at most {show_milliseconds(graces)} of shutdown, and then as long as its start takes{of_others}",
         )
 
 
@@ -218,7 +217,8 @@ def _headroom(headroom: AptHeadroom) -> str:
     share = "unbounded" if headroom.share == float("inf") else f"{100 * headroom.share:.0f} %"
     return (
         f"{headroom.index} of {_text(headroom.component)} must be {_text(show_threshold(index, headroom.threshold))}; "
-        f"measured, it is {_text(show_value(index, headroom.expected))} at worst: {share} of the threshold to spare."
+        f"by its data log it is {_text(show_value(index, headroom.expected))} at worst with the reserve of this plan: "
+        f"{share} of the threshold to spare."
     )
 
 
@@ -240,7 +240,7 @@ def _table(plan: Plan) -> Iterator[str]:
     rows = [row for part in plan.hosts for row in _rows(part)]
     if rows:
         head = (
-            "| | partition | host | reserve before | after | memory before | after | also |\n"
+            "| | partition | host | reserve before (of the host) | after | memory before | after | also |\n"
             "|---|---|---|--:|--:|--:|--:|---|"
         )
         yield "#### Partitions before and after\n\n" + "\n".join([head, *_fitting(rows, _TABLE, "more partitions")])
@@ -305,7 +305,7 @@ def _name(partition: str, part: HostPlan) -> str:
 
 def _logs(review: PlanReview) -> Iterator[str]:
     if review.logs:
-        head = "| data log | CR before | after |\n|---|--:|--:|"
+        head = "| data log | CR before (of each virtual processor) | after |\n|---|--:|--:|"
         uses = [[f"{use} %" if isinstance(use, int) else use for use in (log.before, log.after)] for log in review.logs]
         rows = [f"| {_code(log.path)} | {' | '.join(use)} |" for log, use in zip(review.logs, uses, strict=True)]
         yield "#### Data logs\n\n" + "\n".join([head, *_fitting(rows, _LOGS, "more data logs")])

@@ -46,7 +46,7 @@ def test_the_comment_begins_with_its_marker_and_tells_the_risk_first(applied: Pa
     assert text.splitlines()[0] == marker(str(applied))
     heads = re.findall("^#### (.*)$", text, re.MULTILINE)
     assert heads[:2] == ["Risk", "Taking it back"]
-    assert "**Stops:** vision on onboard, at least for its own shutdown and start, at most 45 s" in text
+    assert "**Stops:** vision on onboard, for at most 45 s of shutdown, and then as long as its start takes" in text
     assert "- The undo stops vision again, for as long as above." in text
     assert "reserve 1.6 LP → 1.2 LP, limit 4 LP → 2 LP, memory 1 GiB → 512 MiB" in text
     assert "| `~` | vision | onboard | 1.6 LP (40 %) | 1.2 LP (30 %) | 1 GiB | 512 MiB | processors 4 → 2" in text
