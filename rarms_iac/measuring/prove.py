@@ -241,7 +241,8 @@ def judge_layout(
 ) -> tuple[IndexVerdict, ...]:
     """Judge every index of every component's APT; each series is looked at whole and once.
 
-    All verdicts together are wrong in `ERROR` of the runs at most: each has an equal part of it.
+    All verdicts together are wrong in `ERROR` of the runs at most: each has an equal part of it. Real processes may be
+    run anew where a proof decides nothing: each of the two looks has half.
 
     Args:
         components: those with thresholds.
@@ -251,7 +252,8 @@ def judge_layout(
     Returns:
         A verdict for each index, components in the order given.
     """
-    error = shared_error(sum(len(component.apt) for component in components))
+    looks = 2 if is_real else 1
+    error = shared_error(looks * sum(len(component.apt) for component in components))
     judged = judge_wandering if is_real else judge_each
     return tuple(
         _judge_index(component, index, verdict)
