@@ -15,7 +15,7 @@ from rarms_iac.app.experiment_logs import (
     read_experiment_log,
     settings_log_of,
 )
-from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, coarse_reserves
+from rarms_iac.app.experiments import USUAL_SEED, ExperimentResult, MeasureRequest, coarse_reserves
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.resting import (
@@ -46,7 +46,6 @@ from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
 
 PAPER = "paper"
-USUAL_SEED = 1
 
 
 def run_experiment(

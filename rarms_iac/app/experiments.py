@@ -19,6 +19,9 @@ from rarms_iac.statistics.curves import LeastReserve
 USUAL_STEP = 10
 """Per cent between settings of the performance measurement mode, and the first of them."""
 
+USUAL_SEED = 1
+"""What chance is drawn from on a simulated host, unless a user says."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureRequest:

@@ -1,6 +1,6 @@
 """Proving: finds the applied layout on the hosts, runs all its components together and judges them by their APTs."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -11,7 +11,7 @@ from typing import Literal, assert_never
 from rarms_iac import __version__
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiments import refuse_unknown
+from rarms_iac.app.experiments import USUAL_SEED, refuse_unknown
 from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.measure import hold_benches
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
@@ -30,13 +30,11 @@ from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.system import Component, Disruption, RunsOn
-from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
-
-USUAL_SEED = 1
 
 ProofVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]
 
@@ -199,31 +197,35 @@ def applied_layouts(
     if absent := [group.name for group in groups if group.name not in running]:
         message = f"These partitions are on no host, or do not run: {', '.join(absent)}."
         raise UseCaseError(Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}")])
-    layouts: dict[str, AppliedLayout] = {}
-    for name in sorted(states):
-        partitions = {group.name: group.members for group in groups if running[group.name] == name}
-        on_host = tuple(_host_components(hosts, name, tuple(sorted(states))))
-        if partitions or on_host:
-            reserves = {
-                partition_name(partition): guaranteed(partition.settings.reserve, partition.settings.processors)
-                for partition in states[name].of(application).partitions
-                if partition.settings.running
-            }
-            layouts[name] = AppliedLayout(
-                application=application,
-                host_processors=system.hosts[name].logical_processors,
-                reserved=sum(reserves.values(), Fraction(0)),
-                partitions=partitions,
-                reserves={partition: float(processors) for partition, processors in reserves.items()},
-                on_host=on_host,
-                tasks=system.tasks,
-                deadline_periods_us={
-                    group.name: period
-                    for group in groups
-                    if group.name in partitions and (period := deadline_period_us(group, system.hosts[name]))
-                },
-            )
-    return layouts
+    layouts = {
+        name: _layout_on(hosts, name, states, [group for group in groups if running[group.name] == name])
+        for name in sorted(states)
+    }
+    return {name: layout for name, layout in layouts.items() if layout is not None}
+
+
+def _layout_on(hosts: Hosts, name: str, states: Mapping[str, State], groups: Sequence[Group]) -> AppliedLayout | None:
+    """Return what runs on a host: these groups, and its own components; None where there are neither."""
+    system, host = hosts.system, hosts.system.hosts[name]
+    on_host = tuple(_host_components(hosts, name, tuple(sorted(states))))
+    if not groups and not on_host:
+        return None
+    reserves = {
+        partition_name(partition): guaranteed(partition.settings.reserve, partition.settings.processors)
+        for partition in states[name].of(system.application.name).partitions
+        if partition.settings.running
+    }
+    periods = {group.name: deadline_period_us(group, host) for group in groups}
+    return AppliedLayout(
+        application=system.application.name,
+        host_processors=host.logical_processors,
+        reserved=sum(reserves.values(), Fraction(0)),
+        partitions={group.name: group.members for group in groups},
+        reserves={partition: float(processors) for partition, processors in reserves.items()},
+        on_host=on_host,
+        tasks=system.tasks,
+        deadline_periods_us={group: period for group, period in periods.items() if period is not None},
+    )
 
 
 def _refuse_stopped(states: Mapping[str, State], application: str) -> None:

@@ -105,3 +105,14 @@ def distance(word: str, other: str, limit: int) -> int:
             return limit + 1
         before, previous = previous, current
     return min(previous[-1], limit + 1)
+
+
+def remark(text: str) -> str:
+    """The text on one line of printable ASCII; whatever else was in it is shown by its number, line ends as spaces."""
+    return "".join(map(_character, " ".join(text.split())))
+
+
+def _character(character: str) -> str:
+    if character.isascii() and character.isprintable():
+        return character
+    return f"\\u{ord(character):04x}" if ord(character) < 0x10000 else f"\\U{ord(character):08x}"

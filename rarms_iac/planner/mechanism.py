@@ -135,7 +135,7 @@ def deadline_problems(
         message += " The kernel refuses SCHED_DEADLINE to a thread that may not run on all of them."
         yield name, message, "Give the groups all processors (cpuset.cpus), or use `share` or `quota`."
     elif sum(wanted.values()) > admitted * processors:
-        sizes = " + ".join(f"{percent} % ({name})" for name, percent in wanted.items())
+        sizes = " + ".join(f"{percent} % ({partition})" for partition, percent in wanted.items())
         message = f"Deadlines on {host.name} need {sizes} = {sum(wanted.values())} % of a processor. The kernel admits "
         message += f"{admitted * processors} %: {admitted} % of each of {processors} (sched_rt_runtime_us)."
         yield name, message, "Reserve less, or use `share` or `quota` for a partition."

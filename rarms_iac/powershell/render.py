@@ -12,11 +12,12 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
+from rarms_iac.model.partition_summaries import describe_stop, owner_of, partition_summaries
 from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel
+from rarms_iac.model.wording import remark
 from rarms_iac.powershell.calls import DEVICE_READER, READER, ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal
-from rarms_iac.powershell.summary import describe_stop, owner_of, partition_summaries
 from rarms_iac.powershell.templates import (
     StepText,
     as_script,
@@ -24,7 +25,6 @@ from rarms_iac.powershell.templates import (
     part_text,
     parts_for,
     read,
-    remark,
     runtime,
     step_lines,
     target_line,

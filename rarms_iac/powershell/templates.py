@@ -201,14 +201,3 @@ def _called(text: str) -> set[str]:
 def _part_of_function() -> Mapping[str, str]:
     """By function: the part that defines it."""
     return {function: name for name in PARTS for function in _FUNCTION.findall(part_text(name))}
-
-
-def remark(text: str) -> str:
-    """The text on one line of printable ASCII; whatever else was in it is shown by its number, line ends as spaces."""
-    return "".join(map(_character, " ".join(text.split())))
-
-
-def _character(character: str) -> str:
-    if character.isascii() and character.isprintable():
-        return character
-    return f"\\u{ord(character):04x}" if ord(character) < 0x10000 else f"\\U{ord(character):08x}"

@@ -64,7 +64,7 @@ class GroupTree(ABC):
         """Read the values as they are in the kernel now. Raises FileNotFoundError where the group is not there."""
 
     @abstractmethod
-    def shown(self, values: GroupValues) -> GroupValues:
+    def as_kernel_shows(self, values: GroupValues) -> GroupValues:
         """Return what `read` answers once these values are written: the kernel rounds, and has its bounds."""
 
     @abstractmethod

@@ -311,7 +311,9 @@ class LinuxHostProvider(JournaledHost):
 
     def _running(self, tree: GroupTree, definitions: list[GroupDefinition]) -> dict[str, RunningGroup]:
         """Return the groups in the kernel by name, those of partitions with the values that their definitions give."""
-        wanted = {definition.group: tree.shown(self._values(definition.settings)) for definition in definitions}
+        wanted = {
+            definition.group: tree.as_kernel_shows(self._values(definition.settings)) for definition in definitions
+        }
         found: dict[str, RunningGroup] = {}
         for name in tree.names():
             with suppress(FileNotFoundError):  # the group was removed meanwhile

@@ -12,12 +12,7 @@ from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, Group
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
-_CONTROLLERS_V1 = (
-    "cpuset",
-    "memory",
-    "cpuacct",
-    "cpu",
-)  # cpu last: `GroupTree.names` looks there
+_CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: `GroupTree.names` looks there
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
@@ -66,8 +61,8 @@ class GroupTreeV1(GroupTree):
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
         )
 
-    def shown(self, values: GroupValues) -> GroupValues:
-        """See `GroupTree.shown`."""
+    def as_kernel_shows(self, values: GroupValues) -> GroupValues:
+        """See `GroupTree.as_kernel_shows`."""
         return replace(
             values,
             shares_percent=_shares(values) / 10,
@@ -135,8 +130,8 @@ class GroupTreeV2(GroupTree):
             memory=None if memory == "max" else int(memory),
         )
 
-    def shown(self, values: GroupValues) -> GroupValues:
-        """See `GroupTree.shown`."""
+    def as_kernel_shows(self, values: GroupValues) -> GroupValues:
+        """See `GroupTree.as_kernel_shows`."""
         return replace(
             values,
             shares_percent=float(weight_v2(values)),

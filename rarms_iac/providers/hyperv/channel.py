@@ -22,6 +22,10 @@ from rarms_iac.providers.interface import RunEvent
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import parse_json
 
+FORMAT = "rarms-event/1"
+LONGEST = 100_000
+"""Characters of a line that is looked at; a script's own are far shorter."""
+
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
 KEPT_LINES = 20
@@ -147,12 +151,6 @@ else:
                 os.killpg(process.pid, signal.SIGKILL)
 
         return process, kill
-
-
-FORMAT = "rarms-event/1"
-
-LONGEST = 100_000
-"""Characters of a line that is looked at; a script's own are far shorter."""
 
 
 def read_event(line: str) -> RunEvent | None:

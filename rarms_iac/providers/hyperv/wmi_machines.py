@@ -12,7 +12,7 @@ from rarms_iac.storage.codec import Json
 WmiInstance = Mapping[str, Any]
 """The properties of an instance; numbers of 64 bits are text, references are paths."""
 
-SETTINGS = "Msvm_VirtualSystemSettingData"
+SETTINGS, SWITCH = "Msvm_VirtualSystemSettingData", "Msvm_VirtualEthernetSwitch"
 QUERIES: Mapping[str, tuple[str, ...]] = {
     "Msvm_ComputerSystem": ("Name", "ElementName", "EnabledState", "OperationalStatus"),
     SETTINGS: (
@@ -30,7 +30,7 @@ QUERIES: Mapping[str, tuple[str, ...]] = {
     "Msvm_SyntheticEthernetPortSettingData": ("InstanceID", "ElementName"),
     "Msvm_EmulatedEthernetPortSettingData": ("InstanceID", "ElementName"),
     "Msvm_EthernetPortAllocationSettingData": ("InstanceID", "Parent", "HostResource", "EnabledState"),
-    "Msvm_VirtualEthernetSwitch": ("Name", "ElementName"),
+    SWITCH: ("Name", "ElementName"),
     "Msvm_SnapshotOfVirtualSystem": ("Antecedent", "Dependent"),
     "Msvm_VirtualSystemManagementServiceSettingData": (
         *("DefaultExternalDataRoot", "DefaultVirtualHardDiskPath", "NumaSpanningEnabled"),
@@ -158,9 +158,6 @@ def read_numa_nodes(source: WmiSource) -> Json:
     ]
 
 
-_SWITCH = "Msvm_VirtualEthernetSwitch"
-
-
 def _settings(source: WmiSource) -> Iterator[tuple[WmiInstance, WmiInstance]]:
     """Each machine with its current settings: not those of its checkpoints, and not the host itself."""
     systems = {_str(system, "Name"): system for system in source.instances("Msvm_ComputerSystem")}
@@ -253,7 +250,7 @@ def read_disk(source: WmiSource, path: str) -> Json:
 
 
 def _adapters(source: WmiSource, setting: WmiInstance) -> Iterator[Json]:
-    switches = {_str(each, "Name"): _str(each, "ElementName") for each in source.instances(_SWITCH)}
+    switches = {_str(each, "Name"): _str(each, "ElementName") for each in source.instances(SWITCH)}
     connected = {
         _key_of(_str(link, "Parent")): _key_of(link["HostResource"][0])
         for link in _parts(source, setting, "Msvm_EthernetPortAllocationSettingData")
@@ -267,7 +264,7 @@ def _adapters(source: WmiSource, setting: WmiInstance) -> Iterator[Json]:
 
 def read_switches(source: WmiSource) -> Json:
     """The names of the virtual switches."""
-    return [_str(each, "ElementName") for each in source.instances(_SWITCH)]
+    return [_str(each, "ElementName") for each in source.instances(SWITCH)]
 
 
 def read_cpu_groups(source: WmiSource) -> Json:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, NotALiteral, literal, read_literal
-from rarms_iac.powershell.templates import remark
 from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
 from tests.effort import LONG
 from tests.unit.powershell.hostile import hostile_texts

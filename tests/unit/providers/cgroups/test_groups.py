@@ -50,7 +50,7 @@ def test_the_kernel_holds_what_was_written(tree: GroupTree, values: GroupValues)
 
     tree.write("vision", values)
 
-    assert tree.read("vision") == values == tree.shown(values)
+    assert tree.read("vision") == values == tree.as_kernel_shows(values)
 
 
 def test_the_slice_keeps_a_part_for_what_is_beside_it_and_larger_quotas_go_down_first(tree: GroupTree) -> None:
@@ -80,7 +80,7 @@ def test_what_the_kernel_rounds_is_known_beforehand(tree: GroupTree) -> None:
 
     tree.write("vision", values)
 
-    assert tree.read("vision") == tree.shown(values) != values
+    assert tree.read("vision") == tree.as_kernel_shows(values) != values
 
 
 def test_who_is_asked_to_end_may_do_so_in_the_grace(tree: GroupTree) -> None:
