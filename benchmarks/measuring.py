@@ -127,7 +127,7 @@ class LongRun(MeasuringReporter):
         self.component = component
         self.verdict: Verdict | None = None
 
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:  # noqa: ARG002 - a protocol's
+    def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:  # noqa: ARG002 - a protocol's
         """Judge what was seen so far."""
         self.judge(seen[self.component.name])
 

@@ -10,7 +10,7 @@ from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.level_prompt import SessionEnded
-from rarms_iac.app.resting import StopConsent, all_at_rest, never_consents
+from rarms_iac.app.stopping_to_measure import StopConsent, all_stopped_to_measure, never_consents
 from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
 from rarms_iac.app.tuning_subject import TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.candidates import candidates_of
@@ -125,7 +125,7 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
         UseCaseError: A host cannot be looked at (failed), or a data log is damaged (negative).
     """
     try:
-        states = all_at_rest(observe_hosts(hosts), hosts.system.application.name)
+        states = all_stopped_to_measure(observe_hosts(hosts), hosts.system.application.name)
         subject = subject_of_tuning(hosts, bench_of(hosts), states)
     except UseCaseError as problem:
         if {finding.code for finding in problem.diagnostics} <= NO_SUBJECT:

@@ -18,9 +18,9 @@ from rarms_iac.app.experiment_logs import (
 from rarms_iac.app.experiments import USUAL_SEED, ExperimentResult, MeasureRequest, coarse_reserves
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
-from rarms_iac.app.resting import (
-    PartitionRest,
-    at_rest,
+from rarms_iac.app.stopping_to_measure import (
+    PartitionStopper,
+    stopped_to_measure,
 )
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import expected_duration
@@ -57,7 +57,7 @@ def run_experiment(
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
     strategy: Strategy | None = None,
-    rest: PartitionRest | None = None,
+    stopper: PartitionStopper | None = None,
 ) -> ExperimentResult:
     """Measure an experiment as far as its data log does not say it already.
 
@@ -69,7 +69,7 @@ def run_experiment(
         reporter: Hears of every setting.
         stop: Asked between settings and while samples come.
         strategy: Which settings are measured; None: as the request says.
-        rest: Stops partitions of the application, where it may; None: nothing is stopped.
+        stopper: Stops partitions of the application, where it may; None: nothing is stopped.
 
     Returns:
         How it ended, with every setting that this rests on, the recorded ones included.
@@ -80,11 +80,11 @@ def run_experiment(
         HostError: The host did not do what was asked.
     """
     with hold_data_log(Path(hosts.folder), data_log_path(hosts, experiment), request.lock_timeout_ms):
-        return _run_held(hosts, experiment, bench, request, reporter, stop, strategy, rest)
+        return _run_held(hosts, experiment, bench, request, reporter, stop, strategy, stopper)
 
 
 def refuse_or_make_room(
-    hosts: Hosts, experiment: Experiment, bench: MeasuringHost, request: MeasureRequest, rest: PartitionRest
+    hosts: Hosts, experiment: Experiment, bench: MeasuringHost, request: MeasureRequest, stopper: PartitionStopper
 ) -> None:
     """Refuse what cannot be measured, and stop what is in the way; nothing is run.
 
@@ -93,12 +93,12 @@ def refuse_or_make_room(
         experiment: What is to be measured.
         bench: The host; the caller holds its lock.
         request: How.
-        rest: Stops partitions of the application, where it may.
+        stopper: Stops partitions of the application, where it may.
 
     Raises:
         UseCaseError: As `run_experiment`.
     """
-    _make_room(hosts, experiment, bench, request, _look_at_bench(experiment, bench, request), rest)
+    _make_room(hosts, experiment, bench, request, _look_at_bench(experiment, bench, request), stopper)
 
 
 def _run_held(
@@ -109,7 +109,7 @@ def _run_held(
     reporter: Reporter,
     stop: StopSignal,
     strategy: Strategy | None,
-    rest: PartitionRest | None,
+    stopper: PartitionStopper | None,
 ) -> ExperimentResult:
     bench_state = _look_at_bench(experiment, bench, request)
     log = read_experiment_log(hosts, experiment, bench)
@@ -119,7 +119,7 @@ def _run_held(
 
     def checked() -> MeasuringBudget:
         _make_room(
-            hosts, experiment, bench, request, bench_state, rest or PartitionRest(hosts=hosts, reporter=reporter)
+            hosts, experiment, bench, request, bench_state, stopper or PartitionStopper(hosts=hosts, reporter=reporter)
         )
         if strategy is None:  # a caller with its own strategy tells the user itself what it measures
             reporter.message(_describe_duration(experiment, request, bench_state, settings_log))
@@ -154,19 +154,19 @@ class _BenchState:
 
     budget: MeasuringBudget
     running: tuple[Partition, ...]  # what is in the way and is not to be stopped
-    top: int  # the highest CR that it can give
+    highest_reserve: int  # the highest CR that it can give
     memory_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
 
 
 def _look_at_bench(experiment: Experiment, bench: MeasuringHost, request: MeasureRequest) -> _BenchState:
-    """Look at the host; partitions of the application rest, unless it is to be measured beside them."""
+    """Look at the host; partitions of the application are stopped, unless it is to be measured beside them."""
     observed = bench.observe()
-    state = observed if request.on_busy_host else at_rest(observed, experiment.application)
+    state = observed if request.on_busy_host else stopped_to_measure(observed, experiment.application)
     budget = host_budget(experiment.host, state, experiment.application)
     return _BenchState(
         budget=budget,
         running=other_running_partitions(state),
-        top=highest_reserve(budget, experiment.setup),
+        highest_reserve=highest_reserve(budget, experiment.setup),
         memory_ms=bench.scheduler_memory_ms,
     )
 
@@ -178,7 +178,7 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, ben
         UseCaseError: a search is asked for, and a member has no threshold (negative).
     """
     if request.coarse:
-        return Sweeping(reserves=coarse_reserves(bench_state.top))
+        return Sweeping(reserves=coarse_reserves(bench_state.highest_reserve))
     if request.reserves:
         return Sweeping(reserves=request.reserves)
     for member in experiment.members:
@@ -195,14 +195,17 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, ben
     # Other partitions on the host: `_refuse_host` names them before the first run. Do not end earlier for lack of room,
     # which says less.
     refused = bool(bench_state.running) and not request.on_busy_host
-    verifying = Verifying(goal=goal, most=100 if refused else bench_state.top)
+    verifying = Verifying(goal=goal, most=100 if refused else bench_state.highest_reserve)
     if request.verify:
         return verifying
-    to_the_letter = request.strategy == PAPER
+    in_paper_steps = request.strategy == PAPER
     search = Searching(
-        goal=goal, next_step=STRATEGIES[request.strategy], most=bench_state.top, own_settings_only=to_the_letter
+        goal=goal,
+        next_step=STRATEGIES[request.strategy],
+        most=bench_state.highest_reserve,
+        own_settings_only=in_paper_steps,
     )
-    return search if to_the_letter else Agreeing(search=search, verifying=verifying)
+    return search if in_paper_steps else Agreeing(search=search, verifying=verifying)
 
 
 def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> None:
@@ -232,7 +235,7 @@ def _make_room(
     bench: MeasuringHost,
     request: MeasureRequest,
     bench_state: _BenchState,
-    rest: PartitionRest,
+    stopper: PartitionStopper,
 ) -> None:
     """Refuse what cannot be measured, then stop what is in the way.
 
@@ -246,10 +249,10 @@ def _make_room(
     _refuse_host(experiment, request, bench_state)
     if request.on_busy_host:
         return
-    if still_running := rest.stop(bench):
+    if still_running := stopper.stop(bench):
         message = f"On {bench.name} these run, and would change what is measured: {', '.join(still_running)}."
         advice = (
-            f"Let `rarms {rest.command} --stop-partitions` stop them and start them again afterwards, or do it "
+            f"Let `rarms {stopper.command} --stop-partitions` stop them and start them again afterwards, or do it "
             "yourself: `rarms stop`, later `rarms start`."
         )
         address = f"host/{bench.name}"
@@ -273,9 +276,10 @@ def _refuse_host(experiment: Experiment, request: MeasureRequest, bench_state: _
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
         raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.at(None, message, advice, address=f"host/{host}")])
-    if bench_state.top == 0 or (request.reserves and max(request.reserves) > bench_state.top):
+    if bench_state.highest_reserve == 0 or (request.reserves and max(request.reserves) > bench_state.highest_reserve):
         message = (
-            f"{host} can give P1 at most {bench_state.top} % of each of its {experiment.setup.processors} processors, "
+            f"{host} can give P1 at most {bench_state.highest_reserve} % of each of its "
+            f"{experiment.setup.processors} processors, "
             "and P2 some memory beside it."
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
@@ -289,9 +293,9 @@ def _describe_duration(
     bounds = expected_duration(
         experiment,
         settings_log.settings(),
-        coarse_reserves(bench_state.top) if request.coarse else request.reserves,
-        top=bench_state.top,
-        to_the_letter=request.strategy == PAPER,
+        coarse_reserves(bench_state.highest_reserve) if request.coarse else request.reserves,
+        highest=bench_state.highest_reserve,
+        in_paper_steps=request.strategy == PAPER,
         earlier=replace(settings_log, seed=None).settings(),
         settles_ms=Settling(memory_ms=bench_state.memory_ms).least_ms,
     )

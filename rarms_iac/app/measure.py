@@ -3,7 +3,7 @@
 Begin at `measure_components`. A single experiment is `experiment_run`'s.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,11 +11,7 @@ from pathlib import Path
 from rarms_iac.app.configuration_log import record_choices
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measurements_of
-from rarms_iac.app.experiment_logs import (
-    data_log_path,
-    end_remeasurements,
-    remeasurements_for,
-)
+from rarms_iac.app.experiment_logs import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiment_run import refuse_or_make_room, run_experiment
 from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, experiments_of_request
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
@@ -24,10 +20,10 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.report_measurements import fixed_on
 from rarms_iac.app.report_model import FixedReservation
-from rarms_iac.app.resting import (
-    PartitionRest,
+from rarms_iac.app.stopping_to_measure import (
+    PartitionStopper,
     StopConsent,
-    finish_rest,
+    finish_stop_or_start,
     is_for_measuring,
     never_consents,
     starting_again,
@@ -35,9 +31,7 @@ from rarms_iac.app.resting import (
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.partitions import (
-    remove_test_partitions,
-)
+from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
@@ -119,48 +113,54 @@ def _measure_all(
     complete: dict[Path, Remeasurement] = {}
     ended = False
     names = [experiment.host.name for experiment in experiments]
-    rest = PartitionRest(hosts=hosts, reporter=reporter, consents=consents)
+    stopper = PartitionStopper(hosts=hosts, reporter=reporter, consents=consents)
     with (
         hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches,
         starting_again(hosts, benches, reporter, stop),
     ):
-        remeasurements = _remeasurements(hosts, experiments, benches, request, rest)
+        remeasurements = _remeasurements(hosts, experiments, benches, request, stopper)
         for experiment in experiments:
             path, bench = data_log_path(hosts, experiment), benches[experiment.host.name]
             remeasurement = remeasurements.get(path)
             seeded = replace(request, seed=remeasurement.seed) if remeasurement else request
             with stop.gently():
-                result = run_experiment(hosts, experiment, bench, seeded, reporter=reporter, stop=stop, rest=rest)
+                result = run_experiment(hosts, experiment, bench, seeded, reporter=reporter, stop=stop, stopper=stopper)
             is_stopped = isinstance(result.conclusion, Stopped)
-            if remeasurement and not isinstance(result.conclusion, Stopped | SettingFailed):
+            if remeasurement and not (is_stopped or isinstance(result.conclusion, SettingFailed)):
                 complete[path] = remeasurement
             if prompt is not None and not is_stopped:
 
-                def more(
-                    reserves: tuple[int, ...], bench: MeasuringHost = bench, experiment: Experiment = experiment
-                ) -> ExperimentResult:
-                    return _measured_on(
-                        hosts, experiment, bench, replace(request, reserves=reserves), reporter, stop, rest
-                    )
+                def more(reserves: tuple[int, ...], measured: Experiment = experiment) -> ExperimentResult:
+                    further = replace(request, reserves=reserves)
+                    return _measured_on(hosts, measured, benches[measured.host.name], further, reporter, stop, stopper)
 
-                try:
-                    result = ask_levels(hosts, result, prompt, more)
-                except SessionEnded:
-                    ended = True
+                result, ended = _with_levels(hosts, result, prompt, more)
                 is_stopped = isinstance(result.conclusion, Stopped)
             findings += findings_of(experiment, result.conclusion, result.settings, hosts.manifest.places)
             results.append(result)
             if is_stopped or ended:
                 break
-    not_begun = experiments[len(results) :]
     outcome = MeasureOutcome(
         results=tuple(results),
         findings=tuple(findings),
-        not_begun=not_begun,
+        not_begun=experiments[len(results) :],
         fixed={name: fixed_on(hosts.system, name) for name in names},
         ended=ended,
     )
     return outcome, complete
+
+
+def _with_levels(
+    hosts: Hosts,
+    result: ExperimentResult,
+    prompt: LevelPrompt,
+    measure: Callable[[tuple[int, ...]], ExperimentResult],
+) -> tuple[ExperimentResult, bool]:
+    """The result beside the levels that somebody chose, and whether they asked for an end."""
+    try:
+        return ask_levels(hosts, result, prompt, measure), False
+    except SessionEnded:
+        return result, True
 
 
 def _measured_on(
@@ -170,7 +170,7 @@ def _measured_on(
     request: MeasureRequest,
     reporter: Reporter,
     stop: StopSignal,
-    rest: PartitionRest,
+    stopper: PartitionStopper,
 ) -> ExperimentResult:
     """Measure these settings, or else search for the thresholds that the manifest has now; nothing is run twice."""
     fresh = replace(hosts, manifest=load_manifest(hosts.manifest.source))
@@ -178,7 +178,7 @@ def _measured_on(
     again = experiment_of(fresh.system, experiment.host, setup.members, setup.interference, request.samples)
     further = replace(request, coarse=False, again=False)
     with stop.gently():
-        return run_experiment(fresh, again, bench, further, reporter=reporter, stop=stop, rest=rest)
+        return run_experiment(fresh, again, bench, further, reporter=reporter, stop=stop, stopper=stopper)
 
 
 def _remeasurements(
@@ -186,14 +186,14 @@ def _remeasurements(
     experiments: Sequence[Experiment],
     benches: Mapping[str, MeasuringHost],
     request: MeasureRequest,
-    rest: PartitionRest,
+    stopper: PartitionStopper,
 ) -> Mapping[Path, Remeasurement]:
     """By data log; none where nothing is to be measured once more."""
     if not request.again:
         return {}
 
     def refuse(experiment: Experiment) -> None:
-        refuse_or_make_room(hosts, experiment, benches[experiment.host.name], request, rest)
+        refuse_or_make_room(hosts, experiment, benches[experiment.host.name], request, stopper)
 
     return remeasurements_for(hosts, experiments, benches, request, refuse)
 
@@ -237,7 +237,7 @@ def hold_benches(
             bench = open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name))
             assert bench is not None, "only hosts that can be measured on are chosen"
             locks.enter_context(bench.lock(owner(), timeout_ms))
-            finish_rest(bench, reporter)
+            finish_stop_or_start(bench, reporter)
             if removed := remove_test_partitions(bench):
                 message = f"{name}: {' and '.join(removed)}. What the earlier run recorded is kept and used."
                 finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}")

@@ -307,10 +307,12 @@ def _prove(
         message = f"{bench.name} has no memory left for a partition that holds {request.interference}."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, "Prove without --interference.")])
 
-    def looked(series: Mapping[str, Series]) -> None:
+    def samples_came(series: Mapping[str, Series]) -> None:
         listener(bench.name, series)
 
-    answer = prove(bench, layout, load, budget, seed=request.seed, should_stop=stop.should_stop, looked=looked)
+    answer = prove(
+        bench, layout, load, budget, seed=request.seed, should_stop=stop.should_stop, samples_came=samples_came
+    )
     if isinstance(answer, TooManyFailures):
         name = answer.component
         message = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."

@@ -12,7 +12,13 @@ from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import hold_benches, record_reservations
 from rarms_iac.app.measurement_files import now
-from rarms_iac.app.resting import PartitionRest, StopConsent, all_at_rest, never_consents, starting_again
+from rarms_iac.app.stopping_to_measure import (
+    PartitionStopper,
+    StopConsent,
+    all_stopped_to_measure,
+    never_consents,
+    starting_again,
+)
 from rarms_iac.app.tuning_log import record_tuning
 from rarms_iac.app.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.app.tuning_subject import Experiments, bench_of, subject_of_tuning
@@ -87,8 +93,8 @@ def tune_components(
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not
             measured, or the hosts are of several platforms (negative).
     """
-    rest = PartitionRest(hosts=hosts, reporter=reporter, consents=stop_consents, command="tune")
-    end = _search_held(hosts, request, rest, stop, planner_reporter or SilentReporter(), consent or Always())
+    stopper = PartitionStopper(hosts=hosts, reporter=reporter, consents=stop_consents, command="tune")
+    end = _search_held(hosts, request, stopper, stop, planner_reporter or SilentReporter(), consent or Always())
     edits = PartitionEdits()
     is_wanted = bool(end.compounds) and not request.dry_run
     if is_wanted and (confirms is None or confirms(_result(hosts, end, request, edits))):
@@ -117,7 +123,7 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Pa
 def _search_held(
     hosts: Hosts,
     request: TuneRequest,
-    rest: PartitionRest,
+    stopper: PartitionStopper,
     stop: StopSignal,
     planner_reporter: PlannerReporter,
     consent: Consent,
@@ -132,15 +138,20 @@ def _search_held(
         lock_timeout_ms=request.lock_timeout_ms,
     )
     with (
-        hold_benches(hosts, [bench.name], request.lock_timeout_ms, rest.reporter) as benches,
-        starting_again(hosts, benches, rest.reporter, stop),
+        hold_benches(hosts, [bench.name], request.lock_timeout_ms, stopper.reporter) as benches,
+        starting_again(hosts, benches, stopper.reporter, stop),
     ):
         states = observe_hosts(hosts)
         if not request.on_busy_host:
-            states = all_at_rest(states, hosts.system.application.name)
+            states = all_stopped_to_measure(states, hosts.system.application.name)
         subject = subject_of_tuning(hosts, bench, states)
         oracle = Experiments(
-            subject=subject, bench=benches[bench.name], request=measuring, reporter=rest.reporter, stop=stop, rest=rest
+            subject=subject,
+            bench=benches[bench.name],
+            request=measuring,
+            reporter=stopper.reporter,
+            stop=stop,
+            stopper=stopper,
         )
         inquiry = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
         return search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)

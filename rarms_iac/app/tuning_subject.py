@@ -9,7 +9,7 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiment_run import run_experiment
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.resting import PartitionRest
+from rarms_iac.app.stopping_to_measure import PartitionStopper
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
@@ -262,7 +262,7 @@ class Experiments:
     request: MeasureRequest
     reporter: Reporter = SILENT
     stop: StopSignal = NEVER_STOP
-    rest: PartitionRest | None = None  # stops what is in the way; None: nothing is stopped
+    stopper: PartitionStopper | None = None  # stops what is in the way; None: nothing is stopped
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
@@ -299,7 +299,7 @@ class Experiments:
                 reporter=self.reporter,
                 stop=self.stop,
                 strategy=strategy,
-                rest=self.rest,
+                stopper=self.stopper,
             )
         match result.conclusion:
             case Stopped():

@@ -43,12 +43,12 @@ def totals_of(
             case _:
                 pass
     removed = {change.address.partition for change in changes if isinstance(change, Delete)}
-    resting = {
+    stopped = {
         partition.mark.name: partition.claim
         for partition in observed.of(application).partitions
         if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and partition.mark.name not in removed
     }
-    layout = resting | {partition.settings.name: partition.claim for partition in desired.partitions}
+    layout = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
     idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
     own, foreign = load_of(claims.values()), load_of(others)
     return Totals(

@@ -6,7 +6,7 @@ A partition that was stopped says so in its mark, so that it is no drift and no 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 
-from rarms_iac.diff.compare_partitions import not_at_rest
+from rarms_iac.diff.compare_partitions import neither_off_nor_running
 from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.state import Partition, RunState, StartAction, State, StoppedBy
@@ -46,7 +46,7 @@ def stop_changes(
     for address, before in _partitions(state, application, scope.partitions):
         after = stopped_partition(before, scope.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
-            findings.append(not_at_rest(address, before.state, locate(address)))
+            findings.append(neither_off_nor_running(address, before.state, locate(address)))
         elif before.settings.running or (before.mark != after.mark and _is_wanted_running(before)):
             changes.append(_update(address, before, after, "rarms stop", locate))
     return tuple(changes), tuple(findings)
@@ -78,7 +78,7 @@ def start_changes(
         if not is_meant:
             continue
         if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
-            findings.append(not_at_rest(address, before.state, locate(address)))
+            findings.append(neither_off_nor_running(address, before.state, locate(address)))
         else:
             changes.append(_update(address, before, _started(before), "rarms start", locate))
     return tuple(changes), tuple(findings)

@@ -76,7 +76,7 @@ class TerminalReporter:
         if self._steps_as_json:
             return StepLines(terminal.data_now)
         live = terminal.live() if terminal.lively else None
-        return self._progress.enter_context(RunProgress(terminal.status, time.monotonic, live))
+        return self._progress.enter_context(RunProgress(terminal.tell, time.monotonic, live))
 
     @cached_property
     def settings(self) -> "MeasuringReporter":

@@ -50,7 +50,7 @@ def manifest_options(function: F) -> F:
         _repeat_in_advice(click.get_current_context(), source)
         return function(*args, source=source, **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         manifest_option,
@@ -83,7 +83,7 @@ def host_options(function: F) -> F:
     def collect(*args: object, host: tuple[str, ...], **rest: object) -> object:
         return function(*args, host_selection=HostSelection(hosts=host), **rest)
 
-    return _with_options(function, collect, _host_option())
+    return with_options(function, collect, _host_option())
 
 
 def host_or_snapshot_options(function: F) -> F:
@@ -92,7 +92,7 @@ def host_or_snapshot_options(function: F) -> F:
     def collect(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotFile, ...], **rest: object) -> object:
         return function(*args, host_selection=HostSelection(hosts=host, snapshots=snapshot), **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         _host_option(),
@@ -123,7 +123,7 @@ def change_options(function: F) -> F:
         limit = None if max_disruption is None else Disruption(max_disruption)
         return function(*args, limits=PlanLimits(targets=target, max_disruption=limit), **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         target_option,
@@ -142,7 +142,7 @@ def run_options(function: F) -> F:
         how = RunOptions(auto_approve=auto_approve, lock_timeout_ms=lock_timeout, event_timeout_ms=event_timeout)
         return function(*args, how=how, **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         auto_approve_option,
@@ -161,7 +161,7 @@ def plan_run_options(function: F) -> F:
     def collect(*args: object, how: RunOptions, out: str | None, **rest: object) -> object:
         return function(*args, how=replace(how, out=out), **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         run_options,
@@ -184,12 +184,14 @@ def stop_option(function: F) -> F:
     """`--stop-partitions` as `stop_partitions: bool`; `--auto-approve` says yes to whatever is asked."""
 
     def collect(*args: object, stop_partitions: bool, auto_approve: bool, **rest: object) -> object:
+        if stop_partitions and rest.get("on_busy_host"):
+            raise click.UsageError("Give one of --stop-partitions and --on-busy-host.", click.get_current_context())
         if auto_approve and rest.get("write_processors") is False:
             rest["write_processors"] = True
         stops = stop_partitions or (auto_approve and not rest.get("on_busy_host"))
         return function(*args, stop_partitions=stops, **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         click.option(
@@ -199,6 +201,19 @@ def stop_option(function: F) -> F:
         ),
         auto_approve_option,
     )
+
+
+def samples_option(function: F) -> F:
+    """`--samples` as `samples: int | None`."""
+    return click.option(
+        "--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]"
+    )(function)
+
+
+def busy_option(function: F) -> F:
+    """`--on-busy-host` as `on_busy_host: bool`."""
+    text = "Measure although something else runs; the data logs say so."
+    return click.option("--on-busy-host", is_flag=True, help=text)(function)
 
 
 def auto_approve_option(function: F) -> F:
@@ -218,7 +233,7 @@ def output_option(function: F) -> F:
             _tell_in_json(click.get_current_context())
         return function(*args, outputs=outputs, **rest)
 
-    return _with_options(
+    return with_options(
         function,
         collect,
         click.option(
@@ -238,7 +253,8 @@ def json_option(function: F) -> F:
     )(function)
 
 
-def _with_options(function: F, collect: Callable[..., object], *options: Callable[[F], F]) -> F:
+def with_options(function: F, collect: Callable[..., object], *options: Callable[[F], F]) -> F:
+    """A command with these options, in this order, which `collect` takes before it calls the command."""
     wrapped = cast(F, wraps(function)(collect))
     for option in reversed(options):
         wrapped = option(wrapped)

@@ -12,8 +12,8 @@ from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.resting import StopConsent, always_consents, never_consents
 from rarms_iac.app.select import BeyondMeasured, SelectOutcome
+from rarms_iac.app.stopping_to_measure import StopConsent, always_consents, never_consents
 from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import tell

@@ -98,7 +98,7 @@ def _delete(difference: PartialDifference, address: Address, before: Partition, 
     if address.partition in rules.protected:
         difference.findings.append(_protected(address.partition, "it would be removed", place))
     elif before.state in {RunState.BUSY, RunState.CRITICAL}:
-        difference.findings.append(not_at_rest(address, before.state, place))
+        difference.findings.append(neither_off_nor_running(address, before.state, place))
     else:
         reason = Reason(message="it is not wanted on this host", place=place)
         difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=Disruption.REMOVAL))
@@ -118,7 +118,7 @@ def _update(
         difference.findings.append(_protected(name, "another generation means to make it again", place))
         return
     if not can_change_now(before, after.settings, context):
-        difference.findings.append(not_at_rest(address, before.state, place))
+        difference.findings.append(neither_off_nor_running(address, before.state, place))
         return
     unused = name in rules.unused
     why = "the manifest no longer wants it" if unused else _describe_difference(before, after, context)
@@ -227,7 +227,7 @@ def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
     )
 
 
-def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagnostic:
+def neither_off_nor_running(address: Address, state: RunState, place: Place | None) -> Diagnostic:
     """The finding about a partition that is neither off nor running.
 
     Args:

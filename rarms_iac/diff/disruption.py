@@ -175,7 +175,7 @@ def can_change_now(before: Partition, after: PartitionSettings, context: HostCon
         context: which settings of this host change live.
 
     Returns:
-        False: nothing may be planned before the machine is at rest (`not_at_rest`).
+        False: nothing may be planned before the machine is off or runs (`neither_off_nor_running`).
     """
     off_needed = needs_off(before, after, context)
     match before.state:

@@ -44,8 +44,8 @@ def expected_duration(
     recorded: Sequence[Setting],
     reserves: Sequence[int],
     *,
-    top: int,
-    to_the_letter: bool,
+    highest: int,
+    in_paper_steps: bool,
     earlier: Sequence[Setting] = (),
     settles_ms: float = 0.0,
 ) -> DurationBounds:
@@ -55,8 +55,8 @@ def expected_duration(
         experiment: What is measured.
         recorded: Its settings so far, which are not run again.
         reserves: The settings of a sweep; empty: the least reserve is searched.
-        top: The highest CR that the host can give, in per cent.
-        to_the_letter: A search takes the paper's steps.
+        highest: The highest CR that the host can give, in per cent.
+        in_paper_steps: A search takes the paper's steps.
         earlier: All settings of its data log: how fast jobs were tells how fast they may be.
         settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
@@ -67,10 +67,10 @@ def expected_duration(
     known = {setting.reserve for setting in recorded}
     if reserves:
         least = most = len(set(reserves) - known)
-    elif to_the_letter:
-        least, most = 1, max(1, min(STEPS_OF_PAPER, ceil(top / STEPS_OF_PAPER)))
+    elif in_paper_steps:
+        least, most = 1, max(1, min(STEPS_OF_PAPER, ceil(highest / STEPS_OF_PAPER)))
     else:
-        least, most = 1, max(1, min(MOST, top))
+        least, most = 1, max(1, min(MOST, highest))
     # Members run together: a setting ends when each has what it needs.
     shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
     shortest = settles_ms + max(shortest, settles_ms)

@@ -76,7 +76,7 @@ class MeasuringReporter:
             number: of the setting, from 1.
         """
 
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+    def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Some samples more were seen.
 
         Args:
@@ -349,7 +349,7 @@ def _try_setting(
     """A setting from the first sample to the last, and what the host counted meanwhile."""
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
-        context.reporter.looked(experiment, step.reserve, seen)
+        context.reporter.samples_came(experiment, step.reserve, seen)
         if not step.until_clear:
             return False
         recorded = _setting(step.reserve, beside, context.seed, seen)

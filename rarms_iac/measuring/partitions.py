@@ -81,7 +81,7 @@ def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
 
 
 def other_running_partitions(state: State) -> tuple[Partition, ...]:
-    """List what would run beside P1 and P2 and change what is measured, by name: every partition not at rest.
+    """List what would run beside P1 and P2 and change what is measured, by name: every partition that is not off.
 
     Args:
         state: of the host that is to be measured on.

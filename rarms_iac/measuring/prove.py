@@ -146,7 +146,7 @@ def prove(
     *,
     seed: int,
     should_stop: Callable[[], bool],
-    looked: Callable[[Mapping[str, Series]], None],
+    samples_came: Callable[[Mapping[str, Series]], None],
 ) -> LayoutProof | TooManyFailures | None:
     """Run everything that is applied, and judge each component with a threshold.
 
@@ -161,7 +161,7 @@ def prove(
         budget: What the host has left for P2.
         seed: Of chance, where the host draws it.
         should_stop: Asked after every sample.
-        looked: Told now and then what was seen so far.
+        samples_came: Told now and then what was seen so far.
 
     Returns:
         None: an end was asked for.
@@ -171,7 +171,7 @@ def prove(
     """
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
-        looked(seen)
+        samples_came(seen)
         return False
 
     def run_once(tried: AppliedLayout) -> tuple[LayoutProof | TooManyFailures | None, SettingEvidence | None]:

@@ -28,8 +28,6 @@ UNLIMITED = 1_000_000
 """Columns of a pipe or a file: no line is broken there, so that `grep` and `diff` find it whole."""
 
 NARROWEST_COLUMN = 8
-LONGEST_WORD = 24
-"""Columns of a word that stay together however narrow the terminal is; a longer one, such as a path, may break."""
 
 ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim", "bold"
 GOOD, CHANGED, BAD = "green", "yellow", "red"
@@ -163,7 +161,7 @@ def table(
     right: Sequence[int] = (),
     indent: int = 0,
 ) -> "RenderableType":
-    """Cells in columns, two spaces apart.
+    """Cells in columns, two spaces apart; below one another, where the words of a row need more than a line.
 
     Args:
         rows: of equal length.
@@ -183,17 +181,16 @@ def table(
         folds = number in wrap
         texts = [*header[number : number + 1], *(row[number].plain for row in cells)]
         widest.append(max((columns(line) for text in texts for line in text.split("\n")), default=0))
-        words = [word[:LONGEST_WORD] for text in texts for word in text.split()]
+        words = [word for text in texts for word in text.split()]
         least.append(max(map(columns, words), default=0) if folds else widest[-1])
         rich_table.add_column(
             styled(header[number]) if header else "",
             justify="right" if number in right else "left",
             no_wrap=not folds,
-            overflow="fold",  # a word that is too long is broken, never cut
         )
     for row in cells:
         rich_table.add_row(*row)
-    return indented(_FittedTable(table=rich_table, widest=widest, least=least), indent)
+    return indented(_FittedTable(table=rich_table, header=header, cells=cells, widest=widest, least=least), indent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,12 +223,14 @@ class _HangingIndent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FittedTable:
-    """A table within its width wherever its columns' least widths allow it: the widest column gives first.
+    """A table within its width: the widest column gives first, and where no column can, cells are stacked.
 
     NOTE: rich takes the same from all wide columns, and then some of them would break a word.
     """
 
     table: "Table"
+    header: Sequence[str]
+    cells: Sequence[Sequence["Text"]]
     widest: Sequence[int]  # of each column: where nothing is broken
     least: Sequence[int]  # of each column: where no word is
 
@@ -240,11 +239,21 @@ class _FittedTable:
         while sum(widths) + between > options.max_width:
             shrinkable = [number for number, width in enumerate(widths) if width > self.least[number]]
             if not shrinkable:
-                break  # rather too wide a table than a broken word
+                return console.render(self._stacked(), options)
             widths[max(shrinkable, key=widths.__getitem__)] -= 1
         for column, width in zip(self.table.columns, widths, strict=True):
             column.width = width
         return console.render(self.table, options.update_width(max(sum(widths) + between, 1)))
+
+    def _stacked(self) -> "RenderableType":
+        """Each row as its first cell, with the others below it: what a column is called stands before its cell."""
+        names = [f"{name}: " for name in self.header[1:]] or [""] * len(self.widest[1:])
+        parts: list[RenderableType] = []
+        for first, *others in self.cells:
+            named = [styled(name, cell) for name, cell in zip(names, others, strict=True) if cell.plain]
+            parts += [paragraph(first)] if first.plain else []
+            parts.append(paragraph(styled("  ").join(named), indent=2, more=2))
+        return stack(*parts)
 
 
 def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:

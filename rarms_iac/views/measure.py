@@ -322,7 +322,7 @@ class MeasuringProgress(MeasuringReporter):
         if self._live is not None:
             self._live.show((experiment.name, f"{reserve} %", "..."))
 
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+    def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
             values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)

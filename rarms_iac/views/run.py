@@ -71,7 +71,7 @@ class RunProgress(RunReporter):
     """A `RunReporter` that writes to a person, a line a partition. Use it as a context manager.
 
     Args:
-        write: takes a piece of text and shows it at once.
+        write: takes a line and shows it at once; one that begins with blanks is an item.
         clock: seconds, from any start.
         console: where lines are updated in place; None: every line is whole and written once.
     """
@@ -109,7 +109,7 @@ class RunProgress(RunReporter):
         self._components = components
         kind = "Applying" if run is RunKind.APPLY else "Undoing"
         goes_on = f", going on after step {done}" if done else ""
-        self._write(f"{kind} plan {plan} on {host}{goes_on}\n")
+        self._write(f"{kind} plan {plan} on {host}{goes_on}")
         for address in addresses:
             self._partition(address).total += 1
         if self._console is not None:
@@ -118,8 +118,10 @@ class RunProgress(RunReporter):
 
             status = Column(no_wrap=True, overflow="crop", ratio=1)
             self._live = Progress(
-                TextColumn("  {task.description}", markup=False, table_column=Column(no_wrap=True)),
-                TextColumn("{task.fields[steps]}", markup=False, table_column=Column(no_wrap=True)),
+                TextColumn(
+                    "  {task.description}", markup=False, table_column=Column(max_width=self._console.width - 36)
+                ),
+                TextColumn("{task.fields[steps]}", markup=False, table_column=Column(min_width=8)),
                 TextColumn("{task.fields[status]}", markup=False, table_column=status),
                 TimeElapsedColumn(),
                 expand=True,
@@ -169,7 +171,7 @@ class RunProgress(RunReporter):
         if self._live is not None:
             self._live.console.print(text, markup=False)
         else:
-            self._write(f"{text}\n")
+            self._write(text)
 
     def _partition(self, address: str) -> _PartitionProgress:
         name = "/".join(address.split("/")[1:2] if address.startswith("partition/") else [address])
@@ -186,7 +188,7 @@ class RunProgress(RunReporter):
             self._live.stop_task(partition.row)
             self._live.update(partition.row, status="done" if partition.changed else "as wanted already", refresh=True)
         else:
-            self._write(f"  {partition.described}: {status}\n")
+            self._write(f"  {partition.described}: {status}")
         del self._partitions[partition.name]
 
     def _end_host(self) -> None:

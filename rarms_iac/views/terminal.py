@@ -93,15 +93,17 @@ class Terminal:
         self.err = write_text(self.err, content + "\n")
 
     def tell(self, text: str) -> None:
-        """Write sentences beside it, wrapped between words.
+        """Write sentences beside it, wrapped between words, and show them now; what begins with blanks is an item.
 
         NOTE: without rich, whose import a command with `--json` would wait for.
         """
         if self.manifest_options:
             text = _RECOMMENDED.sub(lambda found: found[0] + self.manifest_options, text)
         if not self.talk_piped:
-            text = fill(text, self.width, break_long_words=False, break_on_hyphens=False)
+            further = " " * (len(text) - len(text.lstrip(" ")) + 2) if text.startswith(" ") else ""
+            text = fill(text, self.width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
         self.talk(text)
+        self.err = flush_stream(self.err)
 
     def _named(self, content: "RenderableType") -> "RenderableType":
         """The content, in which recommended commands name the manifest that this one was given."""

@@ -11,11 +11,21 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import MeasureOutcome, measure_components
 from rarms_iac.app.narrowing import NarrowingConsent, always_narrows, narrow
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.resting import StopConsent
+from rarms_iac.app.stopping_to_measure import StopConsent
 from rarms_iac.app.tune import TuneRequest
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
-from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, stop_option
+from rarms_iac.cli.options import (
+    F,
+    busy_option,
+    host_options,
+    json_option,
+    lock_timeout_option,
+    manifest_options,
+    samples_option,
+    stop_option,
+    with_options,
+)
 from rarms_iac.cli.prompts import (
     TerminalCombiningPrompt,
     TerminalLevelPrompt,
@@ -36,31 +46,84 @@ from rarms_iac.views.tune import manifest_changes, tuned_text
 STRATEGIES = ("default", "bisection", "paper")
 
 
+def _percent(_context: click.Context, _parameter: click.Parameter, text: str | None) -> int | None:
+    """`10%` or `10 %`, whole, 1 to 100."""
+    if text is None:
+        return None
+    try:
+        value = parse_quantity(text, Unit.SHARE)[1]
+    except NotAQuantity:
+        value = None
+    if value is None or value.denominator != 1 or not 1 <= value <= 100:
+        raise click.BadParameter(f"{quoted(text)} is no whole per cent from 1 to 100, as 10%.")
+    return int(value)
+
+
+EXPERIMENT_OPTIONS = (
+    click.argument("components", metavar="[COMPONENT]...", nargs=-1),
+    click.option("--together", is_flag=True, help="Measure the COMPONENTs in one partition. [default: each alone]"),
+    click.option(
+        "--strategy",
+        type=click.Choice(STRATEGIES),
+        default="default",
+        help="How the least reservation is searched; paper: 10, 20, ... 100 %, to the letter. [default: default]",
+    ),
+    click.option("--from", "first", metavar="PERCENT", callback=_percent, help="Measure from here ..."),
+    click.option("--to", "last", metavar="PERCENT", callback=_percent, help="... to here ..."),
+    click.option("--step", metavar="PERCENT", callback=_percent, help="... so far apart, all of it."),
+    click.option("--interference", metavar="NAME", help="The load beside it. [default: as the manifest says]"),
+    samples_option,
+    click.option("--verify", is_flag=True, help="Measure the reservation that the curve gives between two settings."),
+    click.option("--seed", type=click.IntRange(min=1), help="Draw chance from here; only its own settings count."),
+    click.option("--again", is_flag=True, help="Measure all of it once more, beside what is recorded."),
+    busy_option,
+    lock_timeout_option,
+)
+"""What `experiment_options` takes, in the order of the help."""
+
+
+def experiment_options(function: F) -> F:
+    """What is measured and how, as one `request: MeasureRequest`."""
+
+    def collect(
+        *args: object,
+        components: tuple[str, ...],
+        together: bool,
+        strategy: str,
+        first: int | None,
+        last: int | None,
+        step: int | None,
+        interference: str | None,
+        samples: int | None,
+        verify: bool,
+        seed: int | None,
+        again: bool,
+        on_busy_host: bool,
+        lock_timeout: int,
+        **others: object,
+    ) -> object:
+        request = MeasureRequest(
+            components=components,
+            together=together,
+            strategy=strategy,
+            reserves=reserves_between(first, last, step),
+            interference=interference,
+            samples=samples,
+            verify=verify,
+            seed=seed,
+            again=again,
+            on_busy_host=on_busy_host,
+            lock_timeout_ms=lock_timeout,
+        )
+        return function(*args, request=request, **others)
+
+    return with_options(function, collect, *EXPERIMENT_OPTIONS)
+
+
 @rarms_command("measure")
-@click.argument("components", metavar="[COMPONENT]...", nargs=-1)
 @manifest_options
 @host_options
-@click.option("--together", is_flag=True, help="Measure the COMPONENTs in one partition. [default: each alone]")
-@click.option(
-    "--strategy",
-    type=click.Choice(STRATEGIES),
-    default="default",
-    help="How the least reservation is searched; paper: 10, 20, ... 100 %, to the letter. [default: default]",
-)
-@click.option("--from", "first", metavar="PERCENT", callback=lambda _c, _p, v: percent(v), help="Measure from here ...")
-@click.option("--to", "last", metavar="PERCENT", callback=lambda _c, _p, v: percent(v), help="... to here ...")
-@click.option("--step", metavar="PERCENT", callback=lambda _c, _p, v: percent(v), help="... so far apart, all of it.")
-@click.option("--interference", metavar="NAME", help="The load beside it. [default: as the manifest says]")
-@click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
-@click.option("--verify", is_flag=True, help="Measure the reservation that the curve gives between two settings.")
-@click.option("--seed", type=click.IntRange(min=1), help="Draw chance from here; only its own settings count.")
-@click.option(
-    "--again",
-    is_flag=True,
-    help="Measure all of it once more, beside what is recorded.",
-)
 @click.option("--interactive", is_flag=True, help="Measure a coarse curve, and ask for the level that is good enough.")
-@click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
 @stop_option
 @click.option(
     "--write-processors",
@@ -68,29 +131,17 @@ STRATEGIES = ("default", "bisection", "paper")
     help="Write fewer `processors` for components that cannot use theirs, and measure these again. [default: ask at a "
     "terminal]",
 )
-@lock_timeout_option
+@experiment_options
 @json_option
 def measure_command(
     session: Session,
     *,
-    components: tuple[str, ...],
     source: ManifestSource,
     host_selection: HostSelection,
-    together: bool,
-    strategy: str,
-    first: int | None,
-    last: int | None,
-    step: int | None,
-    interference: str | None,
-    samples: int | None,
-    verify: bool,
-    seed: int | None,
-    again: bool,
+    request: MeasureRequest,
     interactive: bool,
-    on_busy_host: bool,
     stop_partitions: bool,
     write_processors: bool,
-    lock_timeout: int,
     as_json: bool,
 ) -> ExitCode:
     """Find the least reservation at which each COMPONENT meets its thresholds; without COMPONENT: of all of them.
@@ -98,30 +149,14 @@ def measure_command(
     It runs in a test partition beside an interfering load, setting by setting; each is recorded below measurements/
     when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
 
-    Where partitions of the application run, they must rest meanwhile: it asks at a terminal, or give --stop-partitions.
+    Where partitions of the application run, they must be stopped: it asks at a terminal, or give --stop-partitions.
     They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`.
     """
-    if stop_partitions and on_busy_host:
-        raise click.UsageError("Give one of --stop-partitions and --on-busy-host.", click.get_current_context())
-    request = MeasureRequest(
-        components=components,
-        together=together,
-        strategy=strategy,
-        reserves=reserves_between(first, last, step),
-        interference=interference,
-        samples=samples,
-        verify=verify,
-        seed=seed,
-        again=again,
-        on_busy_host=on_busy_host,
-        lock_timeout_ms=lock_timeout,
-    )
     if interactive:
         refuse_without_terminal(session, source)
-        request = replace(request, coarse=not (request.reserves or verify or strategy != "default"))
+        request = replace(request, coarse=not (request.reserves or request.verify or request.strategy != "default"))
     if write_processors:
         refuse_standard_input(source)
-    hosts = select_hosts(load_manifest(source), host_selection)
     reporter = TerminalReporter(session)
     consents = stop_consent(session, stop_partitions=stop_partitions, as_json=as_json)
     prompt = TerminalLevelPrompt(session) if interactive else None
@@ -132,6 +167,7 @@ def measure_command(
     def measured_again(asked: MeasureRequest) -> MeasureOutcome:
         return measure_components(current(), asked, reporter=reporter, stop=session.interrupts, consents=consents)
 
+    hosts = current()
     outcome = measure_components(
         hosts, request, reporter=reporter, stop=session.interrupts, prompt=prompt, consents=consents
     )
@@ -143,13 +179,19 @@ def measure_command(
         session.terminal.data(measure_json(outcome.results, outcome.findings, outcome.not_begun))
     else:
         session.terminal.show(summary_text(outcome.results, outcome.not_begun, outcome.fixed))
+    if interactive and not (outcome.stopped or outcome.ended or has_errors(outcome.findings)):
+        further = TuneRequest(samples=request.samples, on_busy_host=request.on_busy_host)
+        return _combine(session, current(), further, consents)
+    return _exit_code(session, outcome)
+
+
+def _exit_code(session: Session, outcome: MeasureOutcome) -> ExitCode:
+    """How the command ends, after it said how to go on."""
     if outcome.stopped:
         return stopped(session)
     if outcome.ended:
         session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
         return session.interrupts.exit_code or ExitCode.DONE
-    if interactive and not has_errors(outcome.findings):
-        return _combine(session, current(), TuneRequest(samples=samples, on_busy_host=on_busy_host), consents)
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
@@ -178,20 +220,3 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, consents: Sto
         session.terminal.talk(tuned_text(outcome.result))
         return ExitCode.NO
     return ExitCode.DONE
-
-
-def percent(text: str | None) -> int | None:
-    """`10%` or `10 %`, whole, 1 to 100.
-
-    Raises:
-        click.BadParameter: it is something else.
-    """
-    if text is None:
-        return None
-    try:
-        value = parse_quantity(text, Unit.SHARE)[1]
-    except NotAQuantity:
-        value = None
-    if value is None or value.denominator != 1 or not 1 <= value <= 100:
-        raise click.BadParameter(f"{quoted(text)} is no whole per cent from 1 to 100, as 10%.")
-    return int(value)

@@ -1,6 +1,6 @@
 """`rarms tune`: combine components, so that less is reserved."""
 
-from typing import cast, get_args
+from typing import get_args
 
 import click
 
@@ -11,7 +11,17 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneRequest, tune_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
-from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, stop_option
+from rarms_iac.cli.options import (
+    F,
+    busy_option,
+    host_options,
+    json_option,
+    lock_timeout_option,
+    manifest_options,
+    samples_option,
+    stop_option,
+    with_options,
+)
 from rarms_iac.cli.prompts import (
     TerminalCombiningPrompt,
     refuse_standard_input,
@@ -24,63 +34,81 @@ from rarms_iac.storage.datalog.tuning import TuningStrategy
 from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
 
 
+def tuning_options(function: F) -> F:
+    """How components are combined, as one `request: TuneRequest`."""
+
+    def collect(
+        *args: object,
+        strategy: TuningStrategy,
+        repeat: bool,
+        dry_run: bool,
+        samples: int | None,
+        on_busy_host: bool,
+        lock_timeout: int,
+        **others: object,
+    ) -> object:
+        if repeat and strategy != "paper":
+            message = "--repeat belongs to --strategy paper: the default looks at compounds of any size."
+            raise click.UsageError(message, click.get_current_context())
+        request = TuneRequest(
+            strategy=strategy,
+            repeat=repeat,
+            dry_run=dry_run,
+            samples=samples,
+            on_busy_host=on_busy_host,
+            lock_timeout_ms=lock_timeout,
+        )
+        return function(*args, request=request, **others)
+
+    return with_options(
+        function,
+        collect,
+        click.option(
+            "--strategy",
+            type=click.Choice(get_args(TuningStrategy)),
+            default="default",
+            help="default: the best layout, with a proof; paper: combine the two least critical that can be, to the "
+            "letter. [default: default]",
+        ),
+        click.option(
+            "--repeat", is_flag=True, help="With --strategy paper: go on with the compound until the total fits."
+        ),
+        click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is."),
+        samples_option,
+        busy_option,
+        lock_timeout_option,
+    )
+
+
 @rarms_command("tune")
 @manifest_options
 @host_options
-@click.option(
-    "--strategy",
-    type=click.Choice(get_args(TuningStrategy)),
-    default="default",
-    help="default: the best layout, with a proof; paper: combine the two least critical that can be, to the letter. "
-    "[default: default]",
-)
-@click.option("--repeat", is_flag=True, help="With --strategy paper: go on with the compound until the total fits.")
 @click.option("--interactive", is_flag=True, help="Ask before each combination is measured.")
-@click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is.")
-@click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
-@click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data logs say so.")
 @stop_option
-@lock_timeout_option
+@tuning_options
 @json_option
 def tune_command(
     session: Session,
     *,
     source: ManifestSource,
     host_selection: HostSelection,
-    strategy: str,
-    repeat: bool,
+    request: TuneRequest,
     interactive: bool,
-    dry_run: bool,
-    samples: int | None,
-    on_busy_host: bool,
     stop_partitions: bool,
-    lock_timeout: int,
     as_json: bool,
 ) -> ExitCode:
     """Find components that can share a partition and reserve less together, and write that into the manifest.
 
     Measures compounds on the host, setting by setting, as `rarms measure --together` does; interrupted or killed, the
     same command goes on. What is found becomes `partitions` of the manifest, comments kept, for review. Exit code 4
-    where nothing fits, however components are combined. Where partitions of the application run, they must rest
-    meanwhile, as for `rarms measure`.
+    where nothing fits, however components are combined. Where partitions of the application run, they must be
+    stopped meanwhile, as for `rarms measure`.
     """
-    if stop_partitions and on_busy_host:
-        raise click.UsageError("Give one of --stop-partitions and --on-busy-host.", click.get_current_context())
-    if repeat and strategy != "paper":
-        raise click.UsageError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
-    if not dry_run:
+    if not request.dry_run:
         refuse_standard_input(source)
     if interactive:
         refuse_without_terminal(session, source)
     hosts = select_hosts(load_manifest(source), host_selection)
-    request = TuneRequest(
-        strategy=cast(TuningStrategy, strategy),
-        repeat=repeat,
-        dry_run=dry_run,
-        samples=samples,
-        on_busy_host=on_busy_host,
-        lock_timeout_ms=lock_timeout,
-    )
     progress = TerminalCombiningPrompt(session)
     try:
         result = tune_components(

@@ -46,7 +46,7 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
         return bracket
     if bracket.inconclusive or len(history) >= MOST:
         return bisect(history, goal)
-    failed, passed = bracket.failed, bracket.top
+    failed, passed = bracket.failed, bracket.highest
     crossings = list(crossings_of(history, goal, failed, passed))
     middle = (failed + passed) / 2
     at = max((crossing.at for crossing in crossings), default=middle)  # all must be met

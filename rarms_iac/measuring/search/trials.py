@@ -168,14 +168,14 @@ class Bracket:
         return frozenset(reserve for reserve in self.inconclusive if reserve > self.floor)
 
     @property
-    def top(self) -> int:
+    def highest(self) -> int:
         """The lowest setting that passed, or `NOTHING_PASSED`."""
         return NOTHING_PASSED if self.passed is None else self.passed
 
     @property
     def widest(self) -> tuple[int, int]:
         """The two settings next to each other with the most between them that was not measured; of equals the upper."""
-        ends = (self.floor, *sorted(self.closed), self.top)
+        ends = (self.floor, *sorted(self.closed), self.highest)
         return max(pairwise(ends), key=lambda pair: (pair[1] - pair[0], pair))
 
 

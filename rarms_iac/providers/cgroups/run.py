@@ -70,6 +70,7 @@ NOTHING_WITHHELD = Finding(
 )
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = "look at the host again: rarms plan"
+ASK_DOCTOR = "see what this kernel lacks: rarms doctor"
 _DEFINITION_LIMIT = 2**20
 
 
@@ -190,20 +191,22 @@ class LinuxHostProvider(JournaledHost):
             case CreatePartition():
                 self._create(operation, state, scope)
             case RemoveDisk() | SetSecureBoot():
-                raise self._refused(f"a control group cannot do this: {operation}")
+                raise self._plan_again(f"a control group cannot do this: {operation}")
             case _ if isinstance(operation, TaskOperation):
-                raise self._refused(f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}")
+                raise self._plan_again(
+                    f"MMCSS has its task classes on Windows only, so this cannot be done: {operation}"
+                )
             case _:
                 definition = known[self._partition_id(operation, state, scope)]
                 self._change(definition, operation, state)
 
     def _create(self, operation: CreatePartition, state: State, scope: Scope) -> None:
         if resolve(state.partitions, operation.partition, scope):
-            raise self._refused(f"there is a partition {operation.partition} already")
+            raise self._plan_again(f"there is a partition {operation.partition} already")
         taken = [partition.id for partition in state.partitions]
         definition = new_definition(operation, scope.pending(operation.partition), state.facts.id, taken)
         if problem := out_of_range(definition.settings):
-            raise self._refused(f"{operation.partition} cannot be made: {problem}")
+            raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
         self._save(definition)
 
     def _change(self, definition: GroupDefinition, operation: GroupOperation, state: State) -> None:
@@ -214,7 +217,7 @@ class LinuxHostProvider(JournaledHost):
                 self._stop(definition, grace)
             case RemovePartition():
                 if self._runs(definition):
-                    raise self._refused(
+                    raise self._plan_again(
                         f"{definition.settings.name} is running, and only a partition that is off can be removed"
                     )
                 with self._report_failure(self._folder):
@@ -226,7 +229,7 @@ class LinuxHostProvider(JournaledHost):
                 if isinstance(operation, SetMemory) and self._runs(definition):
                     problem = problem or lack_of_memory(after.settings, definition.id, state)
                 if problem:
-                    raise self._refused(f"{definition.settings.name}: {problem}")
+                    raise self._plan_again(f"{definition.settings.name}: {problem}")
                 if isinstance(operation, SetProcessors | SetCpu | SetMemory) and self._runs(definition):
                     self._redefine(definition, after)
                 else:
@@ -243,7 +246,8 @@ class LinuxHostProvider(JournaledHost):
             self.tree.write(before.group, self._values(after.settings))
         except OSError as problem:
             self._restore(replace(before, changing=True))
-            raise self._refused(f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}") from None
+            message = f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}"
+            raise HostRefused(self.name, message, ASK_DOCTOR) from None
         self._save(after)
 
     def _start(self, definition: GroupDefinition, state: State) -> None:
@@ -252,7 +256,7 @@ class LinuxHostProvider(JournaledHost):
         settings = definition.settings
         for lack in (lack_of_memory, lack_of_reserve):
             if problem := lack(settings, definition.id, state):
-                raise self._refused(problem)
+                raise self._plan_again(problem)
         group = self._free_name(definition)
         begun = replace(definition, group=group, boot="")
         self._save(begun)
@@ -334,7 +338,7 @@ class LinuxHostProvider(JournaledHost):
         found = resolve(state.partitions, operation.partition, scope, operation.machine)
         if len(found) != 1:
             count = f"{len(found)} control groups are" if found else "no control group is"
-            raise self._refused(f"{count} managed as the partition {operation.partition}")
+            raise self._plan_again(f"{count} managed as the partition {operation.partition}")
         return found[0].id
 
     def _definitions(self) -> list[GroupDefinition]:
@@ -380,8 +384,9 @@ class LinuxHostProvider(JournaledHost):
             yield
         except OSError as problem:
             raise HostFailed(
-                self.name, f"{partition}: the kernel refuses: {problem.strerror or problem}", PLAN_AGAIN
+                self.name, f"{partition}: the kernel refuses: {problem.strerror or problem}", ASK_DOCTOR
             ) from None
 
-    def _refused(self, message: str) -> HostRefused:
+    def _plan_again(self, message: str) -> HostRefused:
+        """The host is not as the plan took it to be: another plan knows how it is now."""
         return HostRefused(self.name, message, PLAN_AGAIN)

@@ -25,7 +25,7 @@ def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Exp
 def bounds(
     experiment: Experiment, *recorded: Setting, sweep: tuple[int, ...] = (), paper: bool = False
 ) -> DurationBounds:
-    return expected_duration(experiment, recorded, sweep, top=100, to_the_letter=paper, earlier=recorded)
+    return expected_duration(experiment, recorded, sweep, highest=100, in_paper_steps=paper, earlier=recorded)
 
 
 def test_a_sweep_of_a_periodic_component_is_known_while_it_answers_in_its_period() -> None:

@@ -39,15 +39,22 @@ def test_a_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> Non
     cells = ("path-planning", "maximum_response_time <= 400 ms", "177.5 ms", "met so far")
     shown = lines(table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
 
-    assert "maximum_response_time" in " ".join(shown)
-    assert width < 60 or max(map(len, shown)) <= width
-    assert sorted(" ".join(shown[1:]).split()) == sorted(" ".join(cells).split())
+    assert max(map(len, shown)) <= width
+    told = " ".join(shown).split()
+    assert [word for cell in cells for word in cell.split() if word not in told] == []
 
 
-def test_a_word_that_is_too_long_for_its_column_is_broken_and_not_cut() -> None:
-    shown = lines(table([("a", "x" * 60)], wrap=(1,)), 40)
+def test_a_row_whose_words_need_more_than_a_line_stands_below_its_first_cell() -> None:
+    rows = [("face-detection-in-front", "88 ms", "met"), ("x", "9 ms", "far below what it must be")]
 
-    assert "".join("".join(shown).split()) == "a" + "x" * 60
+    assert lines(indented(table(rows, header=("component", "value", "verdict")), 2), 32) == [
+        "  face-detection-in-front",
+        "    value: 88 ms  verdict: met",
+        "  x",
+        "    value: 9 ms  verdict: far",
+        "      below what it must be",
+    ]
+    assert lines(table([("a", "x" * 60)], wrap=(1,)), 40) == ["a", "  " + "x" * 60]
 
 
 def test_further_lines_hang_below_the_text() -> None:
@@ -87,10 +94,6 @@ def test_a_table_wraps_the_columns_that_may_and_breaks_no_name() -> None:
     ]
 
 
-def test_a_table_that_cannot_be_narrowed_is_wider_than_the_terminal() -> None:
-    assert lines(indented(table([("a-long-name", "another-long-name")]), 2), 20) == ["  a-long-name  another-long-name"]
-
-
 def test_no_line_of_a_pipe_is_broken() -> None:
     assert len(lines(paragraph("word " * 500), UNLIMITED)) == 1
 
@@ -111,7 +114,8 @@ def test_a_table_that_is_too_wide_loses_neither_a_column_nor_a_word(wrap: tuple[
         ("vision", "throughput", "29.8 /s", "enough, by a hair", "140 %"),
     ]
 
-    shown = render(table(rows, header=header, wrap=wrap, right=(2, 4)), width)
+    shown = lines(table(rows, header=header, wrap=wrap, right=(2, 4)), width)
 
-    assert all(word in shown.split() for line in (header, *rows) for cell in line for word in cell.split())
-    assert all(number in wrap or cell in shown for line in (header, *rows) for number, cell in enumerate(line))
+    words = " ".join(shown).replace(":", "").split()
+    assert [word for cells in (header[1:], *rows) for cell in cells for word in cell.split() if word not in words] == []
+    assert max(map(len, shown)) <= width

@@ -166,7 +166,7 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
 
     progress.experiment_started(ONE_EXPERIMENT, ())
     progress.setting_started(ONE_EXPERIMENT, 62, 1)
-    progress.looked(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
+    progress.samples_came(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
     shown = screen.getvalue()
     progress.experiment_ended()
 

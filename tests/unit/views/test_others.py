@@ -137,7 +137,7 @@ def progress(console: Console | None, *steps: Step, ended: int) -> str:
             reporter.step_started("onboard", number, len(steps), shown)
             reporter.step_ended("onboard", number, len(steps), shown, StepStatus.CHANGED)
         reporter.host_output("onboard", "\x1b[2Jwarning")
-    return "".join(said)
+    return "\n".join(said)
 
 
 STEPS = (step(), step(Address(partition="speech")), step(Address(partition="vision", task="MotionControl")))
@@ -160,7 +160,7 @@ def test_a_run_that_ends_early_says_how_far_each_partition_is() -> None:
 
 def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
     stream = io.StringIO()
-    progress(live_console(stream, 60, colour=False), *STEPS, ended=3)
+    progress(live_console(stream, 80, colour=False), *STEPS, ended=3)
 
     last = stream.getvalue().split("\x1b[2K")[-1].splitlines()
     assert last[0].split()[:6] == ["vision", "[face-detection,", "stream]", "2", "steps", "done"]

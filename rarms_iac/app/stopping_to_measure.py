@@ -1,4 +1,4 @@
-"""Partitions of the application rest while it is measured where they run, and are started again afterwards.
+"""Partitions of the application are stopped while it is measured where they run, and started again afterwards.
 
 They are stopped and started by plans like any other, under the lock of whoever measures. Their marks say that a
 measurement stopped them, so that after a kill the next `measure`, `start` or `apply` starts them.
@@ -55,7 +55,7 @@ def always_consents(_host: str, _partitions: tuple[str, ...]) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionRest:
+class PartitionStopper:
     """Stops the application's own partitions of a held host, where somebody consents."""
 
     hosts: Hosts
@@ -108,7 +108,7 @@ def starting_again(
 
 
 def _start_again(hosts: Hosts, bench: MeasuringHost, reporter: Reporter) -> None:
-    names = left_by_measurement(bench.observe(), hosts.system.application.name)
+    names = stopped_by_measurement(bench.observe(), hosts.system.application.name)
     if not names:
         return
     try:
@@ -137,7 +137,7 @@ def own_running(state: State, application: str) -> tuple[str, ...]:
     return tuple(sorted(partition.mark.name for partition in own if partition.mark and partition.settings.running))
 
 
-def left_by_measurement(state: State, application: str) -> tuple[str, ...]:
+def stopped_by_measurement(state: State, application: str) -> tuple[str, ...]:
     """Name the partitions of an application that a measurement stopped and has not started again, in order.
 
     Args:
@@ -151,7 +151,7 @@ def left_by_measurement(state: State, application: str) -> tuple[str, ...]:
     return tuple(sorted(mark.name for mark in marks if mark and mark.stopped_by is StoppedBy.MEASUREMENT))
 
 
-def at_rest(state: State, application: str) -> State:
+def stopped_to_measure(state: State, application: str) -> State:
     """What a host looks like once the partitions of an application that run have been stopped to measure.
 
     Args:
@@ -162,15 +162,15 @@ def at_rest(state: State, application: str) -> State:
         The same host with these partitions off, and marked as stopped by a measurement.
     """
 
-    def resting(partition: Partition) -> Partition:
+    def stopped(partition: Partition) -> Partition:
         is_own = partition.mark is not None and partition.mark.application == application
         runs = is_own and partition.settings.running
         return stopped_partition(partition, StoppedBy.MEASUREMENT) if runs else partition
 
-    return replace(state, partitions=tuple(map(resting, state.partitions)))
+    return replace(state, partitions=tuple(map(stopped, state.partitions)))
 
 
-def all_at_rest(states: Mapping[str, State], application: str) -> Mapping[str, State]:
+def all_stopped_to_measure(states: Mapping[str, State], application: str) -> Mapping[str, State]:
     """Return the same of several hosts, by name.
 
     Args:
@@ -180,7 +180,7 @@ def all_at_rest(states: Mapping[str, State], application: str) -> Mapping[str, S
     Returns:
         By host name.
     """
-    return {name: at_rest(state, application) for name, state in states.items()}
+    return {name: stopped_to_measure(state, application) for name, state in states.items()}
 
 
 def is_for_measuring(run: Journal | ScriptRun) -> bool:
@@ -206,7 +206,7 @@ def _is_stopped_to_measure(before: object, after: object) -> bool:
     return any(mark.stopped_by is StoppedBy.MEASUREMENT for mark in marks)
 
 
-def finish_rest(bench: MeasuringHost, reporter: Reporter) -> None:
+def finish_stop_or_start(bench: MeasuringHost, reporter: Reporter) -> None:
     """Finish a run that was killed while it stopped partitions to measure, or started them again.
 
     Args:
