@@ -40,6 +40,13 @@ class HostCondition:
     bits: int | None = None  # of the process that looked
     policies: Mapping[PolicyScope, str] = field(default_factory=dict)  # Restricted, RemoteSigned, ...
     module: tuple[str, ...] | None = None  # versions of the Hyper-V module; empty: it is not installed
+    role: bool | None = None  # Windows has Hyper-V's WMI namespace
+    hypervisor_running: bool | None = None
+    counters: bool | None = None  # of the hypervisor, which prove contention
+    elevated: bool | None = None  # who looked: only such a one may change the host
+    hyperv_administrator: bool | None = None  # who looked is a member of that group
+    script_running: bool | None = None  # of rarms, on that host; only a look on the host itself tells
+    memory_available: int | None = None  # bytes that machines can still have
     power_plans: tuple[str, ...] | None = None  # ids of those that are active
     pending_restart: bool | None = None
     seen_processors: int | None = None  # logical processors that the host's own Windows sees

@@ -66,7 +66,9 @@ def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]
     yield "module Hyper-V", _module(condition)
     yield "scheduler", "" if facts.scheduler.value == "none" else facts.scheduler.value
     yield "processors", _processors(facts, condition)
-    yield "memory", show_bytes(facts.memory)
+    available = condition.memory_available
+    free = "" if available is None else f", {show_bytes(available)} left for machines"
+    yield "memory", show_bytes(facts.memory) + free
     yield "rights", facts.rights.value
     yield "machines", _machines(examined.state, application)
 
@@ -121,6 +123,7 @@ def _examined_output(examined: ExaminedHost, application: str) -> ExaminedHostOu
         seen_processors=condition.seen_processors,
         smt=facts.smt,
         memory=facts.memory,
+        memory_available=condition.memory_available,
         rights=facts.rights.value,
         powershell=condition.powershell,
         module=condition.module,

@@ -149,6 +149,11 @@ $document = [ordered] @{
         $principal = [System.Security.Principal.WindowsPrincipal]::new($identity)
         [bool] $principal.IsInRole([System.Security.Principal.WindowsBuiltInRole]::Administrator)
     }
+    hyperv_administrator = Read-Probe -Read {
+        $identity = [System.Security.Principal.WindowsIdentity]::GetCurrent()
+        $principal = [System.Security.Principal.WindowsPrincipal]::new($identity)
+        [bool] $principal.IsInRole([System.Security.Principal.SecurityIdentifier]::new('S-1-5-32-578'))
+    }
     # A caller without rights sees no machines and no error; the host itself is an instance that is always there.
     host_visible = Read-Probe -Read {
         $all = @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ComputerSystem)
@@ -160,6 +165,10 @@ $document = [ordered] @{
     scheduler = Read-Probe -Read {
         $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         [long] @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)[0].Properties[0].Value
+    }
+    hypervisor_running = Read-Probe -Read { [bool] @(Get-CimInstance -ClassName Win32_ComputerSystem)[0].HypervisorPresent }
+    counters = Read-Probe -Read {
+        [bool] @(Get-CimInstance -ClassName Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor).Count
     }
     hypervisor = Read-Probe -Read {
         $vmHost = Hyper-V\Get-VMHost

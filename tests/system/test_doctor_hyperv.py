@@ -14,7 +14,7 @@ EXPECTED = {
     "duplicates-of-a-name": ["RARMS151", "RARMS234"],
     "empty-host": ["RARMS234"],
     "event-log-rolled-over": ["RARMS163", "RARMS166"],
-    "inside-a-guest": ["RARMS158", "RARMS159", "RARMS233", "RARMS249"],
+    "inside-a-guest": ["RARMS233", "RARMS249", "RARMS318"],
     "machines-in-every-state": ["RARMS234", "RARMS245"],
     "redirected-by-windows-powershell": ["RARMS234"],
     "server-2022-with-strangers": ["RARMS161", "RARMS234"],

@@ -294,6 +294,10 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
         case "Msvm_ComputerSystem":
             own = [Record(Name=host.computer)] if host.host_visible else []
             return own + [Record(Name=vm.id.upper()) for vm in host.vms.values()]
+        case "Win32_ComputerSystem":
+            return [Record(HypervisorPresent=host.hypervisor_running)]
+        case "Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor":
+            return [Record(Name="_Total")] if host.counters else []
         case "Win32_Processor":
             names = ("NumberOfCores", "NumberOfLogicalProcessors")
             return [

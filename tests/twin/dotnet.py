@@ -190,16 +190,21 @@ class AccessList(Thing):
         return EMPTY
 
 
+HYPERV_ADMINISTRATORS = "S-1-5-32-578"
+
+
 class Principal(Thing):
     """The caller."""
 
     def __init__(self, scope: Scope) -> None:
         super().__init__()
-        self.elevated = scope.session.host.elevated
+        self.host = scope.session.host
 
     def do_isinrole(self, role: Value) -> bool:
+        if str(role) == HYPERV_ADMINISTRATORS:
+            return self.host.hyperv_administrator
         assert str(role) == "Administrator"
-        return self.elevated
+        return self.host.elevated
 
 
 def missing(path: str) -> ScriptError:
@@ -321,5 +326,6 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("hashtable", "new"): lambda scope, *given: Table(*(table.items() for table in given[:-1]), ordinal=True),
     ("string", "equals"): _equals,
     ("security.principal.windowsidentity", "getcurrent"): _identity,
+    ("security.principal.securityidentifier", "new"): lambda scope, sid: text(sid),
     ("security.principal.windowsprincipal", "new"): lambda scope, identity: Principal(scope),
 }

@@ -109,7 +109,10 @@ class WindowsHost:
     disk_folder: str = "C:\\Users\\Public\\Documents\\Hyper-V\\Virtual Hard Disks"
     scheduler: int | None = 2  # data of event 2; None: it has left the log
     elevated: bool = True
+    hyperv_administrator: bool = False
     host_visible: bool = True
+    hypervisor_running: bool = True
+    counters: bool = True
     module: list[str] = field(default_factory=lambda: ["2.0.0.0"])
     powershell: dict[str, str] = field(default_factory=lambda: {"version": "5.1.26100.1", "edition": "Desktop"})
     bits: int = 64

@@ -37,6 +37,8 @@ _ASKS = {
     "power_plan": "Get-CimInstance Win32_PowerPlan",
     "scheduler": "Get-WinEvent",
     "module": "Get-Module",
+    "hypervisor_running": "Get-CimInstance Win32_ComputerSystem",
+    "counters": "Get-CimInstance Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor",
     "execution_policy": "Get-ExecutionPolicy",
     "journal": f"Get-ChildItem {JOURNAL.rpartition(chr(92))[0]}",
     "tasks": f"Get-ChildItem {PROFILE}\\Tasks",
@@ -184,6 +186,7 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
     **{
         name: _named(name)
         for name in (
+            *("hyperv_administrator", "hypervisor_running", "counters"),
             *("powershell", "elevated", "host_visible", "module", "scheduler", "processors", "numa", "switches"),
             *("cpu_groups", "power_plan"),
         )

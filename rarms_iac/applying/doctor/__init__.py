@@ -12,7 +12,12 @@ from rarms_iac.diff.compare_partitions import foreign_marks
 from rarms_iac.model.diagnostics import Diagnostic, in_order
 
 CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
+    windows.check_hypervisor,
     windows.check_preconditions,
+    windows.check_elevation,
+    windows.check_free_memory,
+    windows.check_counters,
+    windows.check_running_script,
     windows.check_responsiveness,
     windows.check_module,
     windows.check_core_scheduler,
@@ -28,6 +33,7 @@ CHECKS: tuple[Callable[[Examination], Iterator[Diagnostic]], ...] = (
     machines.check_automatic_checkpoints,
     machines.check_cluster,
     machines.check_machine_state,
+    machines.check_guest_answers,
     machines.check_machine_width,
 )
 
@@ -49,6 +55,12 @@ DOCTOR_ONLY_CODES = frozenset(
         machines.AUTOMATIC_CHECKPOINTS,
         machines.CLUSTERED,
         machines.MACHINE_STATE,
+        windows.NO_HYPERVISOR,
+        windows.NOT_ELEVATED,
+        windows.LITTLE_MEMORY,
+        windows.NO_COUNTERS,
+        windows.SCRIPT_RUNNING,
+        machines.MUTE_GUEST,
     )
 )
 """The codes that `rarms doctor` can find and no plan does: an acceptance of one is not unused in a plan."""

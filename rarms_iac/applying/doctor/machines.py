@@ -13,6 +13,7 @@ AUTOMATIC_CHECKPOINTS = Finding(
 )
 CLUSTERED = Finding(code="RARMS244", severity=Severity.WARNING, summary="A machine belongs to a cluster")
 MACHINE_STATE = Finding(code="RARMS245", severity=Severity.WARNING, summary="A machine is saved or in a critical state")
+MUTE_GUEST = Finding(code="RARMS322", severity=Severity.WARNING, summary="The guest of a running partition is mute")
 WIDE_MACHINE = Finding(
     code="RARMS246", severity=Severity.WARNING, summary="A machine has more processors than the host"
 )
@@ -93,6 +94,20 @@ def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
                 machine,
                 f"{title} is in a critical state: its storage cannot be reached. It can only be turned off or removed.",
                 "Bring its storage back (a disk that is offline, full or disconnected), then look again.",
+            )
+
+
+def check_guest_answers(host: Examination) -> Iterator[Diagnostic]:
+    """A running guest whose services do not answer cannot be asked to shut down, nor be measured in (windows.md 7)."""
+    for machine, _ in host.machines():
+        if machine.mark and machine.state is RunState.RUNNING and not machine.can_be_asked:
+            yield host.machine_finding(
+                MUTE_GUEST,
+                machine,
+                f"{machine_title(machine)} on {host.name} runs, and its guest does not answer: it cannot be asked to "
+                "shut down, and nothing can be started in it.",
+                "Wait until it has booted. Otherwise look on the host (`Get-VMIntegrationService`: what is off, "
+                "`Enable-VMIntegrationService` turns on) and in the guest (services vmicshutdown and vmicvmsession).",
             )
 
 

@@ -8,8 +8,9 @@ from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for
-from rarms_iac.model.state import RegistryValue, Rights, ValueKind
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.state import RegistryValue, Rights, RunState, ValueKind
+from rarms_iac.model.wording import in_a_row, quoted
 
 RESPONSIVENESS_VALUE = Finding(
     code="RARMS230",
@@ -34,6 +35,16 @@ MINROOT = Finding(
 )
 UNREAD_PROBE = Finding(code="RARMS249", severity=Severity.NOTE, summary="Something of the host could not be looked at")
 
+NO_HYPERVISOR = Finding(code="RARMS318", severity=Severity.ERROR, summary="No Hyper-V runs on the host")
+NOT_ELEVATED = Finding(
+    code="RARMS319", severity=Severity.WARNING, summary="Who looked at the host may not change anything there"
+)
+LITTLE_MEMORY = Finding(
+    code="RARMS320", severity=Severity.WARNING, summary="The host's free memory does not start its partitions"
+)
+NO_COUNTERS = Finding(code="RARMS321", severity=Severity.WARNING, summary="The hypervisor's counters are missing")
+SCRIPT_RUNNING = Finding(code="RARMS323", severity=Severity.WARNING, summary="A script of rarms is running on the host")
+
 _SLOW_PLANS = {
     "381b4222-f694-41f0-9685-ff5bb260df2e": "Balanced",
     "a1841308-3541-4fab-bc81-f71556f20b4a": "Power saver",
@@ -50,11 +61,84 @@ def check_preconditions(host: Examination) -> Iterator[Diagnostic]:
     Linux schedules control groups itself; whether they may be made is asked where they are made.
     """
     facts = host.state.facts
-    if facts.provider is ProviderKind.LINUX:
+    if facts.provider is ProviderKind.LINUX or host.condition.role is False:
         return
     if facts.rights is not Rights.PROVEN:
         yield no_rights(facts, host.place)
     yield from scheduler_findings(facts, "its machines", host.place)
+
+
+def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
+    """The role is a feature of Windows, and the hypervisor starts before it (windows.md 2, 5)."""
+    condition = host.condition
+    if condition.role is False:
+        yield host.host_finding(
+            NO_HYPERVISOR,
+            f"{host.name}: its Windows has no WMI namespace root\\virtualization\\v2 (error 0x8004100e): the role "
+            "Hyper-V is not installed.",
+            "Install it: on a server `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart`, on a "
+            "client `Enable-WindowsOptionalFeature -Online -FeatureName Microsoft-Hyper-V -All`. If this is the "
+            "Windows inside a machine, look at its host instead.",
+        )
+    elif condition.hypervisor_running is False:
+        yield host.host_finding(
+            NO_HYPERVISOR,
+            f"{host.name} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
+            "Say `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt, turn on virtualization in the "
+            "firmware (VT-x or AMD-V, and NX), then restart the host.",
+        )
+
+
+def check_elevation(host: Examination) -> Iterator[Diagnostic]:
+    """Hyper-V Administrators see machines; scripts also write HKLM and a folder of Administrators (windows.md 5)."""
+    if host.state.facts.rights is Rights.PROVEN and host.condition.elevated is False:
+        group = " as a member of Hyper-V Administrators" if host.condition.hyperv_administrator else ""
+        yield host.host_finding(
+            NOT_ELEVATED,
+            f"{host.name} was looked at{group} without elevation: that is enough to plan, and scripts that change the "
+            "host also write HKLM and %ProgramData%\\rarms, which only administrators may.",
+            'Run `rarms apply` from a prompt that was opened with "Run as administrator", or over ssh as an '
+            "administrator of the host.",
+        )
+
+
+def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
+    """A machine whose memory is not free does not start: 0x800705AA (windows.md 5)."""
+    available = host.condition.memory_available
+    off = [
+        machine for machine in host.state.partitions if machine.mark and machine.state in (RunState.OFF, RunState.SAVED)
+    ]
+    wanted = sum(machine.settings.memory for machine in off)
+    if available is not None and wanted > available:
+        yield host.host_finding(
+            LITTLE_MEMORY,
+            f"{host.name} has {show_bytes(available)} of memory for machines left, and "
+            f"{in_a_row([machine.settings.name for machine in off])} "
+            f"{'needs' if len(off) == 1 else 'need'} {show_bytes(wanted)} to start.",
+            "Stop what else runs there, give partitions less memory in the manifest, or add memory to the host.",
+        )
+
+
+def check_counters(host: Examination) -> Iterator[Diagnostic]:
+    """Measuring records the hypervisor's counters as proof of contention (windows.md 8)."""
+    if host.condition.counters is False and host.condition.hypervisor_running:
+        yield host.host_finding(
+            NO_COUNTERS,
+            f"{host.name}: WMI has no counters of the hypervisor's logical processors, so that nothing there shows "
+            "whether a partition got its reserve.",
+            "Have Windows register them anew, in an elevated prompt: `lodctr /R`, then `winmgmt /resyncperf`.",
+        )
+
+
+def check_running_script(host: Examination) -> Iterator[Diagnostic]:
+    """What is looked at in the middle of a run is neither as before nor as after it."""
+    if host.condition.script_running:
+        yield host.host_finding(
+            SCRIPT_RUNNING,
+            f"{host.name}: a script of rarms is running there (it holds the mutex Global\\rarms; "
+            "%ProgramData%\\rarms\\owner.txt says whose): what was seen may be half of what it does.",
+            "Wait until it has ended, then look again.",
+        )
 
 
 def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:

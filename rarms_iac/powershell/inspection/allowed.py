@@ -116,12 +116,12 @@ _HYPERV_MEMBERS = words(
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy FullName
-    FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
-    GuestIntrinsicExchangeItems InstanceID IsActive IsInRole LanguageMode MachineName MemoryAvailable MemoryCapacity
-    MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors OperationalStatus
-    PSChildName PSEdition PSObject PSVersion Properties Replace Reservation Scope SessionState Size SwitchName
-    SystemName ToLowerInvariant Value Version VirtualMachinePath new
+    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
+    FullName FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
+    GuestIntrinsicExchangeItems HypervisorPresent InstanceID IsActive IsInRole LanguageMode MachineName
+    MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores
+    NumberOfLogicalProcessors OperationalStatus PSChildName PSEdition PSObject PSVersion Properties Replace
+    Reservation Scope SessionState Size SwitchName SystemName ToLowerInvariant Value Version VirtualMachinePath new
     """
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(

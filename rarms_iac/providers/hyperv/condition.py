@@ -12,6 +12,7 @@ from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     ObservedMachine,
     ProcessorSetting,
+    ReadProbe,
     UnreadProbe,
     is_unread,
     or_else,
@@ -20,6 +21,7 @@ from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of, rig
 from rarms_iac.providers.interface import HostFailed
 
 NO_GROUP = "00000000-0000-0000-0000-000000000000"
+NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 
 
@@ -37,6 +39,13 @@ def condition_of(observation: HostObservation) -> HostCondition:
             if _is_known_scope(policy.scope)
         },
         module=or_else(observation.module, None),
+        role=_role(observation),
+        hypervisor_running=or_else(observation.hypervisor_running, None),
+        counters=_counters(observation),
+        elevated=or_else(observation.elevated, None),
+        hyperv_administrator=or_else(observation.hyperv_administrator, None),
+        script_running=or_else(observation.script_running, None),
+        memory_available=sum(node.memory_available for node in nodes) * 2**20 if nodes else None,
         power_plans=or_else(observation.power_plan, None),
         pending_restart=or_else(observation.pending_restart, None),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
@@ -45,6 +54,19 @@ def condition_of(observation: HostObservation) -> HostCondition:
         responsiveness=_responsiveness(observation),
         unread=dict(_unread(observation)),
     )
+
+
+def _role(observation: HostObservation) -> bool | None:
+    """Without the role Windows has no such namespace (windows.md 5); None: nobody could ask."""
+    if isinstance(observation.host_visible, ReadProbe):
+        return True
+    return False if NO_NAMESPACE in observation.host_visible.error.lower() else None
+
+
+def _counters(observation: HostObservation) -> bool | None:
+    if isinstance(observation.counters, ReadProbe):
+        return observation.counters.value
+    return False if NO_CLASS in observation.counters.error.lower() else None
 
 
 def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
@@ -96,7 +118,7 @@ _LOOKED_AT = {
 def _unread(observation: HostObservation) -> Iterator[tuple[str, str]]:
     for title, name in _LOOKED_AT.items():
         probe = getattr(observation, name)
-        if isinstance(probe, UnreadProbe):
+        if isinstance(probe, UnreadProbe) and NO_NAMESPACE not in probe.error.lower():  # that is a finding of its own
             why = "denied" if probe.denied else "absent"
             yield title, f"{why} ({probe.error})" if probe.error else why
     yield from _unread_machines(observation)

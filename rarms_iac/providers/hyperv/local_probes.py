@@ -9,6 +9,7 @@ from typing import Protocol
 
 from rarms_iac.providers.hyperv.observation import FORMAT
 from rarms_iac.providers.hyperv.wmi_machines import (
+    COUNTERS,
     NotRead,
     WmiSource,
     paths_of_disks,
@@ -18,6 +19,7 @@ from rarms_iac.providers.hyperv.wmi_machines import (
     read_guests,
     read_host_visible,
     read_hypervisor,
+    read_hypervisor_running,
     read_machines,
     read_numa_nodes,
     read_processors,
@@ -59,12 +61,20 @@ class LocalWindows(WmiSource, Protocol):
         """Whether the caller is an administrator, with all rights of one."""
         ...
 
+    def is_hyperv_administrator(self) -> bool:
+        """Whether the caller is a member of Hyper-V Administrators."""
+        ...
+
     def scheduler(self) -> int:
         """The data of the newest event 2 of the hypervisor."""
         ...
 
     def journal(self) -> tuple[str, str]:
         """The SID of its owner, and its text."""
+        ...
+
+    def is_script_running(self) -> bool:
+        """Whether a script of rarms holds the mutex that scripts share."""
         ...
 
     def modules(self) -> Sequence[str]:
@@ -80,9 +90,12 @@ def local_document(windows: LocalWindows) -> dict[str, Json]:
         "windows": _windows,
         "machine_id": lambda windows: _text(windows, CRYPTOGRAPHY_KEY, "MachineGuid"),
         "elevated": lambda windows: windows.is_elevated(),
+        "hyperv_administrator": lambda windows: windows.is_hyperv_administrator(),
         "host_visible": read_host_visible,
         "module": lambda windows: list(windows.modules()),
         "scheduler": lambda windows: windows.scheduler(),
+        "hypervisor_running": read_hypervisor_running,
+        "counters": lambda windows: bool(windows.instances(COUNTERS)),
         "hypervisor": read_hypervisor,
         "processors": read_processors,
         "numa": read_numa_nodes,
@@ -98,6 +111,7 @@ def local_document(windows: LocalWindows) -> dict[str, Json]:
         "tasks": _tasks,
         "records": lambda windows: list(_records(windows)),
         "journal": lambda windows: dict(zip(("owner", "text"), windows.journal(), strict=True)),
+        "script_running": lambda windows: windows.is_script_running(),
         "power_plan": _power_plan,
         "pending_restart": _pending_restart,
         "execution_policy": lambda windows: list(_policies(windows)),

@@ -14,8 +14,10 @@ from xml.etree import ElementTree as ET
 
 import pywintypes
 import win32api
+import win32event
 import win32evtlog
 import win32security
+import winerror
 
 from rarms_iac.providers.hyperv.local_probes import RegistryKey, local_document
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
@@ -34,6 +36,8 @@ EXPLANATIONS = {
     ACCESS_DENIED: "WMI lets only Administrators and Hyper-V Administrators ask that",
     NO_NAMESPACE: "this Windows has no such WMI namespace: its role Hyper-V is not installed",
 }
+MUTEX, MUTEX_ALL_ACCESS = r"Global\rarms", 0x1F0001  # of `templates/powershell/parts/lock.ps1`
+HYPERV_ADMINISTRATORS = "S-1-5-32-578"
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
 KINDS = {
     winreg.REG_SZ: "String",
@@ -108,6 +112,11 @@ class ThisWindows:
         administrators = win32security.CreateWellKnownSid(win32security.WinBuiltinAdministratorsSid, None)
         return bool(win32security.CheckTokenMembership(None, administrators))
 
+    def is_hyperv_administrator(self) -> bool:
+        """See the protocol; in a token of a logon before the account joined, it is none."""
+        members = win32security.ConvertStringSidToSid(HYPERV_ADMINISTRATORS)
+        return bool(win32security.CheckTokenMembership(None, members))
+
     def scheduler(self) -> int:
         """See the protocol."""
         try:
@@ -132,6 +141,19 @@ class ThisWindows:
         except (OSError, pywintypes.error) as problem:
             raise _not_read(problem, str(path)) from problem
         return owner, text
+
+    def is_script_running(self) -> bool:
+        """See the protocol: the mutex is taken for no longer than it takes to see that nobody has it."""
+        try:
+            mutex = win32event.OpenMutex(MUTEX_ALL_ACCESS, False, MUTEX)
+        except pywintypes.error as problem:
+            if problem.winerror == winerror.ERROR_FILE_NOT_FOUND:
+                return False
+            raise _not_read(problem, f"the mutex {MUTEX}") from problem
+        if win32event.WaitForSingleObject(mutex, 0) == win32event.WAIT_TIMEOUT:
+            return True
+        win32event.ReleaseMutex(mutex)
+        return False
 
     def modules(self) -> list[str]:
         """See the protocol: those that come with Windows."""

@@ -232,9 +232,12 @@ class HostObservation:
     windows: Probe[Windows]
     machine_id: Probe[str]
     elevated: Probe[bool]
+    hyperv_administrator: Probe[bool]  # member of the group S-1-5-32-578
     host_visible: Probe[bool]  # a caller without rights sees no machines, not even the host's own instance
     module: Probe[tuple[str, ...]]  # versions of the Hyper-V module
     scheduler: Probe[int]  # as its event says: 1 and 2 classic, 3 core, 4 root
+    hypervisor_running: Probe[bool]  # the role alone does not start it
+    counters: Probe[bool]  # those that prove contention are registered
     hypervisor: Probe[HypervisorFacts]
     processors: Probe[tuple[Socket, ...]]
     numa: Probe[tuple[NumaNode, ...]]
@@ -250,6 +253,7 @@ class HostObservation:
     tasks: Probe[tuple[TaskKey, ...]]
     records: Probe[tuple[RecordKey, ...]]
     journal: Probe[JournalText]
+    script_running: Probe[bool]  # of rarms; only rarms itself asks, on the host
     power_plan: Probe[tuple[str, ...]]
     pending_restart: Probe[bool]
     execution_policy: Probe[tuple[ScopedPolicy, ...]]

@@ -13,6 +13,7 @@ WmiInstance = Mapping[str, Any]
 """The properties of an instance; numbers of 64 bits are text, references are paths."""
 
 SETTINGS, SWITCH = "Msvm_VirtualSystemSettingData", "Msvm_VirtualEthernetSwitch"
+COUNTERS = "Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor"
 QUERIES: Mapping[str, tuple[str, ...]] = {
     "Msvm_ComputerSystem": ("Name", "ElementName", "EnabledState", "OperationalStatus"),
     SETTINGS: (
@@ -39,9 +40,10 @@ QUERIES: Mapping[str, tuple[str, ...]] = {
     "Msvm_KvpExchangeComponent": ("SystemName", "GuestIntrinsicExchangeItems"),
     "Msvm_ShutdownComponent": ("SystemName", "EnabledState", "OperationalStatus"),
     "Msvm_VirtualHardDiskSettingData": ("Type", "ParentPath"),
-    "Win32_ComputerSystem": ("TotalPhysicalMemory",),
+    "Win32_ComputerSystem": ("TotalPhysicalMemory", "HypervisorPresent"),
     "Win32_Processor": ("Name", "NumberOfCores", "NumberOfLogicalProcessors"),
     "Win32_PowerPlan": ("InstanceID", "IsActive"),
+    COUNTERS: ("Name",),
 }
 """What is asked for, by class: an older Windows may lack a property, which is None then."""
 
@@ -115,6 +117,14 @@ def read_host_visible(source: WmiSource) -> Json:
     """A caller without rights sees no machines and no error; the host itself is an instance that is always there."""
     computer = source.computer().lower()
     return any(_str(each, "Name").lower() == computer for each in source.instances("Msvm_ComputerSystem"))
+
+
+def read_hypervisor_running(source: WmiSource) -> Json:
+    """Whether this Windows started under the hypervisor; older ones do not say."""
+    systems = source.instances("Win32_ComputerSystem")
+    if not systems or systems[0]["HypervisorPresent"] is None:
+        raise NotRead("NotFound", "this Windows does not say whether a hypervisor runs")
+    return bool(systems[0]["HypervisorPresent"])
 
 
 def read_hypervisor(source: WmiSource) -> Json:

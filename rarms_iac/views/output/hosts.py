@@ -59,6 +59,7 @@ class ExaminedHostOutput:
     seen_processors: int | None
     smt: bool
     memory: int
+    memory_available: int | None
     rights: Literal["proven", "missing", "unknown"]
     powershell: str | None
     module: tuple[str, ...] | None

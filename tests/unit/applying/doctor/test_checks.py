@@ -30,6 +30,8 @@ def responsive(data: int | str) -> HostCondition:
 
 
 VISION = partition(settings("vision"))
+OFF = replace(VISION, state=RunState.OFF)
+NOBODY = replace(facts(), rights=Rights.UNKNOWN)
 DYNAMIC = replace(VISION, settings=replace(VISION.settings, dynamic_memory=True))
 POLICY = PolicyScope
 HEALTHY = HostCondition(
@@ -37,6 +39,13 @@ HEALTHY = HostCondition(
     bits=64,
     policies={POLICY.MACHINE_POLICY: "Undefined", POLICY.PROCESS: "Bypass", POLICY.LOCAL_MACHINE: "RemoteSigned"},
     module=("2.0.0.0",),
+    role=True,
+    hypervisor_running=True,
+    counters=True,
+    elevated=True,
+    hyperv_administrator=False,
+    script_running=False,
+    memory_available=0,
     power_plans=("Microsoft:PowerPlan\\{8c5e7fda-e8bf-4a96-9a85-a6e23a8c635c}",),
     pending_restart=False,
     seen_processors=2,
@@ -103,6 +112,25 @@ CASES = {
         "machine/id-of-copy",
         examination(machines=(replace(partition(settings("copy"), application=None), foreign_mark="it was copied"),)),
     ),
+    "no role": ("RARMS318", "host/onboard", examination(of=NOBODY, how=HostCondition(role=False))),
+    "no hypervisor": ("RARMS318", "host/onboard", examination(how=HostCondition(role=True, hypervisor_running=False))),
+    "not elevated": (
+        "RARMS319",
+        "host/onboard",
+        examination(how=HostCondition(elevated=False, hyperv_administrator=True)),
+    ),
+    "little memory": (
+        "RARMS320",
+        "host/onboard",
+        examination(machines=(OFF,), how=HostCondition(memory_available=OFF.settings.memory - 1)),
+    ),
+    "no counters": (
+        "RARMS321",
+        "host/onboard",
+        examination(how=HostCondition(hypervisor_running=True, counters=False)),
+    ),
+    "mute guest": ("RARMS322", "partition/vision", examination(machines=(replace(VISION, can_be_asked=False),))),
+    "running script": ("RARMS323", "host/onboard", examination(how=HostCondition(script_running=True))),
     "unread": ("RARMS249", "host/onboard", examination(how=HostCondition(unread={"the power plan": "denied"}))),
 }
 

@@ -23,6 +23,7 @@ RESTS_ON = {
     "cpu_groups": "Msvm_ProcessorSettingData",
     "processors": "Win32_Processor",
     "power_plan": "Win32_PowerPlan",
+    "counters": wmi_machines.COUNTERS,
     "guests": "Msvm_KvpExchangeComponent",
     "shutdown_services": "Msvm_ShutdownComponent",
 }
@@ -84,6 +85,12 @@ class MadeWindows:
     def is_elevated(self) -> bool:
         return bool(self._asked("elevated"))
 
+    def is_hyperv_administrator(self) -> bool:
+        return bool(self._asked("hyperv_administrator"))
+
+    def is_script_running(self) -> bool:
+        raise NotRead("NotLookedFor", "the script does not look")
+
     def scheduler(self) -> int:
         return int(self._asked("scheduler"))
 
@@ -125,7 +132,11 @@ class MadeWindows:
                 DefaultVirtualHardDiskPath=facts["disk_folder"],
                 NumaSpanningEnabled=facts["numa_spanning"],
             )
-            self._add("Win32_ComputerSystem", TotalPhysicalMemory=str(facts["memory"]))
+        running = self._value("hypervisor_running", None)
+        memory = str(facts["memory"]) if facts else None
+        self._add("Win32_ComputerSystem", TotalPhysicalMemory=memory, HypervisorPresent=running)
+        if self._value("counters", False):
+            self._add(wmi_machines.COUNTERS, Name="_Total")
         for number, node in enumerate(self._value("numa", ())):
             processors = facts["logical_processors"] if facts and number == 0 else 0
             blocks = str(node["memory_available"])

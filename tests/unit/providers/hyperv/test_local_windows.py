@@ -80,7 +80,8 @@ def test_plan_and_doctor_say_that_it_has_no_hyperv(tmp_path: Path) -> None:
     assert planned.code == 1
     assert "its role Hyper-V is not installed" in " ".join(planned.err.split())
     assert examined.code == 2
-    assert "RARMS233" in examined.out + examined.err
+    assert "RARMS318" in examined.out + examined.err
+    assert "0x8004100e" in examined.out + examined.err
 
 
 def test_task_classes_come_out_of_the_registry_as_rarms_means_them(tasks: None, tmp_path: Path) -> None:
@@ -185,3 +186,40 @@ def test_what_wmi_refuses_is_denied_and_what_it_does_not_know_is_absent(
         ThisWindows().instances("Msvm_ComputerSystem")
 
     assert (raised.value.error, raised.value.denied) == (f"0x{code:08x}", denied)
+
+
+def test_a_script_that_holds_the_mutex_is_seen_and_not_disturbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process of its own holds it as lock.ps1 does: only another thread's mutex can be waited for."""
+    monkeypatch.setattr(local_windows, "MUTEX", r"Global\rarms-tests")
+    holder = (
+        "import sys, win32event; mutex = win32event.CreateMutex(None, False, sys.argv[1]); "
+        "win32event.WaitForSingleObject(mutex, -1); print('held', flush=True); sys.stdin.read()"
+    )
+    words = [sys.executable, "-c", holder, local_windows.MUTEX]
+    assert not ThisWindows().is_script_running(), "nobody made it"
+
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as script:
+        assert script.stdout is not None
+        assert script.stdout.readline().strip() == b"held"
+        seen = [ThisWindows().is_script_running() for _ in range(2)]
+        script.communicate()
+
+    assert seen == [True, True]
+    assert not ThisWindows().is_script_running()
+
+
+def test_a_mutex_that_a_killed_script_abandoned_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_windows, "MUTEX", r"Global\rarms-tests")
+    ours = local_windows.win32event.CreateMutex(None, False, local_windows.MUTEX)
+    taker = "import os, sys, win32event; mutex = win32event.OpenMutex(0x1F0001, False, sys.argv[1]); "
+    taker += "win32event.WaitForSingleObject(mutex, -1); os._exit(9)"
+
+    subprocess.run([sys.executable, "-c", taker, local_windows.MUTEX], check=False)
+
+    assert not ThisWindows().is_script_running()
+    assert ours
+
+
+def test_membership_of_hyperv_administrators_is_asked_of_the_token() -> None:
+    """wine's account is an administrator, and wine knows no such group."""
+    assert (ThisWindows().is_elevated(), ThisWindows().is_hyperv_administrator()) == (True, False)

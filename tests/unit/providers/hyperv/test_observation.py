@@ -122,4 +122,4 @@ def test_every_probe_of_the_script_is_read_and_no_other() -> None:
         if line.startswith("    ") and line[4] != " " and " = Read-Probe" in line
     }
 
-    assert probes == set(HostObservation.__dataclass_fields__) - {"computer"}
+    assert probes == set(HostObservation.__dataclass_fields__) - {"computer", "script_running"}
