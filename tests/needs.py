@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.effort import LONG
+
 CHECKOUT = Path(__file__).resolve().parent.parent
 SHARED = CHECKOUT.parent / "shared"
 ROBOT_PYTHON = CHECKOUT / ".cache" / "robot" / "bin" / "python"
@@ -98,6 +100,7 @@ NEEDS: dict[str, Need] = {
         missing=lambda: next(filter(None, (_program(name)() for name in LINUX_MACHINE)), ""), obtainable=_on_linux
     ),
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
+    "long": Need(missing=lambda: "" if LONG else "`make test-long` has the minutes for it", obtainable=lambda: LONG),
     "make": Need(missing=_program("make"), obtainable=_on_posix),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),
     "not-root": Need(missing=lambda: "root may do everything" if _is_root() else "", obtainable=lambda: not _is_root()),
@@ -112,6 +115,7 @@ NEEDS: dict[str, Need] = {
     "shellcheck": Need(missing=_program("shellcheck"), obtainable=_on_linux),
     "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
     "stress-ng": Need(missing=_program("stress-ng"), obtainable=_on_linux),
+    "systemd": Need(missing=_program("/lib/systemd/systemd"), obtainable=_on_linux),
     "venv": Need(missing=_no_venv, obtainable=_on_posix),
     "yaml-language-server": Need(missing=_program("yaml-language-server"), obtainable=_on_linux),
     "windows": Need(missing=lambda: "" if ON_WINDOWS else "this is not Windows", obtainable=lambda: ON_WINDOWS),

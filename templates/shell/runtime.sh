@@ -46,12 +46,13 @@ put() { # NAME JSON: quota_period_us is added after processors, or left out wher
         { print }')
 }
 
-# The partition's control group, of version 1 or 2, and its values: shares, quota, period, memory.
+# The partition's control group, of version 1 or 2, and its values: shares, quota, period, memory. Where systemd is
+# process 1, a group is a slice unit: systemctl sets its values, and they are read as those of version 2.
 
 in_kernel() { # CONTROLLER FILE: prints the path of the group's file
     case $VERSION in
     v1) printf '%s' "$ROOT/$1/$SLICE/$group/$2" ;;
-    v2) printf '%s' "$ROOT/$SLICE/$group/$2" ;;
+    *) printf '%s' "$ROOT/$SLICE/$group/$2" ;;
     esac
 }
 
@@ -71,13 +72,16 @@ defined_values() { # prints shares, quota, period, memory as the kernel will sho
     if [ "$limit" -lt 100 ] || [ "$processors" -lt "$PROCESSORS" ]; then
         quota=$((limit * processors))
         [ "$SLICE_LIMIT" = -1 ] || quota=$(bounded "$quota" 0 "$SLICE_LIMIT")
-        quota=$(((2 * quota * period + 100) / 200))
+        case $VERSION in
+        systemd) quota=$((quota * period / 100)) ;; # it rounds down
+        *) quota=$(((2 * quota * period + 100) / 200)) ;;
+        esac
     else
         period=100000
     fi
     case $VERSION in
     v1) shares=$(bounded $(($(get reserve) * processors * 10)) 2 262144) ;;
-    v2) shares=$(bounded $(($(get reserve) * processors)) 1 10000) ;;
+    *) shares=$(bounded $(($(get reserve) * processors)) 1 10000) ;;
     esac
     echo "$shares $quota $period $((memory - memory % PAGE))"
 }
@@ -89,7 +93,7 @@ kernel_values() { # prints the same four as they are in the kernel
         memory=$(sed 's/^[0-9]\{19\}$/0/' "$(in_kernel memory memory.limit_in_bytes)")
         echo "$(cat "$(in_kernel cpu cpu.shares)") $(echo "$limits" | sed 's/^-1 .*/-1 100000/') $memory"
         ;;
-    v2)
+    *)
         limits=$(sed 's/^max .*/-1 100000/' "$(in_kernel cpu cpu.max)")
         memory=$(sed 's/^max$/0/' "$(in_kernel memory memory.max)")
         echo "$(cat "$(in_kernel cpu cpu.weight)") $limits $memory"
@@ -115,11 +119,56 @@ write_values() { # SHARES QUOTA PERIOD MEMORY
         echo >"$(in_kernel cpuset cpuset.cpus)"
         echo "$4" | sed 's/^0$/max/' >"$(in_kernel memory memory.max)"
         ;;
+    systemd)
+        used=$(sed -n 's/^anon //p' "$(in_kernel memory memory.stat)")
+        [ "$4" = 0 ] || [ "$used" -le "$4" ] || fail "the processes of $partition use $used bytes, more than $4"
+        systemctl set-property "$group" "CPUWeight=$1" "CPUQuota=$(per_cent "$2" "$3")" "CPUQuotaPeriodSec=$3us" \
+            "MemoryMax=$(echo "$4" | sed 's/^0$/infinity/')" AllowedCPUs=
+        for _ in $(seq 100); do # systemd answers before the kernel has it
+            [ "$(kernel_values)" != "$*" ] || return 0
+            sleep 0.1
+        done
+        fail "$group has $(kernel_values), not $*"
+        ;;
     esac
 }
 
+per_cent() { # QUOTA PERIOD: what systemd makes this quota of, rounded down
+    [ "$1" = -1 ] || echo "$((($1 * 100 + $2 - 1) / $2))%"
+}
+
+group_of() { # NAME: what its group is called
+    case $VERSION in
+    systemd) printf '%s-%s.slice' "${SLICE%.slice}" "$(printf '%s' "$1" | tr -c 'a-zA-Z0-9_.' '_')" ;;
+    *) printf '%s' "$1" ;;
+    esac
+}
+
+write_unit() { # of the group, where it has none
+    [ ! -f "$UNITS/$group" ] || return 0
+    printf '%s\n' '[Unit]' 'Description=Partition of rarms' '' '[Slice]' 'CPUAccounting=yes' 'MemoryAccounting=yes' |
+        replace_file "$UNITS/$group"
+    systemctl daemon-reload
+}
+
+start_with_machine() { # or not, as the definition says; without systemd nothing does
+    [ "$VERSION" = systemd ] || return 0
+    write_unit # somebody else may have made the group without one
+    case $(get start_action) in
+    start) systemctl add-wants --quiet multi-user.target "$group" ;;
+    *) systemctl disable --quiet "$group" ;;
+    esac
+}
+
+forget_unit() { # UNIT: stop the slice, with its properties and what starts it with the machine
+    systemctl stop "$1" 2>/dev/null || true # it does not run
+    [ ! -f "$UNITS/$1" ] || systemctl disable --quiet "$1"
+    rm -f "$UNITS/$1"
+    systemctl revert --quiet "$1" # this reads all units anew
+}
+
 make_group() { # below the slice, which weighs more than everything beside it
-    folders | while read -r folder; do
+    [ "$VERSION" = systemd ] || folders | while read -r folder; do
         mkdir -p "$folder"
     done
     case $VERSION in
@@ -136,9 +185,15 @@ make_group() { # below the slice, which weighs more than everything beside it
         echo '+cpuset +memory +cpu' >"$ROOT/$SLICE/cgroup.subtree_control"
         echo 10000 >"$ROOT/$SLICE/cpu.weight"
         ;;
+    systemd)
+        write_unit
+        systemctl start "$group"
+        systemctl set-property "$SLICE" CPUWeight=10000
+        ;;
     esac
 }
 
+# shellcheck disable=SC2030 # it is a shell of its own
 limit_slice() ( # to all but what is kept for the host; -1: no limit. A larger quota of a group goes down first.
     group=''
     slice=$(in_kernel cpu '')
@@ -159,6 +214,8 @@ limit_slice() ( # to all but what is kept for the host; -1: no limit. A larger q
         ;;
     v2-1) echo 'max 20000' >"${slice}cpu.max" ;;
     v2*) echo "$((SLICE_LIMIT * 200)) 20000" >"${slice}cpu.max" ;;
+    systemd-1) systemctl set-property "$SLICE" CPUQuota= ;;
+    systemd*) systemctl set-property "$SLICE" "CPUQuota=$SLICE_LIMIT%" CPUQuotaPeriodSec=20ms ;;
     esac
 )
 
@@ -171,11 +228,19 @@ processes() {
 remove_group() { # with its processes, and the slice where it is empty then
     for _ in $(seq 50); do
         processes | xargs -r kill -KILL 2>/dev/null || sleep 0.1
-        folders | while read -r folder; do
-            find "$folder" -depth -type d -exec rmdir {} \; 2>/dev/null || true
-            rmdir "${folder%/*}" 2>/dev/null || true
-        done
-        [ -n "$(folders | while read -r folder; do ls -d "$folder" 2>/dev/null || true; done)" ] || return 0
+        if [ "$VERSION" != systemd ]; then
+            folders | while read -r folder; do
+                find "$folder" -depth -type d -exec rmdir {} \; 2>/dev/null || true
+                rmdir "${folder%/*}" 2>/dev/null || true
+            done
+        elif [ -z "$(processes)" ]; then
+            # shellcheck disable=SC2031 # `limit_slice` is a shell of its own
+            forget_unit "$group"
+        fi
+        if [ -z "$(folders | while read -r folder; do ls -d "$folder" 2>/dev/null || true; done)" ]; then
+            [ "$VERSION" != systemd ] || ls -d "$ROOT/$SLICE"/*/ >/dev/null 2>&1 || forget_unit "$SLICE"
+            return 0
+        fi
         sleep 0.1
     done
     fail "the control group of $partition cannot be removed"
@@ -261,7 +326,11 @@ note() { # NAME JSON: changes a setting that the kernel does not have
 set_processors() { change processors "$1"; }
 set_cpu() { change reserve "$1" limit "$2" weight "$3" quota_period_us "$4"; }
 set_memory() { change memory "$1"; }
-set_start() { note start_action "\"$1\""; }
+set_start() {
+    put start_action "\"$1\""
+    ! runs || start_with_machine
+    save
+}
 rename_partition() { note name "\"$1\""; }
 write_mark() { # APPLICATION/PARTITION SET: it names the id, so that a copy of the file does not count
     note notes "\"rarms/1 $1 vm=${id%%-*} set=$2\""
@@ -283,8 +352,8 @@ start_partition() {
         fail "$partition needs $wanted % of a processor, and $((100 * PROCESSORS - taken)) % are free"
     [ $((memory_taken + memory)) -le "$MEMORY" ] ||
         fail "$partition needs $memory bytes, and $((MEMORY - memory_taken)) are free"
-    group=$(get name)
-    [ ! -d "$(in_kernel cpu .)" ] || group=$group.${id%%-*}
+    group=$(group_of "$(get name)")
+    [ ! -d "$(in_kernel cpu .)" ] || group=$(group_of "$(get name).${id%%-*}")
     put group "\"$group\""
     put boot '""'
     save
@@ -293,6 +362,7 @@ start_partition() {
     # shellcheck disable=SC2046 # four numbers
     write_values $(defined_values)
     put boot "\"$BOOT\""
+    start_with_machine
     save
 }
 
@@ -312,6 +382,7 @@ stop_partition() { # GRACE: tenths of a second that its processes have to end
 
 remove_partition() {
     ! runs || fail "$partition runs, and only one that is off can be removed"
+    [ "$(get boot)" != "$BOOT" ] || remove_group # systemd remembers a group that is off since a restart
     rm -f "$file"
     sync "$FOLDER"
 }
@@ -336,12 +407,13 @@ recover() { # take back what a killed run left half done; the definitions have w
     done
 }
 
-start_all() { # partitions that ran when the machine stopped, except those with `start: manual`
+start_all() { # partitions that nobody stopped with rarms, except those with `start: manual`
     for file in "$FOLDER"/*.json; do
         [ -f "$file" ] || continue
         load
         partition=$(get name) id=$(get id)
-        case $(get start_action)$(get boot) in start"$BOOT" | start | nothing*) continue ;; esac
+        case $(get start_action)$(get boot) in start | nothing*) continue ;; esac
+        ! runs || continue
         echo "${WHAT_IF:+would: }$partition: start it"
         [ -n "$WHAT_IF" ] || start_partition
     done
@@ -427,7 +499,12 @@ step() { # NUMBER TITLE [gone=NUMBER] before NAME=VALUE... after NAME=VALUE... s
 find_control_groups() {
     for ROOT in /sys/fs/cgroup/unified /sys/fs/cgroup; do
         offered=" $(cat "$ROOT/cgroup.controllers" 2>/dev/null || true) " VERSION=v2
-        case $CONTROL_GROUPS$offered in automatic*' cpu '* | v2*' cpu '*) return 0 ;; esac
+        case $CONTROL_GROUPS$offered in automatic*' cpu '* | v2*' cpu '*)
+            [ ! -d /run/systemd/system ] ||
+                VERSION=systemd BOOT=systemd UNITS=/etc/systemd/system SLICE=$(printf '%s' "$SLICE" | tr -c 'a-zA-Z0-9_.' '_').slice
+            return 0
+            ;;
+        esac
     done
     VERSION=v1
     for controller in cpuset memory cpuacct cpu; do

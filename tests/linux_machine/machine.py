@@ -35,12 +35,14 @@ class MachineFailed(Exception):
     """It was not made, did not start, or did not end in time; the message holds the end of its console."""
 
 
-def run_in_machine(command: str, timeout_s: float) -> CommandResult:
+def run_in_machine(command: str, timeout_s: float, *, disk: Path | None = None) -> CommandResult:
     """Start the machine, run a command of its shell as root in the folder of the checkout, and wait for its end.
 
     Args:
         command: lines of a shell script.
         timeout_s: for all of it, the start of about 15 s included.
+        disk: systemd is process 1, and the command a unit of its own. This archive's files, where it is there, lie on
+            the disk from the start; what the command writes to `/run/job/disk.tar` is the archive of the next start.
 
     Returns:
         The command's exit code and output.
@@ -52,6 +54,10 @@ def run_in_machine(command: str, timeout_s: float) -> CommandResult:
     with tempfile.TemporaryDirectory(prefix="rarms-machine-") as folder:
         job = Path(folder)
         (job / "command").write_text(f"cd '{CHECKOUT}' || exit 99\n{command}\n", encoding="utf-8")
+        if disk is not None:
+            (job / "systemd").touch()
+            if disk.exists():
+                shutil.copyfile(disk, job / "disk.tar")
         shares = (
             "local,path=/,mount_tag=root,security_model=none,readonly=on,multidevs=remap",
             f"local,path={job},mount_tag=job,security_model=none",
@@ -69,6 +75,8 @@ def run_in_machine(command: str, timeout_s: float) -> CommandResult:
             code = int((job / "exit_code").read_text(encoding="ascii"))
         except (OSError, ValueError, subprocess.SubprocessError) as problem:
             raise MachineFailed(f"{problem}\n{_end_of(job / 'console')}\n{_end_of(job / 'output')}") from problem
+        if disk is not None and (job / "disk.tar").exists():
+            shutil.copyfile(job / "disk.tar", disk)
         return CommandResult(exit_code=code, output=(job / "output").read_text(encoding="utf-8", errors="replace"))
 
 

@@ -127,6 +127,17 @@ class GroupTree(ABC):
             kernel.make_folder(folder / name)
         self._prepare_group(name)
 
+    def start_with_machine(self, name: str, starts: bool) -> None:  # noqa: B027 - it is the whole of it
+        """Have systemd start a group with the machine, or not; without systemd nothing does.
+
+        Args:
+            name: of the group, which is there.
+            starts: whether it is to.
+
+        Raises:
+            OSError: systemd refuses.
+        """
+
     def limit_slice(self, percent: int | None) -> None:
         """Let all groups together have no more than this, where the slice is there: the rest is for what is beside it.
 

@@ -16,6 +16,7 @@ from rarms_iac.model.operations import (
     Operation,
     RemoveDisk,
     RemovePartition,
+    SetActions,
     SetCpu,
     SetMemory,
     SetProcessors,
@@ -151,11 +152,11 @@ class LinuxHostProvider(JournaledHost):
         names = sorted(
             definition.settings.name
             for definition in definitions.values()
-            if definition.boot not in {"", self.machine.boot} and definition.settings.start_action is StartAction.START
+            if definition.boot and not self._runs(definition) and definition.settings.start_action is StartAction.START
         )
         if names:
-            message = f"{counted(len(names), 'partition')} of {self.name} ran when the machine stopped, and "
-            message += f"{in_a_row(names)} did not start with it."
+            message = f"{counted(len(names), 'partition')} of {self.name} ran until the machine stopped, or until "
+            message += f"somebody removed the control group: {in_a_row(names)}."
             advice = "`rarms apply` starts what is off, and so does the plan's script: `sh HOST.sh --boot`. Have the "
             advice += 'machine do that at each start (docs/linux.md, "After the machine starts").'
             yield OFF_SINCE_RESTART.at(None, message, advice, address=f"host/{self.name}")
@@ -220,6 +221,9 @@ class LinuxHostProvider(JournaledHost):
                     raise self._plan_again(
                         f"{definition.settings.name} is running, and only a partition that is off can be removed"
                     )
+                with self._kernel_errors(definition.settings.name):
+                    if definition.boot == self.machine.boot:  # systemd remembers a group that is off since a restart
+                        self.tree.remove(definition.group)
                 with self._report_failure(self._folder):
                     disk.current().remove(self._file(definition))
                     disk.current().flush_folder(self._folder)
@@ -233,6 +237,8 @@ class LinuxHostProvider(JournaledHost):
                 if isinstance(operation, SetProcessors | SetCpu | SetMemory) and self._runs(definition):
                     self._redefine(definition, after)
                 else:
+                    if isinstance(operation, SetActions):
+                        self._start_with_machine(after)
                     self._save(after)
 
     def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
@@ -263,7 +269,9 @@ class LinuxHostProvider(JournaledHost):
         with self._kernel_errors(settings.name):
             self._make_group(group)
             self.tree.write(group, self._values(settings))
-        self._save(replace(begun, boot=self.machine.boot))
+        started = replace(begun, boot=self.machine.boot)
+        self._start_with_machine(started)
+        self._save(started)
 
     def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
         if not self._runs(definition):
@@ -293,6 +301,12 @@ class LinuxHostProvider(JournaledHost):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
                 self.tree.write(definition.group, self._values(definition.settings))
         self._save(replace(definition, changing=False))
+
+    def _start_with_machine(self, definition: GroupDefinition) -> None:
+        if self._runs(definition):
+            with self._kernel_errors(definition.settings.name):
+                starts = definition.settings.start_action is StartAction.START
+                self.tree.start_with_machine(definition.group, starts)
 
     def _free_name(self, definition: GroupDefinition) -> str:
         name = definition.settings.name

@@ -11,6 +11,8 @@ from rarms_iac.providers.cgroups import kernel
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
+SYSTEMD_FOLDER = Path("/run/systemd/system")
+"""It is there where systemd is process 1 (sd_booted(3))."""
 
 _CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: `GroupTree.names` looks there
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
@@ -184,17 +186,23 @@ def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_
 
     Returns:
         The groups below the slice, which need not be there yet; or what is missing (where both versions lack
-        something: what version 1 lacks).
+        something: of that which lacks less).
     """
     unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
-    missing_v2 = tuple(_missing_v2(unified))
-    if version == "v2" or (version == "automatic" and not missing_v2):
-        if missing_v2:
-            return MissingFeatures(names=missing_v2)
-        return GroupTreeV2(dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_name))
-    if missing_v1 := tuple(_missing_v1(root)):
-        return MissingFeatures(names=missing_v1)
-    return GroupTreeV1({name: (root / name).resolve() / slice_name for name in _CONTROLLERS_V1})
+    systemd_runs = root == CONTROL_GROUPS and SYSTEMD_FOLDER.is_dir()
+    missing = {"v1": tuple(_missing_v1(root)), "v2": tuple(_missing_v2(unified))}
+    if version == "automatic":  # in version 1 systemd keeps no sets of processors
+        is_nearer = not missing["v2"] or len(missing["v2"]) < len(missing["v1"])
+        version = "v2" if systemd_runs or is_nearer else "v1"
+    if missing[version]:
+        return MissingFeatures(names=missing[version])
+    if version == "v1":
+        return GroupTreeV1({name: (root / name).resolve() / slice_name for name in _CONTROLLERS_V1})
+    if systemd_runs:
+        from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd, slice_unit
+
+        return GroupTreeSystemd(dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_unit(slice_name)))
+    return GroupTreeV2(dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_name))
 
 
 def _missing_v1(root: Path) -> Iterator[str]:
@@ -209,10 +217,13 @@ def _missing_v1(root: Path) -> Iterator[str]:
 
 def _missing_v2(root: Path) -> Iterator[str]:
     offered = _controllers(root)
+    if not offered:
+        yield f"version 2 of control groups at {root} (kernel parameter systemd.unified_cgroup_hierarchy=1)"
+        return
     for name in _CONTROLLERS_V2:
         if name not in offered:
-            yield f"the controller {name} of version 2 in {root / 'cgroup.controllers'}"
-    if offered and not os.access(root, os.W_OK):
+            yield f"the controller {name} of version 2 at {root} (kernel parameter cgroup_enable={name})"
+    if not os.access(root, os.W_OK):
         yield f"the right to make groups in {root}"
 
 

@@ -194,8 +194,23 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     assert [name.split(" of ")[0] for name in found.names] == ["the controller cpuset", "the controller memory"]
 
 
-def test_a_machine_without_control_groups_lacks_all_controllers(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("controllers", "version_1", "missing"),
+    [
+        ("", (), "version 2 of control groups at "),
+        ("cpuset cpu io", (), "the controller memory of version 2 at "),
+        ("", ("cpu", "memory", "cpuacct"), "the controller cpuset of version 1 at "),
+    ],
+)
+def test_what_the_nearer_version_lacks_is_named(
+    tmp_path: Path, controllers: str, version_1: tuple[str, ...], missing: str
+) -> None:
+    (tmp_path / "cgroup.controllers").write_text(controllers)
+    for name in version_1:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "cgroup.procs").touch()
+
     found = find_tree("rarms", "automatic", tmp_path)
 
     assert isinstance(found, MissingFeatures)
-    assert len(found.names) == 4
+    assert [name.startswith(missing) for name in found.names] == [True]

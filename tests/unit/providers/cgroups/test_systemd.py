@@ -1,0 +1,178 @@
+"""What systemctl is asked for where systemd is process 1, answered by a systemctl that does it in a plain folder."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActions, SetCpu, StartPartition
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.state import RunState, StartAction
+from rarms_iac.providers.cgroups import systemd, versions
+from rarms_iac.providers.cgroups.groups import GroupValues
+from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.run import LinuxHostProvider
+from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
+from tests import builders
+from tests.contracts.benches import on_linux
+
+pytestmark = pytest.mark.needs("linux")
+
+MIB = 2**20
+VISION = "rarms-face_detection.slice"
+SCOPE = Scope(application="robot", plan="0123abcd")
+SYSTEMCTL = """\
+#!/bin/sh
+# Does with folders what systemd does with control groups, and notes what it was asked for.
+cd '{folder}' || exit 1
+echo "$*" >>asked
+command=$1 unit=$2
+case $command in
+start)
+    mkdir -p "kernel/rarms.slice/$unit"
+    for group in kernel/rarms.slice "kernel/rarms.slice/$unit"; do
+        [ -e "$group/cpu.max" ] || echo 'max 100000' >"$group/cpu.max"
+        [ -e "$group/cpu.weight" ] || echo 100 >"$group/cpu.weight"
+        [ -e "$group/memory.max" ] || echo max >"$group/memory.max"
+        : >"$group/memory.stat"
+    done
+    ;;
+set-property)
+    case $unit in rarms.slice) group=kernel/$unit ;; *) group=kernel/rarms.slice/$unit ;; esac
+    shift 2
+    for property; do
+        value=${{property#*=}}
+        case $property in
+        CPUWeight=*) echo "$value" >"$group/cpu.weight" ;;
+        CPUQuota=) quota='' ;;
+        CPUQuota=*) quota=${{value%.*}} ;;
+        CPUQuotaPeriodSec=*) period=${{value%us}} && echo "${{quota:+$((quota * period / 100))}} $period" |
+            sed 's/^ /max /' >"$group/cpu.max" ;;
+        MemoryMax=*) echo "$value" | sed s/infinity/max/ >"$group/memory.max" ;;
+        esac
+    done
+    ;;
+stop) rm -rf "kernel/rarms.slice/$unit" "kernel/$unit" ;;
+add-wants) touch "units/wants-$4" ;;
+disable) rm -f "units/wants-$3" ;;
+esac
+"""
+
+
+class Lab:
+    """A folder with the kernel's files and systemd's units."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "units").mkdir()
+        (folder / "kernel").mkdir()
+        (folder / "kernel" / "cpuset.cpus.effective").write_text("0-1\n")
+        self.tree = GroupTreeSystemd(dict.fromkeys(("cpu", "cpuset", "memory"), folder / "kernel" / "rarms.slice"))
+
+    def asked(self) -> list[str]:
+        """What systemctl was asked for since the last call."""
+        text = (self.folder / "asked").read_text()
+        (self.folder / "asked").unlink()
+        return text.splitlines()
+
+    def units(self) -> list[str]:
+        return sorted(path.name for path in (self.folder / "units").iterdir())
+
+    def host(self) -> LinuxHostProvider:
+        return LinuxHostProvider(on_linux(builders.a_host()), self.folder / "state", self.tree)
+
+    def restart_machine(self) -> None:
+        """What the kernel had is gone, and systemd starts the units that the machine wants."""
+        for name in self.tree.names():
+            if f"wants-{name}" not in self.units():
+                shutil.rmtree(self.folder / "kernel" / "rarms.slice" / name)
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Lab:
+    (tmp_path / "systemctl").write_text(SYSTEMCTL.format(folder=tmp_path))
+    (tmp_path / "systemctl").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setattr(systemd, "UNITS", tmp_path / "units")
+    return Lab(tmp_path)
+
+
+def test_a_partition_is_a_unit_with_properties(lab: Lab) -> None:
+    name = lab.tree.name_for("face-detection")
+    values = GroupValues(shares_percent=80, quota_percent=33, period_us=7_777, memory=64 * MIB)
+
+    lab.tree.make(name)
+    assert (name, lab.units()) == (VISION, [VISION])
+    assert lab.asked() == ["daemon-reload", f"start {VISION}", "set-property rarms.slice CPUWeight=10000"]
+
+    lab.tree.write(name, values)
+    assert lab.asked() == [
+        f"set-property {VISION} CPUWeight=80 CPUQuota=33.00% CPUQuotaPeriodSec=7777us MemoryMax=67108864 AllowedCPUs="
+    ]
+    assert lab.tree.read(name) == lab.tree.as_kernel_shows(values)
+    assert lab.tree.read(name).quota_percent == 2566 * 100 / 7777  # systemd rounds down
+
+    lab.tree.limit_slice(180)
+    assert lab.asked() == ["set-property rarms.slice CPUQuota=180.00% CPUQuotaPeriodSec=20000us"]
+    assert lab.tree.read("").quota_percent == 180
+    assert lab.tree.place(name).words[-2:] == (f"--slice={VISION}", "--")
+    assert lab.tree.place(name).join == ()
+
+
+def test_with_the_last_unit_the_slice_goes_and_no_file_stays(lab: Lab) -> None:
+    lab.tree.make(VISION)
+    lab.tree.start_with_machine(VISION, True)
+    assert lab.units() == [VISION, f"wants-{VISION}"]
+    lab.asked()
+
+    lab.tree.remove(VISION)
+
+    stopped, slice_stopped = (f"stop {VISION}", f"revert {VISION}"), ["stop rarms.slice", "revert rarms.slice"]
+    assert lab.asked() == [stopped[0], f"disable --quiet {VISION}", stopped[1], *slice_stopped]
+    assert (lab.tree.names(), lab.units()) == ((), [])
+
+
+def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
+    (lab.folder / "systemctl").write_text("#!/bin/sh\necho 'Access denied' >&2\nexit 4\n")
+
+    with pytest.raises(OSError, match="systemctl daemon-reload: Access denied"):
+        lab.tree.make(VISION)
+
+
+def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_version_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(versions, "CONTROL_GROUPS", tmp_path)
+    monkeypatch.setattr(versions, "SYSTEMD_FOLDER", tmp_path)
+    (tmp_path / "cgroup.controllers").write_text("cpuset cpu io memory pids\n")
+
+    assert isinstance(versions.find_tree("rarms", root=tmp_path), GroupTreeSystemd)
+    (tmp_path / "cgroup.controllers").unlink()
+    missing = versions.find_tree("rarms", root=tmp_path)
+    assert isinstance(missing, versions.MissingFeatures)
+    assert "version 2 of control groups" in missing.names[0]
+    forced = versions.find_tree("rarms", "v1", root=tmp_path)
+    assert isinstance(forced, versions.MissingFeatures)
+    assert "of version 1" in forced.names[0]
+
+
+def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> None:
+    machine, host = this_machine(), lab.host()
+    for name in ("vision", "speech"):
+        host.execute(CreatePartition(partition=name, generation=2, memory=64 * MIB), SCOPE)
+        host.execute(SetCpu(partition=name, reserve=20, limit=50, weight=100), SCOPE)
+    host.execute(SetActions(partition="vision", start=StartAction.START), SCOPE)
+    for name in ("vision", "speech"):
+        host.execute(StartPartition(partition=name), SCOPE)
+    before = host.observe()
+    assert all(partition.settings.running for partition in before.partitions)
+
+    lab.restart_machine()
+
+    after = {found.settings.start_action: found for found in lab.host().observe().partitions}
+    assert machine.boot != lab.host().machine.boot == "systemd"
+    assert after[StartAction.START] in before.partitions
+    assert after[StartAction.NOTHING].state is RunState.OFF
+    host.execute(RemovePartition(partition="speech"), SCOPE)
+    assert len(lab.units()) == 2
