@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from statistics import NormalDist
-from typing import Protocol
 
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
@@ -351,18 +350,12 @@ class Walk:
         return sum(len(series.samples) for setting in self.settings for series in setting.series)
 
 
-class Measuring(Protocol):
-    """Gives the setting that a strategy asks for."""
-
-    def measure(self, step: Measure, /) -> Setting: ...
-
-
-def walk(strategy: Strategy, bench: Measuring) -> Walk:
+def walk(strategy: Strategy, setting_of: Callable[[Measure], Setting]) -> Walk:
     """What `rarms measure` measures of this component with this strategy: its loop, without a host."""
     settings: list[Setting] = []
     while len(settings) <= MOST_SETTINGS:
         step = strategy.step(settings)
         if not isinstance(step, Measure):
             return Walk(settings=tuple(settings), end=step)
-        settings.append(bench.measure(step))
+        settings.append(setting_of(step))
     raise AssertionError(f"no end after {MOST_SETTINGS} settings")

@@ -1,18 +1,13 @@
-"""`rarms explain` and `rarms report` with a data log of 1,000,000 samples: processor time and memory.
+"""`rarms explain` and `rarms report` with a data log of 1,000,000 samples: processor time and memory."""
 
-On POSIX only: Windows counts neither for a process itself.
-"""
-
-import os
 import random
-import subprocess
 import sys
 import tempfile
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchmarks.timing import Figure, report
+from benchmarks.timing import Figure, consumed, report
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.sample_columns import SampleColumns
 from rarms_iac.storage.datalog.files import append_setting, log_path, read_log
@@ -34,14 +29,6 @@ components:
 COMMANDS = (("explain", "vision"), ("report", "--out", "report.html"))
 SAMPLES = 1_000_000
 SETTINGS = 10
-SCRIPT = """
-import resource, sys
-from rarms_iac.cli.main import main
-code = main(sys.argv[1:])
-used = resource.getrusage(resource.RUSAGE_SELF)
-sys.stderr.write(f"\\n{used.ru_utime} {used.ru_stime} {used.ru_maxrss}")
-sys.exit(code)
-"""
 ROUNDS = 3
 SECONDS = 2.0
 MIB = 200.0
@@ -62,30 +49,10 @@ def series(reserve: int, dice: random.Random) -> Series:
     return Series(component="vision", samples=samples, elapsed_ms=clock, cpu_ms=20.0 * count)
 
 
-def rarms(folder: Path, *words: str) -> tuple[float, float]:
-    """One run of a command: its processor time in seconds, start-up and all, and its peak of resident memory in MiB.
-
-    NOTE: not the time that passes: the command does one thing at a time, and other programs would be counted in.
-    """
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError(f"rarms {' '.join(words)} ended with exit code {done.returncode}: {done.stderr[-2000:]}")
-    user, system, kibibytes = map(float, done.stderr.rpartition("\n")[2].split())
-    return user + system, kibibytes / 1024
-
-
 def make_cell(folder: Path) -> None:
     """The manifest with a log that was measured, and made long."""
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    rarms(folder, "measure", "--samples", "60", "--from", "50%", "--to", "50%")
+    consumed(folder, "measure", "--samples", "60", "--from", "50%", "--to", "50%")
     path = log_path(folder, "onboard", ["vision"], "busy-loop")
     log = read_log(path)
     assert log is not None, "it was measured"
@@ -97,7 +64,7 @@ def make_cell(folder: Path) -> None:
 
 def figures(folder: Path) -> Iterator[Figure]:
     for words in COMMANDS:
-        times, peaks = zip(*(rarms(folder, *words) for _ in range(ROUNDS)), strict=True)
+        times, peaks = zip(*(consumed(folder, *words) for _ in range(ROUNDS)), strict=True)
         name = f"rarms {words[0]}, a log of 1,000,000 samples"
         yield Figure(name=name, value=min(times), unit="s", at_most=SECONDS)
         yield Figure(name="its memory", value=max(peaks), unit="MiB", at_most=MIB)

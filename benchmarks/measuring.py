@@ -210,7 +210,8 @@ def _answer(bench: Bench, strategy: str) -> Answer:
     goal = goal_of(bench.experiment)
     search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100, own_settings_only=strategy == "paper")
     done = walk(
-        search if strategy == "paper" else Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), bench
+        search if strategy == "paper" else Agreeing(search=search, verifying=Verifying(goal=goal, most=100)),
+        bench.measure,
     )
     wrong, ending = False, "nothing"
     match done.end:

@@ -70,7 +70,7 @@ def results(task: tuple[str, int, float]) -> list[Result]:
     truth = component(shape, seed, noise)
     goal = goal_of(truth)
     bench = Bench(truth, goal)
-    return [_result(truth, goal, name, walk(measured(goal, name), bench)) for name in STRATEGIES]
+    return [_result(truth, goal, name, walk(measured(goal, name), bench.measure)) for name in STRATEGIES]
 
 
 def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:

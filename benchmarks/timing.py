@@ -1,14 +1,18 @@
 """Paired timing: what is compared runs in turn, so that a busy machine slows both sides alike.
 
+What a command consumes is counted on POSIX only: Windows counts neither processor time nor memory for a process itself.
+
 A benchmark gathers `Figure`s and ends with `sys.exit(report(figures))`.
 """
 
 import os
 import statistics
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 Task = Callable[[], object]
 
@@ -50,6 +54,36 @@ def seconds(task: Task) -> float:
     begun = time.perf_counter()
     task()
     return time.perf_counter() - begun
+
+
+COUNTED = """
+import resource, sys
+from rarms_iac.cli.main import main
+code = main(sys.argv[1:])
+used = resource.getrusage(resource.RUSAGE_SELF)
+sys.stderr.write(f"\\n{used.ru_utime} {used.ru_stime} {used.ru_maxrss}")
+sys.exit(code)
+"""
+
+
+def consumed(folder: Path, *words: str) -> tuple[float, float]:
+    """One run of `rarms`: its processor time in seconds, start-up and all, and its peak of resident memory in MiB.
+
+    NOTE: not the time that passes: the command does one thing at a time, and other programs would be counted in.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", COUNTED, *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"rarms {' '.join(words)} ended with exit code {done.returncode}: {done.stderr[-2000:]}")
+    user, system, kibibytes = map(float, done.stderr.rpartition("\n")[2].split())
+    return user + system, kibibytes / 1024
 
 
 def interleaved(tasks: Mapping[str, Task], *, rounds: int) -> dict[str, list[float]]:

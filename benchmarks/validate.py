@@ -1,4 +1,7 @@
-"""`validate` of 1,000 components against PyYAML's C loader on the same text, start-up aside."""
+"""Manifests of 1,000 components, start-up aside: `validate` against PyYAML's C loader on the same text, and `fmt`.
+
+`fmt` takes at most a second, and its growth to 4,000 components is linear.
+"""
 
 import sys
 import tempfile
@@ -11,12 +14,14 @@ from benchmarks.fleet import manifest
 from benchmarks.timing import Figure, interleaved, median_ratio, report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import validate
+from rarms_iac.manifest.edit.formatting import format_text
 
 ROUNDS = 15
+FORMATTED = 5
 
 
 def main() -> int:
-    text = manifest(1000)
+    text, larger = manifest(1000), manifest(4000)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rarms.yaml"
         path.write_text(text, encoding="utf-8", newline="\n")
@@ -30,6 +35,10 @@ def main() -> int:
             },
             rounds=ROUNDS,
         )
+    formatted = interleaved(
+        {"1,000": lambda: format_text(text, "rarms.yaml"), "4,000": lambda: format_text(larger, "rarms.yaml")},
+        rounds=FORMATTED,
+    )
     return report(
         [
             Figure(name="lines", value=text.count("\n"), unit="lines"),
@@ -40,6 +49,8 @@ def main() -> int:
                 value=median_ratio(times["validate"], times["yaml"]),
                 at_most=0.75,
             ),
+            Figure(name="fmt of 1,000 components", value=1000 * min(formatted["1,000"]), unit="ms", at_most=1000),
+            Figure(name="  4,000 / 1,000", value=median_ratio(formatted["4,000"], formatted["1,000"]), at_most=5),
         ]
     )
 
