@@ -508,22 +508,6 @@ def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None
     assert host.clock - begun >= 120_000
 
 
-def test_a_declined_step_leaves_out_what_builds_on_it() -> None:
-    prepared = fresh()
-    host = prepared.copy()
-    put(host, scripts_of(prepared.plan))
-
-    ran = run(host, apply_script(prepared.plan), declined=frozenset({"partition/planning"}))
-
-    assert ran.code == 1, ran.says
-    assert ran.status_of("host") == ["stopped"]
-    assert set(ran.status_of("partition/planning")) == {"skipped"}
-    assert set(ran.status_of("partition/planning/disk")) == {"skipped"}
-    assert ran.status_of("task/Localization")[-1] == "changed"
-    assert again(host, prepared).code == 0
-    assert "planning" in {vm.name for vm in host.vms.values() if not vm.id.startswith("ffff")}
-
-
 @pytest.mark.parametrize("way", ["what_if", "declined"])
 def test_an_unfinished_run_stays_open_where_closing_it_is_not_wanted(way: str) -> None:
     prepared = fresh()
@@ -544,25 +528,6 @@ def test_an_unfinished_run_stays_open_where_closing_it_is_not_wanted(way: str) -
     assert (left.code, left.status_of("host")[-1]) == (0, "skipped"), left.says
     assert (closed.code, closed.status_of("host")[-1]) == (0, "abandoned"), closed.says
     assert seen(host) == before
-
-
-def test_the_undo_script_must_lie_beside_and_be_unedited() -> None:
-    prepared = fresh()
-    for edited in (None, b"# edited\r\n"):
-        host = prepared.copy()
-        put(host, scripts_of(prepared.plan))
-        path = f"c:\\run\\{undo_script(prepared.plan)}"
-        if edited is None:
-            del host.files[path]
-        else:
-            host.files[path].data = edited
-        before = seen(host)
-
-        ran = again(host, prepared)
-
-        assert ran.code == 1
-        assert undo_script(prepared.plan) in ran.says
-        assert seen(host) == before
 
 
 def test_events_are_ascii_json_in_order() -> None:

@@ -6,19 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from tests.twin.values import (
-    EMPTY,
-    Char,
-    Enumerated,
-    Guid,
-    Long,
-    Record,
-    ScriptError,
-    Table,
-    Unsupported,
-    Value,
-    text,
-)
+from tests.twin.values import EMPTY, Char, Enumerated, Guid, Long, Record, ScriptError, Table, Unsupported, Value, text
 
 _HOLE = re.compile(r"\{\{|\}\}|\{(?P<at>[0-9]+)(?:,(?P<width>-?[0-9]+))?(?::(?P<form>[^}]*))?\}|[{}]")
 

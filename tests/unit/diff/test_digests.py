@@ -5,50 +5,12 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.diff.digests import moved_parts, part_digests
-from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.state import (
-    Checkpoints,
-    HostFacts,
-    Mark,
-    Partition,
-    PartitionSettings,
-    RegistryValue,
-    Rights,
-    RunState,
-    StartAction,
-    State,
-    StopAction,
-    TaskClass,
-    ValueKind,
-)
+from rarms_iac.model.host import SchedulerType
+from rarms_iac.model.state import Mark, Partition, RegistryValue, RunState, State, TaskClass, ValueKind
+from tests.builders_plan import facts, settings
 
-FACTS = HostFacts(
-    name="onboard",
-    id="h-1",
-    provider=ProviderKind.SIMULATED,
-    computer_name="ONBOARD",
-    os_build=26100,
-    client=False,
-    scheduler=SchedulerType.CLASSIC,
-    smt=False,
-    logical_processors=2,
-    memory=2**32,
-    rights=Rights.PROVEN,
-)
-SETTINGS = PartitionSettings(
-    name="vision",
-    generation=2,
-    processors=2,
-    reserve=40,
-    limit=100,
-    weight=100,
-    memory=2**29,
-    dynamic_memory=False,
-    start_action=StartAction.START,
-    stop_action=StopAction.SHUT_DOWN,
-    checkpoints=Checkpoints.DISABLED,
-    running=True,
-)
+FACTS = facts()
+SETTINGS = settings()
 MANAGED = Partition(
     settings=SETTINGS,
     id="aaaa",

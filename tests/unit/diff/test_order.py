@@ -8,7 +8,7 @@ from rarms_iac.diff.steps import PlannedChange
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.claims import Claim
-from rarms_iac.model.operations import SetCpu, SetMemory, StartPartition, StopPartition
+from rarms_iac.model.operations import SetCpu, SetMemory
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.state import Partition, RunState, State
@@ -44,39 +44,6 @@ def steps(system: System, state: State, limit: Disruption = Disruption.REMOVAL) 
     ordered = route(system, state, limit).ordered
     assert isinstance(ordered, OrderedSteps)
     return ordered.steps
-
-
-def test_a_lowered_reservation_comes_before_a_raised_one() -> None:
-    state = applied(shares(vision=70, speech=30), empty_state(HOST))
-
-    found = steps(shares(vision=40, speech=60), state)
-
-    assert [step.title for step in found if isinstance(step.operation, SetCpu)] == [
-        "reserve 70 -> 40 %",
-        "reserve 30 -> 60 %",
-    ]
-    assert "gives back" not in found[0].title
-    assert found[0].comment.endswith("what is given back comes before what is taken")
-
-
-def test_a_partition_that_is_no_longer_wanted_stops_before_another_starts_in_its_place() -> None:
-    state = applied(shares(vision=70), empty_state(HOST))
-
-    found = [
-        step for step in steps(shares(speech=60), state) if isinstance(step.operation, StopPartition | StartPartition)
-    ]
-
-    assert [(str(step.address), step.title) for step in found] == [
-        ("partition/vision", "stop it (asked; after 120 s turned off)"),
-        ("partition/speech", "start it"),
-    ]
-
-
-def test_the_most_critical_partition_starts_first() -> None:
-    found = steps(shares(zeta=10, alpha=10), empty_state(HOST))
-
-    started = [step.address.partition for step in found if isinstance(step.operation, StartPartition)]
-    assert started == ["zeta", "alpha"]
 
 
 def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() -> None:

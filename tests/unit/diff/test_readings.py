@@ -4,53 +4,14 @@ from dataclasses import replace
 
 from rarms_iac.diff.readings import NOTHING, readings, resolve
 from rarms_iac.model.changes import Address
-from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.state import (
-    Checkpoints,
-    HostFacts,
-    Mark,
-    Partition,
-    PartitionSettings,
-    RegistryValue,
-    Rights,
-    RunState,
-    StartAction,
-    State,
-    StopAction,
-    TaskClass,
-    TaskRecord,
-    ValueKind,
-)
+from rarms_iac.model.state import Mark, Partition, RegistryValue, RunState, State, TaskClass, TaskRecord, ValueKind
+from tests.builders_plan import facts, settings
 
 SCOPE = Scope(application="robot", plan="0123456789ab")
-FACTS = HostFacts(
-    name="onboard",
-    id="11111111-0000-0000-0000-000000000000",
-    provider=ProviderKind.SIMULATED,
-    computer_name="onboard",
-    os_build=26100,
-    client=False,
-    scheduler=SchedulerType.CLASSIC,
-    smt=False,
-    logical_processors=2,
-    memory=4 << 30,
-    rights=Rights.PROVEN,
-)
-SETTINGS = PartitionSettings(
-    name="vision",
-    generation=2,
-    processors=2,
-    reserve=40,
-    limit=100,
-    weight=100,
-    memory=512 << 20,
-    dynamic_memory=False,
-    start_action=StartAction.START,
-    stop_action=StopAction.SHUT_DOWN,
-    checkpoints=Checkpoints.DISABLED,
-    running=True,
-)
+
+FACTS = facts()
+SETTINGS = settings()
 MARK = Mark(application="robot", name="vision", machine="aaaaaaaa", set="0" * 12)
 MANAGED = Partition(settings=SETTINGS, id="aaaaaaaa-1", state=RunState.RUNNING, mark=MARK)
 STRANGER = Partition(settings=SETTINGS, id="bbbbbbbb-1", state=RunState.RUNNING)

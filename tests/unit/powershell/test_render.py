@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.changes import Adopt, Change
+from rarms_iac.model.changes import Change
 from rarms_iac.model.moves import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
-from rarms_iac.powershell.render import render_apply, render_observe, render_scripts, render_undo, script_name
-from rarms_iac.powershell.templates import fill, part_text, runtime
+from rarms_iac.powershell.render import render_apply, render_scripts, render_undo, script_name
+from rarms_iac.powershell.templates import fill, part_text
 from rarms_iac.providers.marks import mark_for, write_mark
 from tests import builders_plan as build
 from tests.unit.powershell.hostile import hostile_texts
@@ -51,92 +51,12 @@ def test_a_script_knows_its_undo_by_its_bytes() -> None:
     assert f"Undo = '{script_name(on, undo=True)}'" in steps_of(render_apply(on, plan))
 
 
-def test_every_script_carries_the_same_runtime() -> None:
-    parts = {
-        script.decode("ascii").count(runtime().replace("\n", "\r\n"))
-        for script in render_scripts(*rendered_plan()).values()
-    }
-
-    assert parts == {1}
-
-
-def test_a_reserve_is_one_readable_call_under_the_banner_of_its_partition() -> None:
-    (change, *_) = all_changes()
-
-    text = steps_of(render_apply(*rendered_plan([change])))
-
-    assert re.search(r"\n    # === vision: the manifest wants it \(rarms\.yaml:31:5\) =+\n", text)
-    assert (
-        "-Action 'reserve 70 -> 40 %, weight 100 -> 200; mark it as robot/vision, set aaaaaaaaaaaa' -Before @{" in text
-    )
-    assert "limit = 100; mark = 'robot/vision'; reserve = 70; set = '" in text
-    call = "        Hyper-V\\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n"
-    assert f"-Set {{\n{call}        Write-Mark\n    }}\n" in text
-
-
-def test_a_mark_alone_is_one_line() -> None:
-    (adoption,) = (change for change in all_changes() if isinstance(change, Adopt))
-
-    (line,) = (line for line in steps_of(render_apply(*rendered_plan([adoption]))).split("\n") if "Write-Mark" in line)
-
-    assert line.startswith("    Add-Step -Action 'mark it as robot/kiosk, set aaaaaaaaaaaa' -Before @{ ")
-    assert line.endswith("-After @{ mark = 'robot/kiosk'; set = 'aaaaaaaaaaaa' } -Set { Write-Mark }")
-
-
-def test_making_a_machine_is_four_guarded_steps() -> None:
-    new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
-
-    text = steps_of(render_apply(*rendered_plan([new])))
-
-    assert calls_in(text) == ["Hyper-V\\New-VM", "Hyper-V\\New-VHD", "Add-PartitionDisk", "Hyper-V\\Start-VM"]
-    (settings,) = re.findall(r"-Set \{\n((?:        .+\n){5,})    \}", text)
-    assert re.findall(r"^ +([\w\\-]+)", settings, re.MULTILINE) == [
-        "Add-PartitionDisk",
-        "Hyper-V\\Set-VMMemory",
-        "Clear-NetworkAdapter",
-        "Hyper-V\\Set-VMFirmware",
-        "Write-Mark",
-        "Hyper-V\\Set-VMProcessor",
-        "Hyper-V\\Set-VM",
-        "Hyper-V\\Rename-VM",
-    ]
-    assert "-Name (Get-PendingName -Name 'planning')" in text
-    assert "Hyper-V\\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912\n" in text
-    assert "exists = $false; taken = $false" in text
-    asked = "-Fits { Test-Capacity -Processors 2 -Reserve 40 -Memory 536870912 }"
-    assert text.count(asked) == text.count("-Fits") == 1
-
-
-def calls_in(plan: str) -> list[str]:
-    """The first call of each `Set` block."""
-    return re.findall(r"-Set \{\s+([\w\\-]+)", plan)
-
-
 def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
     text = steps_of(render_apply(*rendered_plan([new], image="D:\\images\\old.VHD")))
 
     assert "-Name 'planning' -Type 'vhd') -ParentPath 'D:\\images\\old.VHD' -Differencing\n" in text
-
-
-def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
-    new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
-
-    text = steps_of(render_undo(*rendered_plan([new])))
-
-    assert calls_in(text) == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM", "Clear-DiskFile"]
-    assert re.findall(r"-Undoes (\d+)", text) == ["3", "0", "0"]
-    actions = [action.split(" that")[0] for action in re.findall(r"-Action '([^']+)'", text)]
-    assert actions == ["stop it", "remove the machine", "delete the disk"]
-
-
-def test_a_task_class_is_written_value_by_value_with_types() -> None:
-    text = steps_of(render_apply(*rendered_plan()))
-
-    assert "Write-TaskValue -Task 'MotionControl' -Name 'Priority' -Type 'DWord' -Value 5\n" in text
-    assert "Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'\n" in text
-    assert "Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest 'bbbbbbbbbbbb' -Before 'null'" in text
 
 
 def test_nothing_that_a_value_says_changes_the_structure() -> None:
@@ -159,12 +79,6 @@ def test_a_template_that_asks_for_more_fails() -> None:
 
     with pytest.raises(UndefinedError):
         fill("script.ps1.j2", {"requirements": [], "name": "", "plan": [], "fixed": []})
-
-
-def test_the_observe_script_has_no_values() -> None:
-    assert render_observe() == render_observe()
-    assert b"#Requires -Version 5.1\r\n" in render_observe()
-    assert render_observe().count(b"#Requires") == 1
 
 
 def test_the_runtime_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
