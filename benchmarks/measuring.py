@@ -27,16 +27,7 @@ from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
 from rarms_iac.model.measurement import Series, Setting, run_of
-from rarms_iac.model.outcomes import (
-    ExperimentStep,
-    Measure,
-    Met,
-    Missed,
-    NotAchievable,
-    Sufficient,
-    Swept,
-    Verdict,
-)
+from rarms_iac.model.outcomes import ExperimentStep, Measure, Met, Missed, NotAchievable, Sufficient, Swept, Verdict
 from rarms_iac.model.run import Elapsed
 from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost

@@ -26,13 +26,7 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.explain import evident_causes
 from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
 from rarms_iac.planner.problem import Problem, problem_of
-from rarms_iac.planner.reservations import (
-    FixedReservations,
-    NotMeasured,
-    ReservationSource,
-    fixed,
-    rests_on_a_log,
-)
+from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource, fixed, rests_on_a_log
 from rarms_iac.planner.sizes import unmeasured
 
 NOT_YET_MEASURED = Finding(code="RARMS101", severity=Severity.NOTE, summary="The reserve has not been measured yet")

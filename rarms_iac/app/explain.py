@@ -35,12 +35,7 @@ from rarms_iac.planner.alternatives import ChosenPlace, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning
 from rarms_iac.planner.problem import HostView, by_name
-from rarms_iac.planner.reservations import (
-    MeasuredTogether,
-    NotMeasured,
-    names_of,
-    rests_on_a_log,
-)
+from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
 from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog

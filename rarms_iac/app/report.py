@@ -4,14 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import (
-    bench_now,
-    compare_log,
-    measured_reservations,
-    measurements_of,
-    path_of,
-    subject_of,
-)
+from rarms_iac.app.data_logs import bench_now, compare_log, measured_reservations, measurements_of, path_of, subject_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown

@@ -10,13 +10,7 @@ from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.diff.readings import record_readings, values_readings
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.operations import (
-    EraseTaskRecord,
-    Operation,
-    RemoveTaskClass,
-    WriteTaskClass,
-    WriteTaskRecord,
-)
+from rarms_iac.model.operations import EraseTaskRecord, Operation, RemoveTaskClass, WriteTaskClass, WriteTaskRecord
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.state import RegistryValue, Responsiveness, TaskClass, TaskRecord
 

@@ -4,13 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from math import ceil
 
-from rarms_iac.model.operations import (
-    CreatePartition,
-    RemovePartition,
-    StartPartition,
-    StopPartition,
-    WriteMark,
-)
+from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, StopPartition, WriteMark
 from rarms_iac.model.plan import Step
 
 _TOLD_BY_A_WORD = (CreatePartition, RemovePartition, StartPartition, StopPartition, WriteMark)

@@ -10,14 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.applying.refusals import UNDO_PARTIAL
-from rarms_iac.applying.run_report import (
-    NO_COMPONENTS,
-    HostReport,
-    ReportedStep,
-    RunEnding,
-    RunReport,
-    RunReporter,
-)
+from rarms_iac.applying.run_report import NO_COMPONENTS, HostReport, ReportedStep, RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel

@@ -10,17 +10,7 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES, run_checks
 from rarms_iac.model.diagnostics import Severity, in_order
 from rarms_iac.model.system import Acceptance, Policy, RunsOn, System, TaskCategory
-from tests.builders import (
-    PathPlaces,
-    a_component,
-    a_cpu,
-    a_host,
-    a_partition,
-    a_simulation,
-    a_system,
-    a_task,
-    codes,
-)
+from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_partition, a_simulation, a_system, a_task, codes
 
 TODAY = date(2026, 1, 1)
 ADDRESS = re.compile(r"(application|component|host|interference|partition|task)/[A-Za-z0-9][A-Za-z0-9 -]*")

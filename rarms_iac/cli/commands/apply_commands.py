@@ -5,13 +5,7 @@ from collections.abc import Sequence
 import click
 from click.core import ParameterSource
 
-from rarms_iac.app.applying import (
-    abandon_runs,
-    combine_reports,
-    describe_changed_manifest,
-    hosts_to_apply,
-    manifest_of,
-)
+from rarms_iac.app.applying import abandon_runs, combine_reports, describe_changed_manifest, hosts_to_apply, manifest_of
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts

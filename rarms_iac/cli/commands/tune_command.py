@@ -22,12 +22,7 @@ from rarms_iac.cli.options import (
     stop_option,
     with_options,
 )
-from rarms_iac.cli.prompts import (
-    TerminalCombiningPrompt,
-    refuse_standard_input,
-    refuse_without_terminal,
-    stop_consent,
-)
+from rarms_iac.cli.prompts import TerminalCombiningPrompt, refuse_standard_input, refuse_without_terminal, stop_consent
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.storage.datalog.tuning import TuningStrategy

@@ -13,11 +13,7 @@ from rarms_iac.planner.combining.candidates import (
     candidates_of,
     informed,
 )
-from rarms_iac.planner.combining.guiding import (
-    Guide,
-    guide_of,
-    raises_most,
-)
+from rarms_iac.planner.combining.guiding import Guide, guide_of, raises_most
 from rarms_iac.planner.combining.layouts import LayoutChoice, Layouts, Objective
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry, Sharing

@@ -6,13 +6,7 @@ from fractions import Fraction
 
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.layout import Cause, Infeasible
-from rarms_iac.model.quantities import (
-    LogicalProcessors,
-    show_bytes,
-    show_lp_percent,
-    show_percent,
-    show_processors,
-)
+from rarms_iac.model.quantities import LogicalProcessors, show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts

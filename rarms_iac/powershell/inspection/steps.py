@@ -12,17 +12,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.powershell.inspection.allowed import words
 from rarms_iac.powershell.inspection.script import CommandCall, Script, call_of
-from rarms_iac.powershell.templates import (
-    FACTS,
-    PLAN,
-    STEP_CALL,
-    TARGET,
-    VM,
-    StepText,
-    fill,
-    step_lines,
-    target_line,
-)
+from rarms_iac.powershell.templates import FACTS, PLAN, STEP_CALL, TARGET, VM, StepText, fill, step_lines, target_line
 from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of
 
 if TYPE_CHECKING:

@@ -1,12 +1,7 @@
 """Every kind of output there is. Only the schema needs them all: a command imports what it prints."""
 
 from rarms_iac.views.output.combining import CandidatesOutput, GraphOutput, TuneOutput
-from rarms_iac.views.output.common import (
-    ExplanationOutput,
-    FindingsOutput,
-    FmtOutput,
-    WrittenOutput,
-)
+from rarms_iac.views.output.common import ExplanationOutput, FindingsOutput, FmtOutput, WrittenOutput
 from rarms_iac.views.output.hosts import (
     ComponentRunOutput,
     DoctorOutput,

@@ -6,14 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.loop import (
-    LoopResult,
-    MeasuringContext,
-    MeasuringReporter,
-    SettingsLog,
-    Strategy,
-    measure,
-)
+from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, Strategy, measure
 from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import is_clear

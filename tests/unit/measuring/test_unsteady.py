@@ -12,13 +12,7 @@ import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.loop import (
-    LoopResult,
-    MeasuringContext,
-    MeasuringReporter,
-    SettingsLog,
-    measure,
-)
+from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, measure
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.search import STRATEGIES

@@ -24,16 +24,7 @@ from scripts.linux_evaluation import (
     rules,
 )
 from scripts.linux_evaluation_page import Findings, Trial, page
-from scripts.linux_experiments import (
-    PAIRS,
-    Experiment,
-    Log,
-    Record,
-    meets,
-    percentile,
-    value_of,
-    values_of,
-)
+from scripts.linux_experiments import PAIRS, Experiment, Log, Record, meets, percentile, value_of, values_of
 from scripts.linux_verdicts import VerdictCount, count_verdicts
 from tests.builders import a_component, at_most
 

@@ -2,18 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import (
-    BAD,
-    UNLIMITED,
-    columns,
-    indented,
-    paragraph,
-    render,
-    stack,
-    styled,
-    table,
-    visible,
-)
+from rarms_iac.views.console import BAD, UNLIMITED, columns, indented, paragraph, render, stack, styled, table, visible
 
 
 def lines(content: object, width: int = 80) -> list[str]:

@@ -4,12 +4,7 @@ import pytest
 
 from rarms_iac.model.host import Connect, HypervHost, ProviderKind
 from rarms_iac.model.system import HypervPartition
-from tests.builders import (
-    a_component,
-    a_host,
-    a_partition,
-    a_system,
-)
+from tests.builders import a_component, a_host, a_partition, a_system
 from tests.unit.manifest.checks.violations import details, found
 
 VISION = a_component("vision", criticality=30)

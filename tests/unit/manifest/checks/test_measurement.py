@@ -6,14 +6,7 @@ import pytest
 from rarms_iac.manifest.checks.measurement import pattern_groups, samples_needed
 from rarms_iac.model.run import Call, Elapsed, Field, Run, SampleCount, Samples
 from rarms_iac.model.system import System, Threshold
-from tests.builders import (
-    a_component,
-    a_run,
-    a_system,
-    at_least,
-    at_most,
-    milliseconds,
-)
+from tests.builders import a_component, a_run, a_system, at_least, at_most, milliseconds
 from tests.unit.manifest.checks.violations import details, found
 
 RESPONSE = Field(name="ms")

@@ -1,12 +1,7 @@
 import pytest
 
 from rarms_iac.model.host import ProviderKind
-from tests.builders import (
-    a_component,
-    a_host,
-    a_partition,
-    a_system,
-)
+from tests.builders import a_component, a_host, a_partition, a_system
 from tests.unit.manifest.checks.violations import found
 
 BIG = a_host("big", logical_processors=8, memory="64 GiB")

@@ -1,14 +1,7 @@
 import pytest
 
 from rarms_iac.model.system import System
-from tests.builders import (
-    a_component,
-    a_cpu,
-    a_host,
-    a_partition,
-    a_simulation,
-    a_system,
-)
+from tests.builders import a_component, a_cpu, a_host, a_partition, a_simulation, a_system
 from tests.unit.manifest.checks.violations import details, found
 
 BIG = a_host("big", logical_processors=8, memory="64 GiB")

@@ -3,12 +3,7 @@ import pytest
 from rarms_iac.manifest.checks.secrets import is_reference
 from rarms_iac.model.run import FromEnvironment
 from rarms_iac.model.system import Guest
-from tests.builders import (
-    a_component,
-    a_partition,
-    a_run,
-    a_system,
-)
+from tests.builders import a_component, a_partition, a_run, a_system
 from tests.unit.manifest.checks.violations import details, found
 
 

@@ -1,18 +1,7 @@
 import pytest
 
-from rarms_iac.model.system import (
-    RunsOn,
-    System,
-    TaskCategory,
-    TaskRequest,
-)
-from tests.builders import (
-    a_component,
-    a_host,
-    a_partition,
-    a_system,
-    a_task,
-)
+from rarms_iac.model.system import RunsOn, System, TaskCategory, TaskRequest
+from tests.builders import a_component, a_host, a_partition, a_system, a_task
 from tests.unit.manifest.checks.violations import details, found
 
 

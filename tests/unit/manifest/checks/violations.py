@@ -3,12 +3,8 @@
 from datetime import date
 
 from rarms_iac.manifest.checks import run_checks
-from rarms_iac.model.system import (
-    System,
-)
-from tests.builders import (
-    PathPlaces,
-)
+from rarms_iac.model.system import System
+from tests.builders import PathPlaces
 
 
 def found(system: System) -> list[tuple[str, str]]:

@@ -4,12 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.combining.oracle import Coi, Members
-from rarms_iac.planner.combining.paper import (
-    SUCCESSFUL,
-    UNABLE,
-    Inquiry,
-    tune_performance_to_use_less_resource,
-)
+from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry, tune_performance_to_use_less_resource
 
 
 @dataclass

@@ -5,13 +5,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.providers.hyperv.observation import (
-    HostObservation,
-    ReadProbe,
-    UnreadProbe,
-    is_observation,
-    or_else,
-)
+from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe, UnreadProbe, is_observation, or_else
 from rarms_iac.storage.codec import NotDecodable
 from tests.recorded_hosts import NAMES, document, read_observation, recorded, recorded_bytes
 

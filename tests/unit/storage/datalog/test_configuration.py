@@ -3,14 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage.datalog.configuration import (
-    Chosen,
-    Proven,
-    ProvenIndex,
-    append_entry,
-    last_chosen,
-    read_entries,
-)
+from rarms_iac.storage.datalog.configuration import Chosen, Proven, ProvenIndex, append_entry, last_chosen, read_entries
 from rarms_iac.storage.datalog.files import LogUnreadable, configuration_path
 from tests.builders_measured import a_bench, a_subject
 

@@ -6,14 +6,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.datalog.files import LogUnreadable
-from rarms_iac.storage.datalog.tuning import (
-    TrailSetting,
-    TunedPartition,
-    TuningRun,
-    append_run,
-    read_runs,
-    tuning_path,
-)
+from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun, append_run, read_runs, tuning_path
 
 RUN = TuningRun(
     when="2026-11-21T12:00:00Z",
