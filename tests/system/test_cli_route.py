@@ -10,7 +10,6 @@ import pytest
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.model.journal import RunClosed
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
 from tests.unit.cli.running import Ran, rarms
@@ -113,35 +112,6 @@ def test_a_written_plan_is_shown_and_applied_once(robot: Robot) -> None:
     assert "error[RARMS181]" in second.err
 
 
-def test_a_plan_that_was_edited_is_refused(robot: Robot) -> None:
-    plan = Path(robot.planned())
-    plan.write_bytes(plan.read_bytes().replace(b'"reserve": 30', b'"reserve": 31'))
-
-    for command in ("show", "apply"):
-        answer = rarms(command, str(plan))
-        assert answer.code == 3
-        assert "error[RARMS180]" in answer.err
-
-
-def test_a_plan_is_refused_when_the_host_has_moved(robot: Robot) -> None:
-    robot.applied().edit("reserve: 30 %", "reserve: 35 %")
-    plan = robot.planned()
-    robot.somebody_sets_a_reserve("display", 11)
-
-    answer = rarms("apply", plan)
-
-    assert answer.code == 3
-    assert "error[RARMS182]" in answer.err
-
-
-def test_apply_without_a_terminal_wants_approval_and_changes_nothing(robot: Robot) -> None:
-    answer = robot.run("apply", stdin="yes\n")
-
-    assert answer.code == 64
-    assert "--auto-approve" in answer.err
-    assert robot.run("plan").code == 2
-
-
 def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     robot.fails_at("start_partition")
 
@@ -217,19 +187,6 @@ def test_another_plan_is_refused_while_a_run_is_unfinished(robot: Robot) -> None
 
     assert answer.code == 3
     assert "error[RARMS183]" in answer.err
-
-
-def test_an_unfinished_run_can_be_abandoned(robot: Robot) -> None:
-    robot.fails_at("start_partition")
-    assert robot.run("apply", "--auto-approve").code == 1
-
-    answer = robot.run("apply", "--abandon")
-
-    assert answer.code == 0
-    assert answer.err == "onboard: the unfinished run is closed, and the host stays as it is.\n"
-    journal = robot.host().journal()
-    assert journal is not None
-    assert isinstance(journal.closed, RunClosed)
 
 
 def test_a_held_host_is_refused_with_the_name_of_who_holds_it(robot: Robot) -> None:
@@ -354,32 +311,6 @@ def test_destroy_removes_what_is_ours(robot: Robot) -> None:
     assert robot.host().observe().partitions == ()
 
 
-def test_destroy_with_out_writes_the_plan_and_changes_nothing(robot: Robot) -> None:
-    path = robot.folder / "destroy.plan"
-
-    answer = robot.applied().run("destroy", "--out", str(path))
-
-    assert answer.code == 2
-    assert path.is_file()
-    assert robot.run("plan").code == 0
-
-
-def test_a_released_partition_stays_and_is_taken_over_again(robot: Robot) -> None:
-    robot.applied()
-    assert robot.run("release", "control", "--auto-approve").code == 0
-    machine = next(partition for partition in robot.host().observe().partitions if partition.settings.name == "control")
-    blocked = robot.run("plan")
-
-    taken = robot.run("import", "control", "--id", machine.id, "--auto-approve")
-
-    assert machine.mark is None
-    assert blocked.code == 4
-    assert f"rarms import control --id {machine.id}" in " ".join(blocked.err.split())
-    assert taken.code == 0
-    assert taken.lines[-1] == "Plan: 0 to add, 0 to change, 0 to remove, 1 to adopt."
-    assert robot.run("plan").code == 0
-
-
 def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
     robot.applied()
     snapshot = robot.folder / "onboard.json"
@@ -411,15 +342,6 @@ def test_a_manifest_with_errors_stops_every_command_but_validate(robot: Robot) -
         assert answer.code == 4, command
         assert "Did you mean" in answer.err
     assert robot.run("validate").code == 2
-
-
-def test_what_does_not_fit_is_a_no(robot: Robot) -> None:
-    robot.edit("reserve: 30 %", "reserve: 95 %")
-
-    answer = robot.run("plan")
-
-    assert answer.code == 4
-    assert answer.out == ""
 
 
 def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None:

@@ -11,8 +11,7 @@ from rarms_iac.model.host import Fault, FaultEffect, SimulatedHost
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
-from rarms_iac.model.system import Disruption, PartitionRequest
-from tests.builders import a_component, a_host, a_partition, a_system, codes, the_delivery_robot
+from tests.builders import a_component, a_host, a_system, codes, the_delivery_robot
 from tests.lab import Countdown, Lab, a_lab, without_serials
 
 OURS = Scope(application="robot", plan="")
@@ -39,16 +38,6 @@ def somebody_sets_the_reserve(lab: Lab, reserve: int) -> None:
     lab.hosts["onboard"].execute(SetCpu(partition="vision", reserve=reserve, limit=100, weight=100), OURS)
 
 
-def test_a_plan_is_used_once(lab: Lab) -> None:
-    plan = lab.plan()
-
-    assert lab.apply(plan).ending is RunEnding.DONE
-    again = lab.apply(plan)
-
-    assert again.ending is RunEnding.REFUSED
-    assert codes(again.diagnostics) == ["RARMS181"]
-
-
 def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
     old = lab.plan()
     lab.apply(with_reserve(lab, "20 %").plan())
@@ -57,27 +46,6 @@ def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
     (refusal,) = lab.apply(old).diagnostics
     assert refusal.code == "RARMS181"
     assert refusal.summary == "The plan was used, or another run came after it was made"
-
-
-def test_a_host_that_moved_is_refused_and_the_parts_are_named(lab: Lab) -> None:
-    lab.apply(lab.plan())
-    plan = with_reserve(lab, "20 %").plan()
-    somebody_sets_the_reserve(lab, 25)
-    before = lab.observe()
-
-    report = lab.apply(plan)
-
-    assert codes(report.diagnostics) == ["RARMS182"]
-    assert "partition/vision has changed" in report.diagnostics[0].detail
-    assert lab.observe() == before
-
-
-def test_another_plan_does_not_start_on_an_unfinished_run(lab: Lab) -> None:
-    lab.apply(lab.plan(), Countdown(5))
-
-    report = lab.apply(with_reserve(lab, "20 %").plan())
-
-    assert (report.ending, codes(report.diagnostics)) == (RunEnding.REFUSED, ["RARMS183"])
 
 
 def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
@@ -188,18 +156,6 @@ def test_all_hosts_are_looked_at_before_the_first_step() -> None:
         assert lab.observe() == before
 
 
-def test_undo_says_when_there_is_nothing_to_undo(lab: Lab) -> None:
-    (nothing,) = lab.undo()
-    assert (nothing.ending, codes(nothing.diagnostics)) == (RunEnding.NOTHING, ["RARMS192"])
-    lab.apply(lab.plan())
-    assert [report.ending for report in lab.undo()] == [RunEnding.DONE]
-
-    (again,) = lab.undo()
-
-    assert again.ending is RunEnding.NOTHING
-    assert "undo of plan" in again.diagnostics[0].detail
-
-
 def told(lab: Lab) -> list[str]:
     journal = lab.hosts["onboard"].journal()
     assert journal is not None
@@ -235,15 +191,6 @@ def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) 
     assert without_serials(lab.observe()) == without_serials(before)
 
 
-def test_destroy_leaves_nothing_of_ours(lab: Lab) -> None:
-    lab.apply(lab.plan())
-
-    report = lab.apply(lab.plan(purpose=Purpose.DESTROY))
-
-    assert report.ending is RunEnding.DONE
-    assert lab.observe()["onboard"].partitions == ()
-
-
 def test_undo_of_destroy_says_what_is_gone_and_blocks_nothing(lab: Lab) -> None:
     lab.apply(lab.plan())
     lab.apply(lab.plan(purpose=Purpose.DESTROY))
@@ -267,25 +214,6 @@ def test_undo_of_destroy_passes_over_the_task_classes_that_went_with_a_machine()
 
         assert report.ending is RunEnding.DONE
         assert lab.observe()["onboard"].partitions == ()
-
-
-def test_destroy_of_a_target_leaves_the_rest(lab: Lab) -> None:
-    lab.apply(lab.plan())
-
-    lab.apply(lab.plan(purpose=Purpose.DESTROY, targets=("partition/speech",)))
-
-    assert [partition.settings.name for partition in lab.observe()["onboard"].partitions] == ["vision"]
-
-
-def test_what_is_protected_is_not_destroyed() -> None:
-    kept: list[PartitionRequest] = [a_partition("vision", components=["vision"], protect=True)]
-    with a_lab(a_system(hosts=[a_host("onboard")], components=[VISION], partitions=kept)) as lab:
-        lab.apply(lab.plan())
-
-        prepared = lab.prepare(purpose=Purpose.DESTROY)
-
-        assert prepared.plan is None
-        assert codes(prepared.findings) == ["RARMS152"]
 
 
 def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> None:
@@ -338,17 +266,3 @@ def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
     prepared = lab.prepare(purpose=Purpose.IMPORT, partition="ears", machine=machine)
 
     assert codes(prepared.findings) == ["RARMS196"]
-
-
-def test_what_disturbs_too_much_is_held_back_and_the_rest_is_planned(lab: Lab) -> None:
-    lab.apply(lab.plan())
-    more = a_component("vision", criticality=9, reserve="40 %", memory="512 MiB", processors=1)
-    less = a_component("speech", criticality=5, reserve="10 %", memory="512 MiB")
-    wanted = lab.wanting(a_system(hosts=[a_host("onboard")], components=[more, less]))
-
-    plan = wanted.plan(max_disruption=Disruption.LIVE)
-
-    (part,) = plan.hosts
-    assert [str(change.change.address) for change in part.held_back] == ["partition/vision"]
-    assert {str(step.address) for step in part.steps} == {"partition/speech"}
-    assert plan.has_changes

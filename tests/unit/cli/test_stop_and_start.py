@@ -138,15 +138,6 @@ def test_a_name_that_no_host_has_is_refused() -> None:
     assert running() == ["speech", "vision"]
 
 
-def test_prove_says_how_stopped_partitions_come_back() -> None:
-    assert rarms("stop", "vision", "--auto-approve").code == 0
-
-    refused = rarms("prove")
-
-    assert refused.code == 3
-    assert "`rarms start vision`" in refused.err
-
-
 def test_what_was_stopped_stays_promised_while_another_is_removed() -> None:
     assert rarms("stop", "vision", "--auto-approve").code == 0
 

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.changes import Adopt, Change, Release
-from rarms_iac.model.operations import RemovePartition, StartPartition, StopPartition
+from rarms_iac.model.changes import Change
+from rarms_iac.model.operations import RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, ThreadClass, Undo, UndoLevel
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.console import render
@@ -11,11 +11,9 @@ from rarms_iac.views.plan import plan_text, summary
 from tests.builders import a_component, a_host, a_system
 from tests.builders_plan import (
     a_rich_plan,
-    address_of,
     because,
     create,
     delete,
-    held,
     host_plan,
     partition,
     plan,
@@ -41,22 +39,6 @@ def test_no_changes_is_one_line() -> None:
     assert summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing on the host is of this application."
 
 
-def test_the_last_line_counts() -> None:
-    assert lines_of(a_rich_plan())[-1] == "Plan: 2 to add, 2 to change, 1 to remove. 1 held back."
-
-
-def test_adopted_and_released_partitions_are_counted_apart() -> None:
-    ours, theirs = partition(), partition(application=None)
-    adopt = Adopt(address=address_of(theirs), before=theirs, after=ours, reason=because())
-    release = Release(address=address_of(ours), before=ours, after=theirs, reason=because())
-
-    shown = lines_of(plan(host_plan(changes=[adopt, release])))
-
-    assert shown[-1] == "Plan: 0 to add, 0 to change, 0 to remove, 1 to adopt, 1 to release."
-    assert "  > vision  mark none -> robot/vision" in shown
-    assert "  < vision  mark robot/vision -> none" in shown
-
-
 def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memory() -> None:
     part = replace(
         host_plan(changes=[create(partition(settings(processors=1, reserve=30))), create(task(inside="vision"))]),
@@ -76,28 +58,6 @@ def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_r
     assert "      reserve         70 % -> 40 %" in shown
 
 
-def test_a_stop_says_how_long_it_may_take() -> None:
-    before, after = partition(settings(processors=1, reserve=20)), partition(settings(processors=2, reserve=10))
-    change = update(before, after, disruption=Disruption.PARTITION_STOP)
-    steps = [
-        step(change.address, operation=StopPartition(partition="vision", grace_ms=60_000)),
-        step(change.address, operation=StartPartition(partition="vision")),
-    ]
-
-    shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
-
-    assert "~ vision processors 1 -> 2, reserve 20 % -> 10 %; stopped for up to 1 min to shut down, then for" in shown
-
-
-def test_a_removal_says_how_long_the_machine_has_to_shut_down() -> None:
-    change = delete(partition(settings()))
-    steps = [step(change.address, operation=StopPartition(partition="vision", grace_ms=60_000))]
-
-    shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
-
-    assert "removed; up to 1 min to shut down" in shown
-
-
 def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
     before, after = partition(settings(processors=1, reserve=20)), partition(settings(processors=2, reserve=10))
 
@@ -105,12 +65,6 @@ def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
 
     assert "  ~ vision, stops the partition  (rarms.yaml:31)" in shown
     assert any(line.split() == ["processors", "1", "->", "2", "(forces", "restart)"] for line in shown)
-
-
-def test_a_live_change_forces_nothing() -> None:
-    shown = shown_alone(update(partition(settings(ram="512 MiB")), partition(settings(ram="1 GiB"))))
-
-    assert "  ~ vision  memory 512 MiB -> 1 GiB" in shown
 
 
 def test_what_must_be_made_again_says_so_and_counts_twice() -> None:
@@ -128,15 +82,6 @@ def test_a_reserve_is_shown_as_a_share_of_the_host_where_that_is_another_number(
 
     assert "      reserve         30 %       (0.3 LP, 15 % of the host)" in narrow
     assert "      reserve         30 %" in wide
-
-
-@pytest.mark.parametrize(("disks", "note"), [(0, "removed"), (1, "removed, disks stay")])
-def test_a_removal_says_that_disks_stay_where_there_are_some(disks: int, note: str) -> None:
-    change = delete(partition())
-    operation = RemovePartition(partition="vision", machine="an id")
-    steps = [replace(step(change.address, operation=operation), before={"disks": disks})]
-
-    assert f"  - vision  40 %  0.8 LP  512 MiB  {note}" in lines_of(plan(host_plan(changes=[change], steps=steps)))
 
 
 def test_a_long_list_of_components_continues_below_its_column_within_80_columns() -> None:
@@ -180,14 +125,6 @@ def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:
     text = " ".join(" ".join(shown_alone(change)).split())
 
     assert "~ task/MotionControl Priority 3 (dword) -> 5 (dword); when the host starts again" in text
-
-
-def test_held_back_changes_are_listed_apart_with_why() -> None:
-    shown = lines_of(plan(host_plan(held_back=[held(create(partition()), "because")]), max_disruption=Disruption.LIVE))
-
-    assert "  Held back, not in the plan (it may disturb at most: live):" in shown
-    assert "      because" in shown
-    assert shown[-1] == "No changes to make now; 1 held back."
 
 
 @pytest.mark.parametrize(
