@@ -15,22 +15,23 @@ def in_a_row(words: Sequence[object], last: str = "and") -> str:
     return f"{', '.join(others)} {last} {end}" if others else end
 
 
-def list_names(names: Iterable[str]) -> str:
-    """`a`, `a and b`, `a, b and c`; of more than five the first four and how many more."""
+def list_names(names: Iterable[str], most: int = MOST_NAMES) -> str:
+    """`a`, `a and b`, `a, b and c`; of more than one above `most` the first ones and how many more."""
     known = list(names)
-    return list_others(known, ()) if known else ""
+    return list_others(known, (), most) if known else ""
 
 
-def list_others(names: Sequence[str], without: Collection[str]) -> str:
+def list_others(names: Sequence[str], without: Collection[str], most: int = MOST_NAMES) -> str:
     """`list_names` of those that are left without these; it takes no longer where there are many.
 
     Args:
         names: in the order in which they are shown, each once; at least one that is shown.
         without: some of them.
+        most: names that are shown of many.
     """
     total = len(names) - len(without)
-    shown = list(islice((name for name in names if name not in without), MOST_NAMES + 1))
-    return in_a_row(shown) if total == len(shown) else f"{', '.join(shown[:MOST_NAMES])} and {total - MOST_NAMES} more"
+    shown = list(islice((name for name in names if name not in without), most + 1))
+    return in_a_row(shown) if total == len(shown) else f"{', '.join(shown[:most])} and {total - most} more"
 
 
 def number(many: int) -> str:

@@ -22,9 +22,7 @@ class Conflict:
     items: Sequence[Item]  # by name
     bins: Sequence[Bin]
     proven: bool = True  # otherwise it is only that nothing was found
-    lacking: str = (
-        ""  # what is too little in sum: processors or memory; empty: neither, but there is no way to place them
-    )
+    lacking: str = ""  # in sum, processors or memory; empty: neither, but there is no way to place them
 
 
 def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Sequence[Conflict]:

@@ -1,13 +1,13 @@
 """Why there is no layout: who cannot share which hosts, by how much, and what would fit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import LogicalProcessors, show_bytes, show_lp_percent, show_percent, show_processors
-from rarms_iac.model.wording import in_a_row, number
+from rarms_iac.model.wording import in_a_row, list_names, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Variant
@@ -15,7 +15,7 @@ from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
 
-LISTED_UP_TO = 12
+LISTED = 12
 """Names in a sentence; more are counted."""
 
 
@@ -56,25 +56,21 @@ def evident_causes(problem: Problem) -> tuple[Cause, ...]:
 
 
 def _cause(conflict: Conflict, problem: Problem) -> Cause:
-    names = _listed([item.name for item in conflict.items])
-    hosts = _listed([host.name for host in conflict.bins])
+    names = list_names((item.name for item in conflict.items), LISTED)
+    cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), LISTED)}"
     match conflict.lacking:
         case "processors":
             finding, message = findings.RESERVATIONS, _processors_exceed(conflict, problem)
         case "memory":
             finding, message = findings.MEMORY, _memory_exceeds(conflict, problem)
         case _ if len(conflict.bins) == 1:
-            finding, message = (
-                findings.PACKING,
-                f"{names} cannot share {hosts}: each virtual processor needs its whole reserve on one of the "
-                f"{_places(conflict.bins[0])}, and there is no way to place them.",
-            )
+            finding, places = findings.PACKING, _places(conflict.bins[0])
+            reason = f"each virtual processor needs its whole reserve on one of the {places}"
+            message = f"{cannot_share}: {reason}, and there is no way to place them."
         case _:
-            finding, message = (
-                findings.PLACEMENT,
-                f"{names} cannot share {hosts}: together these have enough, but each partition needs room on one of "
-                "them.",
-            )
+            finding = findings.PLACEMENT
+            reason = "together these have enough, but each partition needs room on one of them"
+            message = f"{cannot_share}: {reason}."
     if conflict.lacking != "memory":
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code)
@@ -98,8 +94,7 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
     """As in: FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors."""
     if len(conflict.bins) > 1:
         free = sum(max(0, free_in(host).percent) for host in conflict.bins)
-        message = f"{_needs(conflict, least_cost, show_lp_percent)}; {_have(conflict, show_lp_percent(free))}"
-        return f"{message}{_all_together(conflict, problem, least_cost, show_lp_percent)}"
+        return _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free)
     host = conflict.bins[0]
     whole = host.capacity.logical_processors
 
@@ -117,10 +112,18 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
-    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise."""
     free = sum(max(0, free_in(host).memory) for host in conflict.bins)
-    message = f"{_needs(conflict, least_memory, show_bytes)}; {_have(conflict, show_bytes(free))}"
-    return f"{message}{_all_together(conflict, problem, least_memory, show_bytes)}"
+    return _sum_exceeds(conflict, problem, least_memory, show_bytes, free)
+
+
+def _sum_exceeds(
+    conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str], free: int
+) -> str:
+    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise."""
+    hosts = list_names((host.name for host in conflict.bins), LISTED)
+    verb = "has" if len(conflict.bins) == 1 else "have"
+    together = _all_together(conflict, problem, need, show)
+    return f"{_needs(conflict, need, show)}; {hosts} {verb} {show(free)} to promise.{together}"
 
 
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
@@ -136,13 +139,8 @@ def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], i
 
 def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
     ordered = sorted(conflict.items, key=lambda item: (-need(item), item.name))
-    verb = "needs" if len(ordered) == 1 else "need"
-    return f"{_listed([f'{item.name} {show(need(item))}' for item in ordered])} {verb} {show(sum(map(need, ordered)))}"
-
-
-def _have(conflict: Conflict, free: str) -> str:
-    verb = "has" if len(conflict.bins) == 1 else "have"
-    return f"{_listed([host.name for host in conflict.bins])} {verb} {free} to promise."
+    shares = list_names((f"{item.name} {show(need(item))}" for item in ordered), LISTED)
+    return f"{shares} {'needs' if len(ordered) == 1 else 'need'} {show(sum(map(need, ordered)))}"
 
 
 def _logical_processors(host: Bin) -> str:
@@ -153,9 +151,3 @@ def _logical_processors(host: Bin) -> str:
 def _places(host: Bin) -> str:
     """What virtual processors are laid onto: `two logical processors`, `four cores`."""
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"
-
-
-def _listed(words: Sequence[str]) -> str:
-    if len(words) > LISTED_UP_TO:
-        return f"{', '.join(words[:LISTED_UP_TO])} and {len(words) - LISTED_UP_TO} others"
-    return in_a_row(words)

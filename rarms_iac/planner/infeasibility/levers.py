@@ -1,16 +1,16 @@
 """What can be changed: reserves, APTs, memory and logical processors of hosts, and who shares a partition."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import combinations
 from math import ceil
+from typing import Any, TypeVar
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import (
-    Bytes,
     CpuAmount,
     LogicalProcessors,
     Percent,
@@ -22,6 +22,7 @@ from rarms_iac.model.quantities import (
     show_percent,
     show_processors,
 )
+from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Component, CpuRequest, Measured, PartitionRequest, Threshold
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
@@ -35,6 +36,7 @@ from rarms_iac.statistics.curves import holds, tightest_threshold
 
 MORE_PROCESSORS = 8
 _MIB = 2**20
+Known = TypeVar("Known", Host, HostFacts)
 
 
 def reserve_levers(group: Group) -> Iterator[Lever]:
@@ -169,12 +171,8 @@ def memory_levers(problem: Problem) -> Iterator[Lever]:
 
 
 def _more_memory(host: str, mib: int) -> Edits:
-    return (
-        Edit(
-            f"{show_bytes(mib * _MIB)} more memory on {host}",
-            lambda variant: _grown([host], variant, memory=mib * _MIB),
-        ),
-    )
+    message = f"{show_bytes(mib * _MIB)} more memory on {host}"
+    return (Edit(message, lambda variant: _grown([host], variant, memory=mib * _MIB)),)
 
 
 def processor_levers(problem: Problem) -> Iterator[Lever]:
@@ -209,7 +207,7 @@ def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more
     def apply(variant: Variant) -> Variant:
         components = variant.system.components
         narrowed = {name: replace(components[name], processors=width) for name in wide}
-        return _grown(hosts, variant.with_entries("components", narrowed), processors=more)
+        return _grown(hosts, variant.with_entries("components", narrowed), logical_processors=more)
 
     place = hosts[0] if len(hosts) == 1 else f"each of {in_a_row(hosts)}"
     fixed = f", with `processors: {width}` for {in_a_row(wide)} as now" if wide else ""
@@ -217,30 +215,26 @@ def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more
     return (Edit(f"{added} on {place}{fixed}", apply),)
 
 
-def _grown(hosts: Sequence[str], variant: Variant, *, memory: int = 0, processors: int = 0) -> Variant:
-    """The variant with larger hosts, in the manifest and, where they were observed, in fact.
+def _grown(hosts: Sequence[str], variant: Variant, **more: int) -> Variant:
+    """The variant with larger hosts (`memory`, `logical_processors`), in the manifest and, where observed, in fact.
 
     What is added counts from the smaller of both, as a host's capacity does.
     """
     views, after = dict(variant.views), {}
     for name in hosts:
-        host, facts = variant.system.hosts[name], variant.views.get(name, HostView()).facts
-        observed = host if facts is None else facts
-        new_memory = Bytes(memory + min(host.memory, observed.memory))
-        new_processors = processors + min(host.logical_processors, observed.logical_processors)
-        after[name] = replace(
-            host,
-            memory=max(new_memory, host.memory),
-            logical_processors=max(new_processors, host.logical_processors),
-        )
-        if facts is not None:
-            larger = replace(
-                facts,
-                memory=max(new_memory, facts.memory),
-                logical_processors=max(new_processors, facts.logical_processors),
-            )
-            views[name] = replace(views[name], facts=larger)
+        host, view = variant.system.hosts[name], variant.views.get(name, HostView())
+        both = [known for known in (host, view.facts) if known is not None]
+        whole = {field: added + min(getattr(known, field) for known in both) for field, added in more.items()}
+        after[name] = _at_least(host, whole)
+        if view.facts is not None:
+            views[name] = replace(view, facts=_at_least(view.facts, whole))
     return replace(variant.with_entries("hosts", after), views=views)
+
+
+def _at_least(known: Known, whole: Mapping[str, int]) -> Known:
+    """The host, or its facts, with no less of these."""
+    larger: dict[str, Any] = {field: max(amount, getattr(known, field)) for field, amount in whole.items()}
+    return replace(known, **larger)
 
 
 def pair_levers(problem: Problem, partitions: Collection[str]) -> Iterator[Lever]:
