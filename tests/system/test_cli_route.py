@@ -250,18 +250,6 @@ def test_a_partition_that_the_last_apply_did_not_touch_is_known_all_the_same(rob
     assert "control, 0.6 LP wanted: removed from the host" in robot.run("drift").out
 
 
-def test_drift_says_that_a_run_is_unfinished(robot: Robot) -> None:
-    robot.fails_at("start_partition")
-    assert robot.run("apply", "--auto-approve").code == 1
-
-    answer = robot.run("drift")
-
-    assert answer.code == 2
-    assert "is unfinished" in answer.err
-    assert robot.run("apply").code == 0
-    assert robot.run("drift").err == ""
-
-
 def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
     robot.applied().edit("reserve: 30 %", "reserve: 35 %")
     robot.applied()
@@ -323,27 +311,6 @@ def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
     assert json.loads(robot.run("snapshot").out)["format_version"] == "rarms-snapshot/1"
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format_version": "rarms-snapshot/9"}'])
-def test_what_is_no_snapshot_is_told(robot: Robot, text: str) -> None:
-    file = robot.folder / "not.json"
-    file.write_text(text, encoding="utf-8")
-
-    answer = robot.run("plan", "--snapshot", str(file))
-
-    assert answer.code == 1
-    assert "error[RARMS175]" in answer.err
-
-
-def test_a_manifest_with_errors_stops_every_command_but_validate(robot: Robot) -> None:
-    robot.edit("criticality: 20", "criticalty: 20")
-
-    for command in ("plan", "apply", "undo", "destroy", "drift", "snapshot", "graph"):
-        answer = robot.run(command)
-        assert answer.code == 4, command
-        assert "Did you mean" in answer.err
-    assert robot.run("validate").code == 2
-
-
 def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None:
     answer = robot.run("plan", "--host", "onbord")
 
@@ -358,17 +325,6 @@ def test_a_host_that_cannot_be_reached_is_told_honestly(robot: Robot) -> None:
 
     assert answer.code == 1
     assert "error[RARMS198]" in answer.err
-
-
-def test_held_back_changes_are_changes_that_are_not_made(robot: Robot) -> None:
-    robot.applied().edit(
-        "memory: 512 MiB\n    cpu: { reserve: 30 %", "memory: 512 MiB\n    processors: 1\n    cpu: { reserve: 30 %"
-    )
-
-    answer = robot.run("plan", "--max-disruption", "live")
-
-    assert answer.code == 2
-    assert answer.lines[-1] == "No changes to make now; 1 held back."
 
 
 def test_overlays_have_hosts_of_their_own(robot: Robot) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C while a real process measures: it says that the same command goes on, and leaves nothing behind."""
+"""Ctrl-C and SIGKILL while a process measures: the same command goes on, and nothing is left behind."""
 
 import json
 import signal
@@ -29,50 +29,69 @@ components:
     memory: 512 MiB
     simulation: { work: 20 ms, varies: 2 % }
 """
-WORDS = [
-    sys.executable,
-    "-m",
-    "rarms_iac.cli.main",
-    "measure",
-    "vision",
-    "audio",
-    "--from",
-    "50%",
-    "--to",
-    "80%",
-]
+WORDS = [sys.executable, "-m", "rarms_iac.cli.main", "measure", "vision", "audio", "--from", "50%", "--to", "80%"]
+ALL = [50, 60, 70, 80]
+
+
+def log_of(folder: Path) -> Path:
+    return folder / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
+
+
+def ended_by(number: signal.Signals, folder: Path) -> tuple[int, str, str]:
+    """Exit code and output of a measurement that got this signal once its first log was begun."""
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    process = subprocess.Popen(WORDS, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not log_of(folder).exists() and process.poll() is None and time.monotonic() < until:
+        time.sleep(0.02)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+def goes_on(folder: Path, known: int) -> None:
+    """Run the same command again: it measures what is missing, and nothing that was recorded."""
+    before = log_of(folder).read_bytes()
+    again = subprocess.run(WORDS, cwd=folder, capture_output=True, text=True, timeout=120)
+    assert again.returncode == 0, again.stderr
+    assert log_of(folder).read_bytes().startswith(before[: before.rfind(b"\n") + 1])
+    assert reserves(folder) == ALL
+    assert f"by 8 settings, {8 - known} of them new" in again.stdout
+    assert machines(folder) == {}
+
+
+def reserves(folder: Path) -> list[int]:
+    """What is recorded whole, in order; the first line is the header."""
+    lines = log_of(folder).read_text(encoding="utf-8").split("\n")[1:-1]
+    return [json.loads(line)["reserve"] for line in lines]
+
+
+def machines(folder: Path) -> object:
+    host = json.loads((folder / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
+    return host["content"]["machines"]
 
 
 @pytest.mark.needs("posix")
 def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: Path) -> None:
-    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    log = tmp_path / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
-    process = subprocess.Popen(WORDS, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
-    while not log.exists() and process.poll() is None and time.monotonic() < until:
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    code, out, err = ended_by(signal.SIGINT, tmp_path)
 
-    assert process.returncode == 130, err
+    assert code == 130, err
     assert "the same command goes on" in err
     assert [line.split()[0] for line in out.splitlines() if "stopped" in line or "not begun" in line] == [
         "vision",
         "audio",
     ], "as they were named, and none left out"
-    host = json.loads((tmp_path / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
-    assert host["content"]["machines"] == {}
-    before = log.read_bytes()
-    recorded = reserves(log)
-    assert recorded == [50, 60, 70, 80][: len(recorded)]
-    assert len(recorded) < 4
-    again = subprocess.run(WORDS, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert again.returncode == 0, again.stderr
-    assert log.read_bytes().startswith(before), "nothing that was recorded was run again"
-    assert reserves(log) == [50, 60, 70, 80]
-    assert f"by 8 settings, {8 - len(recorded)} of them new" in again.stdout
+    assert machines(tmp_path) == {}
+    recorded = reserves(tmp_path)
+    assert recorded == ALL[: len(recorded)] != ALL
+    goes_on(tmp_path, len(recorded))
 
 
-def reserves(log: Path) -> list[int]:
-    """What is recorded, in order; the first line is the header."""
-    return [json.loads(line)["reserve"] for line in log.read_text(encoding="utf-8").splitlines()[1:]]
+@pytest.mark.needs("posix")
+def test_killed_at_no_matter_what_a_finished_setting_is_not_run_again(tmp_path: Path) -> None:
+    code, _, err = ended_by(signal.SIGKILL, tmp_path)
+
+    assert code == -signal.SIGKILL, err
+    recorded = reserves(tmp_path)
+    assert recorded == ALL[: len(recorded)] != ALL, "it was killed while it measured"
+    goes_on(tmp_path, len(recorded))

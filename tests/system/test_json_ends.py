@@ -91,14 +91,6 @@ def test_without_json_standard_output_stays_empty(folder: Path) -> None:
     assert (ran.code, ran.out) == (64, "")
 
 
-@pytest.mark.parametrize("words", [("plan",), ("drift",), ("doctor",), ("graph",), ("apply", "--auto-approve")])
-def test_every_answer_begins_with_what_it_is(folder: Path, words: tuple[str, ...]) -> None:
-    text = rarms(words[0], "-f", str(folder), *words[1:], "--json").out
-    answer = json.loads(text.splitlines()[-1] if words[0] == "apply" else text)
-
-    assert list(answer)[:2] == ["format_version", "kind"]
-
-
 def test_a_run_streams_a_line_for_each_step_and_ends_with_its_report(folder: Path) -> None:
     applied = rarms("apply", "-f", str(folder), "--auto-approve", "--json").out
     undone = rarms("undo", "-f", str(folder), "--auto-approve", "--json").out

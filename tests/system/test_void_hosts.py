@@ -61,13 +61,6 @@ def test_a_run_is_not_gone_on_with_where_nothing_can_be_seen(desk: Desk) -> None
     assert desk.run("plan").code == 0
 
 
-def test_a_snapshot_of_one_who_saw_nothing_is_no_plan(desk: Desk) -> None:
-    file = str(desk.manifest.parent / "onboard.json")
-    assert desk.run("snapshot", "--out", file, host="administrator: false").code == 0
-
-    assert "error[RARMS158]" in desk.run("plan", "--snapshot", file).err
-
-
 @pytest.mark.parametrize("host", ["scheduler: root", "scheduler: unknown, client: true"])
 def test_reserves_are_not_planned_where_they_have_no_effect(desk: Desk, host: str) -> None:
     refused = desk.run("plan", host=host)
@@ -78,13 +71,6 @@ def test_reserves_are_not_planned_where_they_have_no_effect(desk: Desk, host: st
     assert desk.run("plan", host=host, policy=ACCEPTED).code == 2
     assert desk.run("apply", "--auto-approve", host=host, policy=ACCEPTED).code == 0
     assert desk.run("destroy", "--auto-approve", host=host).code == 0, "to let go needs no reserve"
-
-
-def test_an_unknown_scheduler_of_a_server_is_a_warning(desk: Desk) -> None:
-    planned = desk.run("plan", host="scheduler: unknown")
-
-    assert planned.code == 2
-    assert "warning[RARMS166]" in planned.out + planned.err
 
 
 def test_where_reserves_count_nothing_has_to_be_accepted(desk: Desk) -> None:

@@ -1,33 +1,25 @@
 """The loop of measuring, on a host whose answers are known by hand: 40 ms of work at 50 % take 80 ms."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, Strategy, measure
-from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
-from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, goal_of
-from rarms_iac.model.measurement import P1, P2, SettingEvidence, run_of
-from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
+from rarms_iac.measuring.strategies import Sweeping, Verifying, goal_of
+from rarms_iac.model.measurement import P1, P2, SettingEvidence
+from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
-from rarms_iac.providers.simulated.measuring import Simulate, Simulated, SimulatedMeasuringHost
+from rarms_iac.providers.simulated.measuring import Simulated
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
-from rarms_iac.storage import disk
-from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
-from rarms_iac.storage.datalog.log import Provenance
-from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series
-from tests.crashing import Crash, CrashingDisk, When
-from tests.effort import LONG
 from tests.fluid import fluid
+from tests.unit.measuring.bench import Bench
 
-TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
 SYSTEM = a_system(
     components=[
         a_component(
@@ -50,66 +42,9 @@ def an_experiment(*members: str) -> Experiment:
     return experiment_of(SYSTEM, SYSTEM.hosts["onboard"], members or ("vision",), "busy-loop")
 
 
-class Bench:
-    """A folder with a host and a data log; each call opens both anew, as a new process would."""
-
-    def __init__(self, folder: Path, *members: str) -> None:
-        self.folder = folder
-        self.experiment = an_experiment(*members)
-        self.ran: list[float] = []  # what P1 reserved in each simulation that was begun
-
-    def host(self, simulate: Simulate = fluid) -> SimulatedMeasuringHost:
-        def counted(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
-            self.ran += [vm.reserve for vm in machine.machines if vm.components]
-            return simulate(machine, seed)
-
-        return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
-
-    def book(self, seed: int | None = None) -> SettingsLog:
-        experiment = self.experiment
-        subject = LogSubject(
-            platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
-        )
-        header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
-        return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
-
-    def search(self, name: str = "bisection", most: int = 100) -> Searching:
-        goal = goal_of(self.experiment)
-        return Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == "paper")
-
-    def measure(
-        self,
-        strategy: Strategy | None = None,
-        *,
-        simulate: Simulate = fluid,
-        should_stop: Callable[[], bool] = lambda: False,
-        seed: int = 1,
-        only: int | None = None,
-    ) -> LoopResult:
-        host = self.host(simulate)
-        with host.lock("a test"):
-            remove_test_partitions(host)
-            around = MeasuringContext(
-                host=host,
-                budget=lambda: host_budget(a_host(), host.observe(), "robot"),
-                seed=seed,
-                reporter=MeasuringReporter(),
-                should_stop=should_stop,
-            )
-            return measure(self.experiment, strategy or self.search(), self.book(only), around)
-
-    @property
-    def recorded(self) -> list[int]:
-        return [setting.reserve for setting in self.book().settings()]
-
-    @property
-    def machines(self) -> list[str]:
-        return [partition.settings.name for partition in self.host().observe().partitions]
-
-
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
-    return Bench(tmp_path)
+    return Bench(tmp_path, an_experiment())
 
 
 def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -> None:
@@ -167,17 +102,6 @@ def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, mo
     assert setting.series[0].unsettled.startswith("disturbed in each of 3 tries: the load in P2 got 0.40 LP")
 
 
-def test_what_is_measured_is_never_run_again(bench: Bench) -> None:
-    first = bench.measure()
-    bench.ran.clear()
-    again = bench.measure()
-
-    assert bench.ran == []
-    assert again.conclusion == first.conclusion
-    assert again.settings == first.settings
-    assert again.new == 0
-
-
 def test_the_papers_walk_is_its_own_whatever_else_was_measured(bench: Bench) -> None:
     bench.measure(Sweeping(reserves=(20, 45, 90)))
     bench.ran.clear()
@@ -187,24 +111,13 @@ def test_the_papers_walk_is_its_own_whatever_else_was_measured(bench: Bench) -> 
     assert bench.ran == [10, 30, 40, 50]
 
 
-def test_a_threshold_that_nothing_meets_is_not_achievable(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
-    bench.experiment = replace(
-        bench.experiment,
-        members=(replace(bench.experiment.members[0], apt={"mean_response_time": at_most(30)}),),
-    )
-
-    assert bench.measure(bench.search("paper")).conclusion == NotAchievable(reserve=100)
-    assert bench.recorded == [*range(10, 101, 10)]
-
-
 def test_a_search_stays_within_what_the_host_can_give(bench: Bench) -> None:
     assert bench.measure(bench.search(most=45)).conclusion == NotAchievable(reserve=45)
     assert max(bench.ran) == 45
 
 
 def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "speech", "vision")
+    bench = Bench(tmp_path, an_experiment("speech", "vision"))
     ended = bench.measure(bench.search("paper"))
 
     assert ended.conclusion == Sufficient(reserve=50, failed=40)
@@ -212,7 +125,7 @@ def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_
 
 
 def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "speech", "vision")
+    bench = Bench(tmp_path, an_experiment("speech", "vision"))
     speech, vision = bench.experiment.members
     bench.experiment = replace(
         bench.experiment,
@@ -234,36 +147,6 @@ def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_
     assert priorities["vision"] > priorities["speech"] > 16
 
 
-def test_a_sweep_runs_every_setting_to_its_end(bench: Bench) -> None:
-    ended = bench.measure(Sweeping(reserves=(10, 55, 100)))
-
-    assert ended.conclusion == Swept()
-    assert [len(setting.series[0].samples) for setting in ended.settings] == [400, 400, 400]
-
-
-def test_another_seed_measures_all_of_it_again_beside_the_first(bench: Bench) -> None:
-    bench.measure(Sweeping(reserves=(10, 55)))
-    second = bench.measure(Sweeping(reserves=(10, 55)), seed=2, only=2)
-
-    assert second.new == 2
-    assert [(setting.reserve, setting.seed) for setting in bench.book().settings()] == [
-        (10, 1),
-        (55, 1),
-        (10, 2),
-        (55, 2),
-    ]
-    assert second.settings[0].series != bench.book(1).settings()[0].series
-
-
-def test_verifying_measures_what_lies_between_settings(bench: Bench) -> None:
-    bench.measure(Sweeping(reserves=(40, 60)))
-    ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=100))
-
-    assert isinstance(ended.conclusion, Sufficient)
-    assert ended.conclusion.reserve in bench.recorded
-    assert 47 <= ended.conclusion.reserve <= 50
-
-
 def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
     bench.measure(Sweeping(reserves=(40, 60)))
     ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=20))
@@ -273,16 +156,12 @@ def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
     assert ended.new == 0
 
 
-def agreeing(bench: Bench) -> Agreeing:
-    return Agreeing(search=bench.search("default"), verifying=Verifying(goal=goal_of(bench.experiment), most=100))
-
-
 def test_a_search_ends_with_the_reservation_that_a_plan_takes_measured_itself(bench: Bench) -> None:
     """Each threshold lies another part of a point from where the search decides."""
     for threshold in (80, 81, 82, 83, 84, 85):
         vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(threshold)})
         bench.experiment = replace(an_experiment(), members=(vision,))
-        ended = bench.measure(agreeing(bench))
+        ended = bench.measure(bench.agreeing())
         curves = curves_of(ended.settings, bench.experiment.runs, {"vision": vision.apt})
 
         assert isinstance(ended.conclusion, Sufficient)
@@ -300,7 +179,7 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
         for number, job in enumerate(fluid(machine, seed)):
             yield replace(job, response=168.0 if reserve < 60 else 85.5 if number % 2 else 81.5)
 
-    ended = bench.measure(agreeing(bench), simulate=flat)
+    ended = bench.measure(bench.agreeing(), simulate=flat)
 
     assert isinstance(ended.conclusion, NotResolved)
     assert ended.conclusion.reason.startswith("at 100 % vision is within the noise")
@@ -334,72 +213,6 @@ def test_who_is_asked_to_stop_drops_the_running_setting_and_goes_on_later(bench:
     bench.ran.clear()
     assert bench.measure(bench.search("paper")).conclusion == Sufficient(reserve=50, failed=40)
     assert bench.ran == [level for level in (10, 20, 30, 40, 50) if level not in before]
-
-
-class DeadDisk(CrashingDisk):
-    """Once crashed, it stays so: what a clean-up tries after the end of the process did not happen."""
-
-    def _effect(self, name: str, do: Callable[[], None], half: Callable[[], None] = lambda: None) -> None:
-        if self.at and len(self.effects) >= self.at:
-            raise Crash
-        super()._effect(name, do, half)
-
-
-def test_killed_at_any_write_the_next_run_goes_on_and_leaves_nothing_behind(tmp_path: Path) -> None:
-    reserves = (30, 60)
-
-    def a_bench(name: str) -> Bench:
-        bench = Bench(tmp_path / name)
-        bench.folder.mkdir()
-        bench.experiment = with_samples(bench.experiment, 5)
-        return bench
-
-    def run(bench: Bench, on: CrashingDisk) -> LoopResult:
-        with disk.use(on):
-            return bench.measure(Sweeping(reserves=reserves))
-
-    whole = a_bench("whole")
-    counting = CrashingDisk(0)
-    run(whole, counting)
-    left_behind, recorded = set[int](), set[int]()
-    for at, when in moments(counting.effects):
-        bench = a_bench(f"{at}-{when.value}")
-        with pytest.raises(Crash):
-            run(bench, DeadDisk(at, when))
-        left_behind.add(len(bench.machines))
-        known = bench.recorded
-        recorded.add(len(known))
-        bench.ran.clear()
-        assert run(bench, CrashingDisk(0)).conclusion == Swept()
-        assert bench.ran == [reserve for reserve in reserves if reserve not in known]
-        assert bench.book().settings() == whole.book().settings()
-        assert bench.machines == []
-        assert list(bench.folder.glob(".*.new")) == []
-
-    assert left_behind == {0, 1, 2}
-    assert recorded == {0, 1, 2}
-
-
-def moments(effects: Sequence[str]) -> Sequence[tuple[int, When]]:
-    """All that a kill can leave on the disk; in a usual run every fourth of them."""
-    return list(_all_moments(effects))[:: 1 if LONG else 4]
-
-
-def _all_moments(effects: Sequence[str]) -> Iterator[tuple[int, When]]:
-    """Something half written, or the last thing done. Flushes change nothing."""
-    for at, name in enumerate(effects, start=1):
-        if name.startswith(("append", "write")):
-            yield at, When.HALF
-        if not name.startswith(("flush", "write")):
-            yield at, When.AFTER
-
-
-def with_samples(experiment: Experiment, samples: int) -> Experiment:
-    members = tuple(
-        replace(member, run=replace(run_of(member), until=SampleCount(samples=samples)))
-        for member in experiment.members
-    )
-    return replace(experiment, members=members)
 
 
 def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_missed_is_not(bench: Bench) -> None:

@@ -12,27 +12,22 @@ import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, measure
-from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.loop import LoopResult
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
-from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.run import SampleCount
-from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
+from rarms_iac.providers.simulated.measuring import Simulate
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
-from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
-from rarms_iac.storage.datalog.log import Provenance
-from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.fluid import fluid
+from tests.unit.measuring.bench import Bench
 
 CHANGES_AT_MS = 4_500.0
 FIRST, NEAR = range(41, 50), range(47, 56)
-TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
 
 
 def an_experiment(work: str, varies: str, limit: int) -> Experiment:
@@ -64,23 +59,8 @@ def half_at_first(reserves: range) -> Simulate:
 def searched(
     experiment: Experiment, folder: Path, silent: range = FIRST, scheduler: Simulate | None = None
 ) -> LoopResult:
-    host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", scheduler or half_at_first(silent))
-    goal = goal_of(experiment)
-    search = Searching(goal=goal, next_step=STRATEGIES["default"], most=100)
-    subject = LogSubject(
-        platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
-    )
-    header = header_of(subject, identity_of(subject, {}, {}), host.bench())
-    log = SettingsLog(path=folder / "log.jsonl", header=header, provenance=lambda: TAKEN)
-    with host.lock("a test"):
-        around = MeasuringContext(
-            host=host,
-            budget=lambda: host_budget(a_host(), host.observe(), "robot"),
-            seed=1,
-            reporter=MeasuringReporter(),
-            should_stop=lambda: False,
-        )
-        return measure(experiment, Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), log, around)
+    bench = Bench(folder, experiment)
+    return bench.measure(bench.agreeing(), simulate=scheduler or half_at_first(silent))
 
 
 def unsteady(settings: tuple[Setting, ...]) -> set[int]:

@@ -1,0 +1,79 @@
+"""The loop of measuring on a simulated host in a folder, for the tests of this folder."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, Strategy, measure
+from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
+from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
+from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
+from rarms_iac.storage.datalog.log import Provenance
+from tests.builders import a_host
+from tests.fluid import fluid
+
+TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
+
+
+class Bench:
+    """A folder with a host and a data log; each call opens both anew, as a new process would."""
+
+    def __init__(self, folder: Path, experiment: Experiment) -> None:
+        self.folder = folder
+        self.experiment = experiment
+        self.ran: list[float] = []  # what P1 reserved in each simulation that was begun
+
+    def host(self, simulate: Simulate = fluid) -> SimulatedMeasuringHost:
+        def counted(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
+            self.ran += [vm.reserve for vm in machine.machines if vm.components]
+            return simulate(machine, seed)
+
+        return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
+
+    def book(self, seed: int | None = None) -> SettingsLog:
+        experiment = self.experiment
+        subject = LogSubject(
+            platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
+        )
+        header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
+        return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
+
+    def search(self, name: str = "bisection", most: int = 100) -> Searching:
+        goal = goal_of(self.experiment)
+        return Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == "paper")
+
+    def agreeing(self) -> Agreeing:
+        """The default search, and what makes it agree with a plan."""
+        return Agreeing(search=self.search("default"), verifying=Verifying(goal=goal_of(self.experiment), most=100))
+
+    def measure(
+        self,
+        strategy: Strategy | None = None,
+        *,
+        simulate: Simulate = fluid,
+        should_stop: Callable[[], bool] = lambda: False,
+        seed: int = 1,
+        only: int | None = None,
+    ) -> LoopResult:
+        host = self.host(simulate)
+        with host.lock("a test"):
+            remove_test_partitions(host)
+            around = MeasuringContext(
+                host=host,
+                budget=lambda: host_budget(a_host(), host.observe(), "robot"),
+                seed=seed,
+                reporter=MeasuringReporter(),
+                should_stop=should_stop,
+            )
+            return measure(self.experiment, strategy or self.search(), self.book(only), around)
+
+    @property
+    def recorded(self) -> list[int]:
+        return [setting.reserve for setting in self.book().settings()]
+
+    @property
+    def machines(self) -> list[str]:
+        return [partition.settings.name for partition in self.host().observe().partitions]
