@@ -27,18 +27,8 @@ from rarms_iac.model.operations import (
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Readings, Scope, Step
-from rarms_iac.model.state import (
-    Checkpoints,
-    Mark,
-    Partition,
-    PartitionSettings,
-    Responsiveness,
-    RunState,
-    StartAction,
-    State,
-    StopAction,
-    TaskClass,
-)
+from rarms_iac.model.state import Mark, Partition, Responsiveness, RunState, StartAction, State, TaskClass
+from tests.strategies import some_settings
 
 
 @dataclass(slots=True)
@@ -111,19 +101,11 @@ class PureHost:
 
     def _create(self, operation: CreatePartition) -> None:
         self.made += 1
-        settings = PartitionSettings(
-            name=f"{operation.partition}.rarms-{self.scope.plan}",
+        settings = replace(
+            some_settings(f"{operation.partition}.rarms-{self.scope.plan}"),
             generation=operation.generation,
-            processors=1,
-            reserve=0,
-            limit=100,
-            weight=100,
             memory=operation.memory,
-            dynamic_memory=False,
             start_action=StartAction.START_IF_RUNNING,
-            stop_action=StopAction.SAVE,
-            checkpoints=Checkpoints.PRODUCTION,
-            running=False,
             secure_boot=operation.secure_boot or "MicrosoftWindows",
         )
         machine = Partition(settings=settings, id=f"{self.made:08x}-made", sharing=core_sharing(self.state.facts))

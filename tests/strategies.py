@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from hypothesis import strategies as st
 
-from rarms_iac.model.host import Host, ProviderKind, SchedulerType
+from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import Percent, ShareOfHost
 from rarms_iac.model.state import (
     Checkpoints,
@@ -15,7 +15,6 @@ from rarms_iac.model.state import (
     PartitionSettings,
     RegistryValue,
     Responsiveness,
-    Rights,
     RunState,
     StartAction,
     State,
@@ -24,6 +23,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import Component, CpuRequest, PartitionRequest, RunsOn, StartMode, System
+from tests import builders_plan as build
 from tests.builders import a_component, a_host, a_partition, a_system
 
 NAMES = ("arm", "base", "camera", "door", "ears", "feet")
@@ -34,22 +34,8 @@ MIB = 2**20
 
 def facts_for(host: Host, **changed: object) -> HostFacts:
     """The facts of a machine that is as the manifest says: a server of today."""
-    return replace(
-        HostFacts(
-            name=host.name,
-            id=f"id-of-{host.name}",
-            provider=ProviderKind.SIMULATED,
-            computer_name=host.name,
-            os_build=26100,
-            client=False,
-            scheduler=SchedulerType.CLASSIC,
-            smt=False,
-            logical_processors=host.logical_processors,
-            memory=int(host.memory),
-            rights=Rights.PROVEN,
-        ),
-        **changed,  # type: ignore[arg-type]  # names of fields, said by tests
-    )
+    seen = build.facts(host.name, logical_processors=host.logical_processors)
+    return replace(seen, **{"memory": int(host.memory), **changed})  # type: ignore[arg-type]  # fields, said by tests
 
 
 @st.composite
@@ -118,19 +104,11 @@ def strangers(draw: st.DrawFn) -> Strangers:
 
 def some_settings(name: str) -> PartitionSettings:
     """Settings of a machine that somebody made by hand."""
-    return PartitionSettings(
-        name=name,
-        generation=2,
-        processors=1,
-        reserve=0,
-        limit=100,
-        weight=100,
-        memory=512 * MIB,
-        dynamic_memory=False,
+    return replace(
+        build.settings(name, processors=1, reserve=0, running=False),
         start_action=StartAction.NOTHING,
         stop_action=StopAction.SAVE,
         checkpoints=Checkpoints.PRODUCTION,
-        running=False,
     )
 
 

@@ -15,7 +15,6 @@ from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import PlanningRequest, prepare
 from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.undo import undo
-from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import System
@@ -39,16 +38,6 @@ SECOND = builders.a_system(
     ],
     tasks=[builders.a_task("ObjectIdentification")],
 )
-
-
-class Nowhere:
-    """Places in a manifest that nobody wrote."""
-
-    def value(self, *path: str | int) -> Place:
-        return Place(file="rarms.yaml", line=1, column=1, path=".".join(map(str, path)))
-
-    def key(self, *path: str | int) -> Place:
-        return self.value(*path)
 
 
 @dataclass(frozen=True)
@@ -80,7 +69,11 @@ def lab(bench: Bench) -> Iterator[Lab]:
 
 def a_plan(system: System, host: StepwiseHost) -> Plan:
     request = PlanningRequest(
-        system=system, places=Nowhere(), manifest="rarms.yaml", manifest_digest="0" * 12, today=date(2026, 1, 1)
+        system=system,
+        places=builders.PathPlaces(),
+        manifest="rarms.yaml",
+        manifest_digest="0" * 12,
+        today=date(2026, 1, 1),
     )
     prepared = prepare(request, {host.name: host.observe()})
     assert prepared.plan is not None, prepared.findings

@@ -1,7 +1,5 @@
 """What every host must do, whatever enforces its reservations, and what those must do that are a Windows."""
 
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -749,36 +747,6 @@ def test_one_holder_at_a_time(room: Room) -> None:
         pass
 
 
-HOLDER = """
-import sys
-from pathlib import Path
-from rarms_iac.providers.simulated.run import SimulatedHostProvider
-from tests import builders
-with SimulatedHostProvider(builders.a_host(), Path(sys.argv[1])).lock("ann@lab, process 7"):
-    print("held", flush=True)
-    sys.stdin.read()
-"""
-
-
-def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
-    path = tmp_path / ".rarms/hosts/onboard.json"
-    root = Path(__file__).parents[2]
-    holder = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=root
-    )
-    assert holder.stdout is not None
-    assert holder.stdout.readline().strip() == "held"
-    host = SimulatedHostProvider(builders.a_host(), path)
-
-    with pytest.raises(HostLocked, match="held by ann@lab, process 7"), host.lock("bob@lab", timeout_ms=30):
-        pytest.fail("two hold the host")
-
-    holder.kill()
-    holder.communicate()
-    with host.lock("bob@lab", timeout_ms=2000):
-        pass
-
-
 # What only the simulated host keeps: its file, and states that nobody asks a host for
 
 
@@ -864,22 +832,6 @@ def test_a_damaged_journal_is_said_to_be_damaged(tmp_path: Path) -> None:
         host.observe()
 
 
-def test_a_torn_last_record_never_happened(tmp_path: Path) -> None:
-    host = simulated(tmp_path)
-    host.start_run(a_run(host.observe()))
-    host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
-    path = tmp_path / ".rarms/hosts/onboard.journal.jsonl"
-    path.write_bytes(path.read_bytes()[:-20])
-
-    journal = host.journal()
-    assert journal is not None
-    assert journal.steps == ()
-    host.record(StepRecorded(number=0, status=StepStatus.UNCHANGED))
-    again = host.journal()
-    assert again is not None
-    assert [record.status for record in again.steps] == [StepStatus.UNCHANGED]
-
-
 def test_a_run_is_under_way_until_it_is_closed(tmp_path: Path) -> None:
     host = simulated(tmp_path)
     assert host.unfinished() is None
@@ -916,16 +868,6 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
         host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
 
 
-def test_an_error_of_the_caller_passes_through_the_lock(tmp_path: Path) -> None:
-    host = simulated(tmp_path)
-
-    with pytest.raises(FileNotFoundError), host.lock("ann@lab"):
-        raise FileNotFoundError
-
-    with host.lock("bob@lab"):
-        pass
-
-
 def test_an_overcommitted_host_still_lets_a_machine_shrink(tmp_path: Path) -> None:
     do(simulated(tmp_path), *making("vision", memory=3072 * MIB), start())
     shrunk = SimulatedHostProvider(builders.a_host(memory="1 GiB"), tmp_path / ".rarms/hosts/onboard.json")
@@ -933,10 +875,3 @@ def test_an_overcommitted_host_still_lets_a_machine_shrink(tmp_path: Path) -> No
     do(shrunk, SetMemory(partition="vision", memory=2048 * MIB))
 
     assert shrunk.read(VISION, SCOPE)["memory"] == 2048 * MIB
-
-
-def test_all_of_it_is_kept_out_of_git(tmp_path: Path) -> None:
-    do(simulated(tmp_path), creation())
-
-    assert sorted(files(tmp_path)) == [str(Path(".rarms/.gitignore")), str(Path(".rarms/hosts/onboard.json"))]
-    assert (tmp_path / ".rarms/.gitignore").read_text(encoding="utf-8") == "*\n"

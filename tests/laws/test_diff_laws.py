@@ -55,20 +55,6 @@ def _before(responsiveness: Responsiveness | None) -> RegistryValue | None:
 
 
 @given(systems(), strangers())
-def test_after_its_plan_a_host_has_no_difference(system: System, others: Strangers) -> None:
-    start = empty_state(next(iter(system.hosts.values())), others)
-    possible(system, start)
-
-    end = applied(system, start)
-
-    again = route(system, end)
-    assert again.difference.changes == ()
-    assert steps_of(again) == ()
-    assert again.difference.findings == ()
-    assert strangers_of(end) == others
-
-
-@given(systems(), strangers())
 def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) -> None:
     start = empty_state(next(iter(system.hosts.values())), others)
     possible(system, start)
@@ -138,21 +124,6 @@ def in_order(state: State) -> State:
         partitions=tuple(sorted(state.partitions, key=lambda partition: partition.id)),
         tasks=tuple(sorted(state.tasks, key=lambda task: (task.inside, task.name.lower()))),
     )
-
-
-@given(systems(), strangers())
-def test_a_plan_taken_back_leaves_the_host_as_it_was(system: System, others: Strangers) -> None:
-    start = empty_state(next(iter(system.hosts.values())), others)
-    possible(system, start)
-    steps = steps_of(route(system, start))
-    walker = PureHost(start)
-    walker.walk(steps)
-
-    for step in reversed(steps):
-        if step.undo.operation is not None:
-            walker.take(step.undo.operation, step, step.after, step.before)
-
-    assert in_order(walker.state) == in_order(start)
 
 
 @given(st.data(), systems(), st.booleans(), st.booleans())

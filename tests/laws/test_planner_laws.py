@@ -1,88 +1,19 @@
 """Laws of the planner: a layout fits and loses nobody; where there is none, none exists."""
 
-from fractions import Fraction
-from itertools import permutations, product
+from itertools import permutations
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.checks.tasks import ORDER_NOT_EXPRESSED, order_not_expressed
-from rarms_iac.model.capacity import Capacity, fits
-from rarms_iac.model.claims import Claim
 from rarms_iac.model.layout import Infeasible, Layout
-from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import TaskCategory, TaskRequest
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.packing.pack import pack
-from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.planner.task_classes import classes_of
 from tests.builders import a_component, a_host, a_partition, a_system, a_task
 from tests.planning import PLACES
-
-SIZES = st.integers(0, 100)
-MEMORY = 1000
-
-
-@st.composite
-def problems(draw: st.DrawFn) -> tuple[tuple[Item, ...], tuple[Bin, ...]]:
-    """Up to five partitions on up to three hosts, each with claims of its own on each."""
-    bins = tuple(
-        Bin(
-            name=f"host{at}",
-            capacity=Capacity(
-                logical_processors=lps,
-                processors=LogicalProcessors(Fraction(lps)),
-                memory=Bytes(MEMORY),
-            ),
-            foreign_claims=tuple(draw(st.lists(st.builds(claim, SIZES, st.integers(0, 400)), max_size=1))),
-        )
-        for at, lps in enumerate(draw(st.lists(st.integers(1, 2), min_size=1, max_size=3)))
-    )
-    items = []
-    for at in range(draw(st.integers(1, 5))):
-        names = draw(st.lists(st.sampled_from([host_bin.name for host_bin in bins]), unique=True, min_size=1))
-        claims = {name: claim(draw(SIZES), draw(st.integers(0, 600))) for name in sorted(names)}
-        items.append(Item(name=f"part{at}", claims=claims, current_host=draw(st.sampled_from(["", bins[0].name]))))
-    return tuple(items), bins
-
-
-def claim(reserve: int, memory: int) -> Claim:
-    return Claim(processors=1, reserve=reserve, memory=memory)
-
-
-def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, int, tuple[str, ...]]]:
-    """The value of every placement that fits, by trying all of them."""
-    found = []
-    for way in product(*(item.claims for item in items)):
-        there = {host_bin.name: list(host_bin.foreign_claims) for host_bin in bins}
-        for item, host in zip(items, way, strict=True):
-            there[host].append(item.claims[host])
-        if all(fits(host_bin.capacity, there[host_bin.name]) for host_bin in bins):
-            total = sum(item.claims[host].percent for item, host in zip(items, way, strict=True))
-            moves = sum(
-                bool(item.current_host) and item.current_host != host for item, host in zip(items, way, strict=True)
-            )
-            found.append((total, moves, way))
-    return found
-
-
-@pytest.mark.needs("highspy")
-@given(problems())
-def test_the_search_finds_the_best_of_all_placements(problem: tuple[tuple[Item, ...], tuple[Bin, ...]]) -> None:
-    items, bins = problem
-
-    found = pack(items, bins)
-
-    every = possible(items, bins)
-    assert found.proven
-    if not every:
-        assert isinstance(found, NoPacking)
-    else:
-        assert isinstance(found, Packing)
-        assert tuple(found.host_of[item.name] for item in items) == min(every)[2]
 
 
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))

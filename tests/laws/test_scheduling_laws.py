@@ -261,16 +261,7 @@ def _named(demand: JobDemand, name: str) -> JobDemand:
 
 
 def _without_browsers(vm: VirtualMachine) -> VirtualMachine:
-    kept = tuple(load for load in vm.loads if not isinstance(load, Browsers))
-    return VirtualMachine(
-        name=vm.name,
-        vps=vm.vps,
-        reserve=vm.reserve,
-        limit=vm.limit,
-        weight=vm.weight,
-        components=vm.components,
-        loads=kept,
-    )
+    return replace(vm, loads=tuple(load for load in vm.loads if not isinstance(load, Browsers)))
 
 
 def _by_window(pieces: list[TracePiece], window_ms: float) -> dict[tuple[str, int], float]:

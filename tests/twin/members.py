@@ -7,7 +7,6 @@ from tests.twin.scopes import Block, Scope
 from tests.twin.values import (
     EMPTY,
     Char,
-    Enumerated,
     Guid,
     Record,
     ScriptError,
@@ -214,13 +213,4 @@ def _guid(value: Value) -> Guid:
 def _held(value: Value, kind: type, to: str) -> Value:
     if is_null(value) or isinstance(value, kind):
         return None if value is EMPTY else value
-    raise cannot_convert(value, to)
-
-
-def enumerated(value: Value, names: tuple[str, ...], to: str) -> str:
-    """The enumeration's name that this value stands for."""
-    shown = str(value) if isinstance(value, Enumerated) else text(value)
-    for name in names:
-        if name.lower() == shown.lower():
-            return name
     raise cannot_convert(value, to)

@@ -5,7 +5,7 @@ import pytest
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, ValueKind
 from tests.builders import a_component
-from tests.twin.cell import Cell, apply, undo
+from tests.twin.cell import Cell, apply
 from tests.twin.cells import a_cell_system, a_windows
 from tests.twin.host import Entry, WindowsHost
 from tests.twin.observing import PROFILE, RECORDS, state_of
@@ -64,19 +64,6 @@ def test_it_is_set_and_set_otherwise_and_brought_back_when_the_line_goes(before:
     assert there(host) == as_before(before)
     assert host.key(RECORD) is None
     assert wanting(host, None).plan().hosts[0].steps == ()
-
-
-@befores
-def test_an_undo_brings_it_back(before: Entry | None) -> None:
-    host = a_host(before)
-    plan = wanting(host, 40).plan()
-    apply(host, plan)
-
-    ran = undo(host, plan)
-
-    assert ran.code == 0, ran.says
-    assert there(host) == as_before(before)
-    assert host.key(RECORD) is None
 
 
 def test_a_script_refuses_where_it_was_changed_since_the_plan() -> None:

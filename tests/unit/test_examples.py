@@ -22,7 +22,6 @@ from rarms_iac.manifest.load import Loaded, load
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.quantities import ProcessorTime
 from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Measured
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
@@ -103,13 +102,6 @@ def test_the_robot_has_the_four_components_of_the_paper_and_their_reserves_are_m
     assert set(system.components) == {"face-detection", "speech-recognition", "path-planning", "video-streaming"}
     assert {component.cpu.reserve for component in system.components.values()} == {Measured.MEASURED}
     assert set(system.interference) >= {"busy-loop", "browsers"}
-
-
-def test_reserves_may_be_processors() -> None:
-    system = loaded("two-hosts").system
-
-    assert system is not None
-    assert isinstance(system.components["parcel-detection"].cpu.reserve, ProcessorTime)
 
 
 def test_overlays_change_what_they_say_and_nothing_else() -> None:

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from shlex import quote
 
 import pytest
 
@@ -63,25 +62,6 @@ def edit(file: Path, before: str, after: str) -> None:
     text = file.read_text(encoding="utf-8")
     assert before in text
     file.write_text(text.replace(before, after), encoding="utf-8", newline="\n")
-
-
-def test_without_a_log_a_plan_says_which_command_makes_it(here: Path) -> None:
-    answer = rarms("plan", "-f", str(here))
-
-    assert answer.code == 4
-    assert "error[RARMS100]" in answer.err
-    assert "measurements/two-core/vision/busy-loop.jsonl" in answer.err
-    assert f"`rarms measure vision -f {quote(str(here))}`" in " ".join(answer.err.split())
-
-
-def test_a_plan_takes_the_reserve_out_of_the_log(here: Path) -> None:
-    measure(here, MEANS)
-
-    answer = rarms("plan", "-f", str(here))
-
-    assert answer.code == 2, answer.err
-    assert "62 %" in answer.out
-    assert "RARMS1" not in answer.err + answer.out
 
 
 def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:

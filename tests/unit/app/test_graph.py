@@ -104,16 +104,6 @@ def test_the_picture_and_json_show_the_same_graph(here: Path) -> None:
     assert shown["speech"]["predicted"] is None
 
 
-def test_without_a_data_log_it_says_which_command_makes_it(here: Path) -> None:
-    for file in (here / "measurements").rglob("path/*.jsonl"):
-        file.unlink()
-
-    answer = rarms("graph", "--candidates", "-f", str(here))
-
-    assert answer.code == 4
-    assert "rarms measure path" in answer.err
-
-
 def test_a_recorded_answer_names_the_members_that_missed(here: Path) -> None:
     names = ["path", "speech"]
     below, enough = (

@@ -73,24 +73,6 @@ def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
     assert not outcome.findings
 
 
-def test_from_a_coarse_curve_to_a_level_that_is_measured(tmp_path: Path) -> None:
-    write(tmp_path, MANIFEST)
-    source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
-    hosts = select_hosts(load_manifest(source), HostSelection())
-    page = Page("90 ms", "y", "y", "")
-
-    outcome = measure_components(hosts, MeasureRequest(coarse=True), prompt=page)
-
-    (result,) = outcome.results
-    reserves = [setting.reserve for setting in result.settings]
-    assert reserves[:10] == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
-    assert page.shown[1:4] == ["level of vision?", "write 90?", "90 in rarms.yaml"]
-    assert page.shown[4].startswith("measure [2"), "between two settings of the coarse curve"
-    assert len(reserves) > 10
-    assert result.planned is not None
-    assert not result.planned.interpolated
-
-
 def test_a_level_beyond_what_was_measured_is_measured_in_the_session_where_that_is_wanted(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.partitions import load_shape, running_test_partitions
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.datalog.configuration import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
@@ -122,13 +121,6 @@ interference:"""
 
     rows = [line.split()[0] for line in ran.out.splitlines()[1:4]]
     assert rows == ["base", "vision", "audio"]
-
-
-def test_a_search_ends_on_a_measured_pass_above_a_measured_fail(here: Path) -> None:
-    found = measured()
-
-    assert found["ending"] == "found"
-    assert {found["reserve"], found["failed"]} <= set(reserves(found))
 
 
 def test_the_papers_walk_says_its_message_where_nothing_is_enough(here: Path) -> None:
@@ -249,36 +241,6 @@ def test_a_damaged_log_is_not_replaced(here: Path) -> None:
 )
 def test_words_that_make_no_sense_are_wrong_usage(here: Path, words: tuple[str, ...]) -> None:
     assert rarms("measure", *words).code == 64
-
-
-def test_a_layout_that_is_not_applied_cannot_be_proven(here: Path) -> None:
-    ran = rarms("prove")
-
-    assert refused(ran) == (3, "RARMS119")
-
-
-def test_a_layout_that_misses_a_threshold_is_told(here: Path) -> None:
-    write(here, MANIFEST.replace("reserve: measured", "reserve: 20 %"))
-    assert rarms("apply", "--auto-approve").code == 0
-    alone = rarms("prove")
-    crowded = rarms("prove", "--interference", "busy-loop", "--json")
-
-    assert alone.code == 0, alone.err
-    assert crowded.code == 4
-    answer = json.loads(crowded.out)
-    assert (answer["kind"], answer["met"]) == ("prove", False)
-    assert [finding["code"] for finding in answer["findings"]] == ["RARMS118"]
-    assert [partition.settings.name for partition in host(here).observe().partitions] == ["vision"]
-
-
-def test_a_killed_measurement_leaves_partitions_that_the_next_one_removes(here: Path) -> None:
-    left = running_test_partitions(host(here), "robot", (load_shape(2, 2**28),))
-    left.__enter__()  # and never left: as a kill leaves it
-    ran = rarms("measure", "--from", "50%", "--to", "50%")
-
-    assert ran.code == 0
-    assert "RARMS261" in ran.err
-    assert host(here).observe().partitions == ()
 
 
 def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path) -> None:

@@ -86,14 +86,6 @@ def test_the_page_is_written_and_says_the_reserve_of_the_plan(robot: Path) -> No
     assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
-def test_the_text_is_a_plot_within_the_terminals_width(robot: Path) -> None:
-    ran = rarms("report", "-f", str(robot), "--text")
-
-    assert ran.code == 0
-    assert "vision: mean_response_time (ms) against CPU reservation (%)" in ran.out
-    assert max(map(len, ran.lines[ran.lines.index("vision against busy-loop on onboard") :])) <= 80
-
-
 def test_a_stale_log_is_named_and_not_drawn_and_folded_on_the_page(robot: Path, tmp_path: Path) -> None:
     fresh = rarms("report", "-f", str(robot), "--text")
     robot.write_text(MANIFEST.replace("60 ms", "70 ms"), encoding="utf-8")
@@ -122,16 +114,6 @@ def test_a_log_is_read_once_for_all_that_a_report_shows(robot: Path, monkeypatch
     assert answer.code == 0, answer.err
     assert read
     assert len(read) == len(set(read))
-
-
-def test_without_a_log_there_is_nothing_to_report(tmp_path: Path) -> None:
-    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
-
-    for words in (("report",), ("export", str(tmp_path / "out.csv"))):
-        ran = rarms(*words, "-f", str(tmp_path))
-        assert ran.code == 4
-        assert "error[RARMS290]" in ran.err
-    assert not (tmp_path / "out.csv").exists()
 
 
 def test_a_damaged_log_is_named(robot: Path) -> None:

@@ -1,6 +1,5 @@
 import json
 from pathlib import Path
-from shlex import quote
 
 import pytest
 
@@ -58,15 +57,6 @@ def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path)
     assert manifest(here) == before
 
 
-def test_what_no_measured_reservation_meets_leads_on_to_a_setting_that_may(here: Path) -> None:
-    measure(here, MEANS)
-
-    answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
-
-    assert "Choose an easier level: 88.4 ms holds at 70 %." in answer
-    assert f"`rarms measure vision -f {quote(str(here))} --from 71% --to 100%`" in answer, "a search would not look"
-
-
 def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(here: Path) -> None:
     measure(here, {**MEANS, 100: 86.0})
 
@@ -89,13 +79,6 @@ def test_a_level_far_beyond_what_was_measured_is_a_slip_and_writes_nothing(here:
     assert meant in message
     assert ("Did you mean" in message) == bool(meant)
     assert rarms("select", "vision", "--at", "1.5 s", "-f", str(here)).code == 0, "easier than all is no slip"
-
-
-def test_without_a_log_nothing_can_be_chosen(here: Path) -> None:
-    answer = rarms("select", "vision", "--at", "90 ms", "-f", str(here))
-
-    assert answer.code == 4
-    assert "error[RARMS100]" in answer.err
 
 
 def test_a_dry_run_writes_nothing(here: Path) -> None:

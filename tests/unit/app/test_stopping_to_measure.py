@@ -46,14 +46,6 @@ def machines() -> dict[str, tuple[bool, StoppedBy | None]]:
 RUNNING = {"speech": (True, StoppedBy.NOBODY), "vision": (True, StoppedBy.NOBODY)}
 
 
-def test_without_consent_it_is_refused_and_nothing_is_stopped() -> None:
-    refused = rarms(*SWEEP)
-
-    assert refused.code == 3
-    assert "On onboard these run, and would change what is measured: speech, vision." in refused.err
-    assert machines() == RUNNING
-
-
 def test_what_was_stopped_runs_again_and_the_log_is_that_of_a_quiet_host() -> None:
     ran = rarms(*SWEEP, "--stop-partitions")
 

@@ -1,6 +1,5 @@
 """`rarms tune`, from words to the manifest's `partitions`, on the simulated host."""
 
-import csv
 import json
 import re
 from collections.abc import Iterator
@@ -196,17 +195,6 @@ def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
     assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
 
 
-def test_where_all_reserves_are_fixed_that_is_said_once_and_without_a_table(tmp_path: Path) -> None:
-    fixed = MANIFEST.replace("reserve: measured", "reserve: 40 %")
-    (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
-
-    with chdir(tmp_path):
-        ran = rarms("tune")
-
-    assert (ran.code, ran.out) == (4, "")
-    assert "The manifest fixes all reserves, they do not fit, and nothing can be combined." in ran.err
-
-
 def test_what_is_not_tuned_counts_in_what_is_reserved_and_in_what_there_is(tmp_path: Path) -> None:
     fixed = MANIFEST.replace("reserve: measured", "reserve: 20 %")
     (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
@@ -235,29 +223,6 @@ def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: 
     assert "# never lose it" in text
     assert "components: [paths, video]" in text
     assert "protect: true" in text
-
-
-def test_what_was_not_measured_is_told(tmp_path: Path) -> None:
-    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    with chdir(tmp_path):
-        ran = rarms("tune")
-
-    assert ran.code == 4
-    assert "RARMS100" in ran.err
-
-
-def test_the_claim_stands_in_the_output_and_at_the_end_of_the_trail(here: Path) -> None:
-    ran = rarms("tune", "--samples", "60", "--dry-run", "--json")
-
-    assert ran.code == 0, ran.err
-    assert rarms("export", "trail.csv", "--trail").code == 0
-    found = json.loads(ran.out)
-    with (here / "trail.csv").open(encoding="utf-8", newline="") as trail:
-        last = list(csv.reader(trail))[-1]
-    assert (found["proved"], found["claim"]) == (True, "proved")
-    assert last[-1] == found["claim"]
-    assert all(trial["predicted"] is not None for trial in found["trail"])
-    assert "(predicted " in ran.err
 
 
 def test_explain_says_with_whom_it_would_save_something_as_predicted(here: Path) -> None:

@@ -179,18 +179,6 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
     ]
 
 
-def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) -> None:
-    before = lab.observe()
-    lab.apply(lab.plan())
-    assert [report.ending for report in lab.undo(Countdown(3))] == [RunEnding.INTERRUPTED]
-
-    finished = lab.finish()
-
-    assert finished is not None
-    assert finished.ending is RunEnding.DONE
-    assert without_serials(lab.observe()) == without_serials(before)
-
-
 def test_undo_of_destroy_says_what_is_gone_and_blocks_nothing(lab: Lab) -> None:
     lab.apply(lab.plan())
     lab.apply(lab.plan(purpose=Purpose.DESTROY))

@@ -8,7 +8,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import StartMode
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.plan import plan_text
-from tests.builders import a_component, a_host, a_partition, a_system, the_delivery_robot
+from tests.builders import a_component, a_host, a_partition, a_system
 from tests.builders_plan import facts, partition, settings, step
 from tests.lab import a_lab
 
@@ -72,22 +72,3 @@ def test_a_partition_that_is_started_by_hand_is_promised_what_the_planner_counts
 
 def step_with(step: Step, claim: Claim) -> Step:
     return replace(step, claim_after=claim)
-
-
-def test_every_change_points_at_the_line_that_asks_for_it() -> None:
-    with a_lab(the_delivery_robot()) as lab:
-        (part,) = lab.plan().hosts
-
-    asked = {str(change.address): change.reason.place.path for change in part.changes if change.reason.place}
-
-    assert asked["partition/path-planning"] == "components.path-planning"
-    assert asked["partition/speech-recognition/task/SpeechRecognition"] == "components.speech-recognition.task"
-
-
-def test_a_partition_with_an_entry_points_at_it() -> None:
-    with a_lab(
-        a_system(components=[a_component("eyes")], partitions=[a_partition("vision", components=["eyes"])])
-    ) as lab:
-        (part,) = lab.plan().hosts
-
-    assert [change.reason.place.path for change in part.changes if change.reason.place] == ["partitions.vision"]

@@ -1,11 +1,9 @@
 """A small share of the search's benchmark: its answers are certified and right."""
 
-from dataclasses import replace
 from statistics import fmean
 
 from benchmarks.components import NOISES, component
-from benchmarks.search import DEFAULT, HALVED, SHAPES, Result, by_shape, figures, results
-from benchmarks.timing import table
+from benchmarks.search import DEFAULT, HALVED, SHAPES, Result, results
 from tests.effort import examples
 
 
@@ -32,19 +30,3 @@ def test_every_shape_has_a_least_reservation_and_never_rises() -> None:
         assert 2 <= truth.least() <= 100
         assert not truth.meets(truth.least() - 1)
         assert all(later <= sooner * (1 + 1e-9) for sooner, later in zip(truth.level, truth.level[1:], strict=False))
-
-
-def test_the_figures_name_their_goals() -> None:
-    found = [
-        result for seed in (0, 10) for shape in SHAPES[:2] + SHAPES[5:6] for result in results((shape, seed, 0.01))
-    ]
-    filled = [*found, *(_as(result, shape) for shape in SHAPES for result in found[:3])]
-
-    text = table(figures(filled))
-
-    assert "settings, unseen shapes" in text
-    assert by_shape(filled).count("\n") == len(SHAPES) + 1
-
-
-def _as(result: Result, shape: str) -> Result:
-    return replace(result, shape=shape)

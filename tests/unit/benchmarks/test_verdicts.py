@@ -18,7 +18,6 @@ from benchmarks.verdicts import (
     limit_at,
     sequential_in,
     series_of,
-    steady,
     too_much_beyond,
     unsteady,
     unsteady_shares,
@@ -98,10 +97,3 @@ def test_a_series_without_a_steady_state_is_named_and_gets_no_verdict(shape: str
     verdicts = sum(isinstance(verdict, Met | Missed) for verdict in found)
     assert named >= 0.95 * tries - 1
     assert verdicts <= 0.01 * tries + 1
-
-
-def test_steady_series_get_their_verdicts() -> None:
-    tries = examples(40)
-    refused = sum(isinstance(judge(series_of(steady(seed)), APT, RUN), Unsteady) for seed in range(tries))
-
-    assert refused <= 0.02 * tries + 2

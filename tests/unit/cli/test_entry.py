@@ -1,7 +1,5 @@
 import io
-import os
 import signal
-import sys
 from collections.abc import Sequence
 
 import click
@@ -107,29 +105,3 @@ def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
         assert interrupts.exit_code is ExitCode.INTERRUPTED
 
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_a_reader_who_has_seen_enough_ends_nothing() -> None:
-    reading, writing = os.pipe()
-    os.close(reading)
-    with open(writing, "w", encoding="utf-8", closefd=True) as pipe:  # noqa: PTH123 - a pipe has no path
-        terminal = Terminal(out=pipe, err=io.StringIO())
-        for _ in range(10):
-            terminal.data("x" * 100_000)
-        terminal.flush()
-        terminal.data("more")
-
-    assert terminal.out is pipe
-
-
-@pytest.mark.needs("linux")
-def test_a_full_disk_is_a_finding() -> None:
-    before = sys.stdout
-    with open("/dev/full", "w", encoding="utf-8") as full:  # noqa: PTH123 - not a file
-        sys.stdout = full
-        try:
-            code = entry.run(["schema"])
-        finally:
-            sys.stdout = before
-
-    assert code == ExitCode.FAILED

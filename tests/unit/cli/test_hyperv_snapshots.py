@@ -67,31 +67,6 @@ def test_a_file_that_windows_powershell_redirected_is_read(cell: Path, encoding:
     assert plan(cell, "--snapshot", str(cell / "host.json")).code == 2
 
 
-def test_without_rights_nothing_is_planned(cell: Path) -> None:
-    (cell / "blind.json").write_bytes(recorded_bytes("unprivileged-caller"))
-
-    ran = plan(cell, "--snapshot", f"cell={cell / 'blind.json'}")
-
-    assert (ran.code, "error[RARMS158]" in ran.err) == (1, True)
-
-
-def test_under_the_root_scheduler_nothing_is_planned_unless_accepted(cell: Path) -> None:
-    host = bent(cell, scheduler=4)
-    refused = plan(cell, "--snapshot", f"cell={host}")
-    with (cell / "rarms.yaml").open("a", encoding="utf-8", newline="\n") as manifest:
-        manifest.write("\npolicy:\n  accept:\n    RARMS159: { at: [host/cell], reason: a desk to try things at }\n")
-
-    accepted = plan(cell, "--snapshot", f"cell={host}", "--out", str(cell / "plan"))
-
-    assert (refused.code, "error[RARMS159]" in refused.err) == (4, True)
-    assert accepted.code == 2
-    scripts = read_plan((cell / "plan").read_bytes()).hosts[0].scripts
-    assert {name: "AcceptScheduler = $true" in text for name, text in scripts.items() if ".guest." not in name} == {
-        "cell.ps1": True,
-        "cell.undo.ps1": True,
-    }
-
-
 def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Path) -> None:
     journal = document("server-2022-with-strangers")["journal"]["value"]
     planted = plan(cell, "--snapshot", f"cell={bent(cell, journal=journal | {'owner': 'S-1-5-21-7-7-7-1001'})}")
@@ -101,19 +76,6 @@ def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Pa
     assert (planted.code, "error[RARMS163]" in planted.err) == (4, True)
     assert (begun.code, "error[RARMS183]" in begun.err) == (3, True)
     assert "0123456789ab" in begun.err
-
-
-@pytest.mark.parametrize("probe", ["journal", "tasks", "records"])
-def test_what_was_denied_is_refused_as_a_live_host_refuses_it(cell: Path, probe: str) -> None:
-    answer = json.loads((cell / "host.json").read_bytes())
-    answer[probe] = {"status": "denied", "error": "PermissionDenied", "message": "Access is denied."}
-    (cell / "host.json").write_bytes(json.dumps(answer).encode())
-
-    ran = plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / "plan"))
-
-    assert (ran.code, "error[RARMS189]" in ran.err) == (1, True)
-    assert "Access is denied." in ran.err
-    assert not (cell / "plan").exists()
 
 
 def test_a_machine_that_could_not_be_read_is_named_by_plan_and_doctor(cell: Path) -> None:

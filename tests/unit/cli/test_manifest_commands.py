@@ -60,13 +60,6 @@ def test_init_says_where_no_folder_can_be_made(tmp_path: Path) -> None:
     assert "error[RARMS177]" in answer.err
 
 
-def test_a_missing_schema_key_is_told_with_its_only_value(here: Path) -> None:
-    text = (here / "rarms.yaml").read_text(encoding="utf-8")
-    (here / "rarms.yaml").write_text(text.replace("schema: rarms/v1\n", ""), encoding="utf-8", newline="\n")
-
-    assert "  Write schema: rarms/v1." in rarms("validate", "-f", str(here)).lines
-
-
 def test_validate_tells_errors_as_data_with_exit_code_2(here: Path) -> None:
     spoil(here)
 
@@ -106,17 +99,6 @@ def test_validate_for_programs_is_as_the_schema_says(here: Path) -> None:
     assert json.loads(answer.out)["counts"]["errors"] >= 1
 
 
-def test_no_manifest_here_names_init(tmp_path: Path) -> None:
-    answer = rarms("validate", "-f", str(tmp_path / "rarms.yaml"))
-
-    assert answer.code == 2
-    assert "rarms init" in answer.out
-
-
-def test_a_folder_without_a_manifest_is_told_like_a_missing_manifest(tmp_path: Path) -> None:
-    assert "rarms init" in rarms("validate", str(tmp_path)).out
-
-
 @pytest.mark.needs("posix", "not-root")
 def test_a_file_without_rights_is_a_finding(here: Path) -> None:
     (here / "rarms.yaml").chmod(0)
@@ -144,15 +126,6 @@ def test_fmt_of_standard_input_goes_to_standard_output(here: Path) -> None:
     text = (here / "rarms.yaml").read_text(encoding="utf-8")
 
     assert rarms("fmt", "-", stdin=text).out == text
-
-
-def test_fmt_takes_a_byte_order_mark_and_crlf_away(here: Path) -> None:
-    file = here / "rarms.yaml"
-    canonical = file.read_bytes()
-    file.write_bytes(b"\xef\xbb\xbf" + canonical.replace(b"\n", b"\r\n"))
-
-    assert rarms("fmt", str(here)).code == 0
-    assert file.read_bytes() == canonical
 
 
 def test_fmt_of_what_is_no_manifest_changes_nothing_and_says_why(here: Path) -> None:

@@ -111,35 +111,6 @@ def test_partitions_that_break_a_rule_are_no_layout(components: list) -> None:  
     assert misfit(system)[1] == ["RARMS125"]
 
 
-def test_reservations_that_exceed_the_platform_are_told_with_ways_out_that_fit() -> None:
-    system = a_system(
-        components=[
-            a_component("fdp", reserve="70 %", criticality=3),
-            a_component("srp", reserve="30 %", criticality=2),
-            a_component("ppp", reserve="20 %", criticality=1),
-        ]
-    )
-
-    found = planned(system).findings
-
-    assert [(diagnostic.code, diagnostic.place.path if diagnostic.place else "") for diagnostic in found] == [
-        ("RARMS014", "hosts.onboard.logical_processors")
-    ]
-    needed = "fdp 70 %, srp 30 % and ppp 20 % need 120 % of the two logical processors."
-    assert found[0].detail == f"{needed}"
-    assert "srp reserves 10 % instead of 30 %" in found[0].advice
-    lowered = replace(system.components["srp"], cpu=a_cpu(reserve="10 %"))
-    assert layout(replace(system, components={**system.components, "srp": lowered})).partitions
-
-
-def test_more_processors_are_only_offered_where_they_help() -> None:
-    in_lps = a_system(components=[a_component("fdp", reserve="1.4 LP"), a_component("srp", reserve="0.8 LP")])
-    in_shares = a_system(components=[a_component("fdp", reserve="70 %"), a_component("srp", reserve="40 %")])
-
-    assert "one more logical processor on onboard" in planned(in_lps).findings[0].advice
-    assert "more logical processor" not in planned(in_shares).findings[0].advice
-
-
 def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> None:
     system = a_system(
         hosts=[a_host(keep_processor="10 %", keep_memory="1 GiB")], components=[a_component(reserve="60 %")]
@@ -163,16 +134,6 @@ def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> 
     assert layout(system, with_stranger(asleep)).partitions
 
 
-def test_memory_that_is_not_there_is_told_with_how_much_more_would_do() -> None:
-    system = a_system(hosts=[a_host(memory="1 GiB")], components=[a_component(memory="1536 MiB")])
-
-    found = planned(system).findings
-
-    assert codes(found) == ["RARMS120"]
-    assert found[0].detail == "vision 1536 MiB needs 1536 MiB; onboard has 1 GiB to promise."
-    assert "512 MiB more memory on onboard" in found[0].advice
-
-
 def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None:
     needs = {"seams": "1 GiB", "motion": "512 MiB", "messages": "256 MiB"}
     components = [a_component(name, memory=memory) for name, memory in needs.items()]
@@ -184,16 +145,6 @@ def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None
         "All three partitions together need 1792 MiB."
     )
     assert "768 MiB more memory on onboard" in found[0].advice
-
-
-def test_virtual_processors_are_not_split_over_logical_ones() -> None:
-    three = a_system(components=[a_component(name, reserve="0.6 LP", processors=1) for name in "abc"])
-
-    answer, found = misfit(three)
-
-    assert found == ["RARMS121"]
-    assert answer.conflict == ("a", "b", "c")
-    assert answer.proven
 
 
 def test_what_one_host_cannot_hold_is_spread_over_several() -> None:

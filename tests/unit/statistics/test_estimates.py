@@ -10,7 +10,6 @@ from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.statistics.estimates import estimate
 from tests.builders import a_run
-from tests.effort import examples
 from tests.measured import a_series, noisy
 
 RUN = replace(a_run(), deadline=None)
@@ -46,18 +45,6 @@ def test_jitter_is_the_standard_deviation() -> None:
 @pytest.mark.parametrize("index", [*INDEXES, "p95_response_time"])
 def test_nothing_measured_gives_no_estimate(index: str) -> None:
     assert isinstance(estimate(index, a_series([]), RUN), NoEstimate)
-
-
-@pytest.mark.parametrize("correlation", [0.0, 0.5])
-def test_bounds_of_a_mean_are_wrong_no_more_often_than_they_say(correlation: float) -> None:
-    tries = examples(300)
-    above = below = 0
-    for seed in range(tries):
-        bounds = found("mean_response_time", a_series(noisy(seed, 100.0, variation=0.15, correlation=correlation)))
-        above += bounds.upper < 100.0
-        below += bounds.lower > 100.0
-
-    assert max(above, below) <= 0.05 * tries + 3 * (0.05 * 0.95 * tries) ** 0.5
 
 
 def test_correlated_samples_count_for_less() -> None:

@@ -67,11 +67,6 @@ def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width
     assert all(columns(line) <= width or len(line.split()) <= 2 for line in shown)
 
 
-def test_what_acts_on_a_terminal_is_spelt_out() -> None:
-    assert lines(styled("\x1b[31m", ("\u202e!", BAD))) == ["<U+001B>[31m<U+202E>!"]
-    assert visible("\ud800") == "<U+D800>"
-
-
 def test_a_table_wraps_the_columns_that_may_and_breaks_no_name() -> None:
     rows = [("mean_response_time", "88 ms", "far below what it must be"), ("x", "9 ms", "met")]
 

@@ -84,16 +84,6 @@ def test_a_reserve_is_shown_as_a_share_of_the_host_where_that_is_another_number(
     assert "      reserve         30 %" in wide
 
 
-def test_a_long_list_of_components_continues_below_its_column_within_80_columns() -> None:
-    members = tuple(f"component-with-a-long-name-{number}" for number in range(4))
-    part = replace(host_plan(changes=[create(partition())]), components={"vision": members})
-
-    shown = lines_of(plan(part))
-
-    assert max(map(len, shown)) <= 80
-    assert all(member in " ".join(shown) for member in members)
-
-
 def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
     narrow = update(partition(settings(processors=1, reserve=80)), partition(settings(processors=1, reserve=60)))
     wide = update(partition(settings(processors=2, reserve=80)), partition(settings(processors=2, reserve=60)))

@@ -10,13 +10,13 @@ import pytest
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.review.host_effects import busy_share
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
-from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
+from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, StopPartition
+from rarms_iac.model.operations import CreatePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
-from rarms_iac.model.state import Disk, DiskKind, HostFacts, Partition, State
+from rarms_iac.model.state import Disk, HostFacts, Partition, State
 from rarms_iac.model.system import Disruption, System
 from tests import builders_plan as build
 from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
@@ -55,13 +55,6 @@ def told(found: list[Diagnostic]) -> list[tuple[str, str]]:
 
 def test_a_plan_without_changes_has_no_findings() -> None:
     assert findings(machines=[partition(), STRANGER]) == []
-
-
-def test_memory_that_shrinks_is_told_and_memory_that_grows_is_not() -> None:
-    small, large = partition(settings(ram="1 GiB")), partition(settings(ram="2 GiB"))
-
-    assert told(findings(build.update(large, small), machines=[large])) == [("RARMS220", "partition/vision")]
-    assert findings(build.update(small, large), machines=[small]) == []
 
 
 def test_a_limit_that_widens_is_told_and_one_that_narrows_is_not() -> None:
@@ -165,19 +158,6 @@ class TestUnmanaged:
         assert busy_share(alone, [alone], 2) == Fraction(6, 10)
 
 
-@pytest.mark.parametrize(("disks", "expected"), [(("C:\\vision.vhdx",), ["RARMS224"]), ((), [])])
-def test_disks_that_stay_are_told_where_the_machine_has_some(disks: tuple[str, ...], expected: list[str]) -> None:
-    before = partition()
-    at = Address(partition="vision", machine=before.id)
-    remove = build.step(at, operation=RemovePartition(partition="vision", machine=before.id))
-    attached = tuple(Disk(path=disk, kind=DiskKind.DYNAMIC, machine=before.id) for disk in disks)
-
-    found = findings(build.delete(before), machines=[before], steps=[remove], disks=attached)
-
-    assert [diagnostic.code for diagnostic in found if diagnostic.code == "RARMS224"] == expected
-    assert all(path in diagnostic.detail for diagnostic in found for path in disks if diagnostic.code == "RARMS224")
-
-
 @pytest.mark.parametrize(
     ("purpose", "level", "expected"),
     [
@@ -247,49 +227,3 @@ def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> No
     assert sum(fits_only_by_search) == 800
     assert promised(fits_only_by_search) == [("RARMS259", "host/onboard")]
     assert promised([50, 40, 30, 30, 30, 10] * 4) == []
-
-
-@pytest.mark.parametrize(
-    ("disruption", "addresses"),
-    [
-        (Disruption.LIVE, []),
-        (Disruption.PARTITION_STOP, ["partition/vision"]),
-        (Disruption.HOST_RESTART, ["partition/vision"]),
-    ],
-)
-def test_a_partition_that_is_stopped_for_a_change_is_reported_at_the_address_an_acceptance_names(
-    disruption: Disruption, addresses: list[str]
-) -> None:
-    found = findings(processors_changed(disruption), machines=[partition()], steps=())
-
-    assert [finding.address for finding in found if finding.code == "RARMS041"] == addresses
-
-
-def test_the_reason_of_the_change_is_part_of_the_finding() -> None:
-    (restart,) = findings(processors_changed(Disruption.PARTITION_STOP), machines=[partition()], steps=())
-
-    assert (restart.code, restart.detail) == (
-        "RARMS041",
-        '"vision" runs, and it is stopped for this: its processors differ.',
-    )
-
-
-def test_a_removal_is_no_restart() -> None:
-    removal = Delete(
-        address=Address(partition="vision"),
-        before=partition(),
-        reason=Reason(message="it is not wanted"),
-        disruption=Disruption.REMOVAL,
-    )
-
-    assert "RARMS041" not in [finding.code for finding in findings(removal, machines=[partition()], steps=())]
-
-
-def processors_changed(disruption: Disruption) -> Update:
-    return Update(
-        address=Address(partition="vision"),
-        before=partition(settings("vision", processors=2)),
-        after=partition(settings("vision", processors=1)),
-        reason=Reason(message="its processors differ"),
-        disruption=disruption,
-    )

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.host import Connect, HypervHost, ProviderKind
+from rarms_iac.model.host import HypervHost, ProviderKind
 from rarms_iac.model.system import HypervPartition
 from tests.builders import a_component, a_host, a_partition, a_system
 from tests.unit.manifest.checks.violations import details, found
@@ -69,9 +69,3 @@ def test_a_whole_path_is_no_finding(path: str) -> None:
     hyperv = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(vm_path=path, image=path))
 
     assert "RARMS099" not in {code for code, _ in found(a_system(components=[VISION], hosts=[hyperv]))}
-
-
-def test_only_a_simulated_host_has_nothing_to_connect_to() -> None:
-    connect = Connect(ssh="robot@onboard")
-
-    assert found(a_system(hosts=[a_host(connect=connect)])) == [("RARMS084", "hosts.onboard.connect")]

@@ -7,17 +7,9 @@ from rarms_iac.manifest.checks.measurement import pattern_groups, samples_needed
 from rarms_iac.model.run import Call, Elapsed, Field, Run, SampleCount, Samples
 from rarms_iac.model.system import System, Threshold
 from tests.builders import a_component, a_run, a_system, at_least, at_most, milliseconds
-from tests.unit.manifest.checks.violations import details, found
+from tests.unit.manifest.checks.violations import found
 
 RESPONSE = Field(name="ms")
-
-
-def test_a_measured_reserve_needs_an_apt_and_something_to_run() -> None:
-    nothing = a_component(reserve="measured")
-    no_run = a_component(reserve="measured", apt={"mean_response_time": at_most(100)})
-
-    assert [code for code, _ in found(a_system(components=[nothing]))] == ["RARMS077", "RARMS079"]
-    assert [code for code, _ in found(a_system(components=[no_run]))] == ["RARMS079"]
 
 
 def with_run(run: Run, apt: Mapping[str, Threshold] | None = None) -> System:
@@ -77,13 +69,6 @@ def test_times_that_contradict_each_other() -> None:
     assert found(with_run(cut_off, {"maximum_response_time": at_most(99)})) == []
 
 
-def test_a_miss_rate_needs_a_deadline() -> None:
-    apt = {"deadline_miss_rate": at_most(1)}
-
-    assert found(with_run(a_run(), apt)) == [("RARMS071", "components.vision.apt.deadline_miss_rate")]
-    assert found(with_run(a_run(every="33 ms"), apt)) == []
-
-
 @pytest.mark.parametrize(
     ("index", "needed"),
     [
@@ -128,14 +113,3 @@ def test_patterns_that_are_not_re2_or_too_large(pattern: str) -> None:
 def test_a_pattern_that_is_catastrophic_elsewhere_is_harmless_in_re2() -> None:
     assert pattern_groups(r"^(a+)+$") == {}
     assert pattern_groups(r"^heard .* ok=(?P<success>[01]) ms=(?P<response>[0-9.]+)") == {"success": 1, "response": 2}
-
-
-def test_a_field_names_a_group_of_the_pattern() -> None:
-    samples = Samples(
-        source="pattern", pattern=r"ms=(?P<response>[0-9.]+)", response_time=Field(name="respnse"), success=None
-    )
-
-    assert found(with_run(a_run(samples=samples))) == [
-        ("RARMS073", "components.vision.run.samples.response_time.field")
-    ]
-    assert 'Did you mean "response"?' in details(with_run(a_run(samples=samples)))

@@ -8,7 +8,7 @@ from rarms_iac.manifest.checks import run_checks
 from rarms_iac.model.system import Policy, RunsOn, System
 from tests.builders import PathPlaces, a_component, a_host, a_partition, a_system, codes, the_delivery_robot
 from tests.twin.text import RESERVED
-from tests.unit.manifest.checks.violations import details, found
+from tests.unit.manifest.checks.violations import found
 
 VISION = a_component("vision", criticality=30)
 SPEECH = a_component("speech", criticality=20)
@@ -32,10 +32,6 @@ ROOMY = a_host(keep_processor="10 %", keep_memory="1 GiB")
 )
 def test_a_name_that_nothing_has(system: System, path: str) -> None:
     assert ("RARMS042", path) in found(system)
-
-
-def test_the_name_that_was_meant_is_said() -> None:
-    assert 'Did you mean "vision"?' in details(a_system(components=[a_component("vision", apart=["visoin"])]))
 
 
 def test_names_that_are_there_are_no_finding() -> None:
@@ -107,10 +103,6 @@ def test_a_manifest_may_require_a_version(required: str | None, codes_found: lis
 
     with patch("rarms_iac.manifest.checks.names.__version__", "0.1.0"):
         assert [code for code, _ in found(requiring)] == codes_found
-
-
-def test_a_manifest_without_components() -> None:
-    assert found(a_system(components=[])) == [("RARMS089", "components")]
 
 
 @pytest.mark.parametrize("name", sorted(RESERVED))

@@ -5,21 +5,6 @@ from tests.builders import a_component, a_host, a_partition, a_system, a_task
 from tests.unit.manifest.checks.violations import details, found
 
 
-def test_what_is_not_used_is_noted() -> None:
-    assert found(a_system(tasks=[a_task("Grasping")])) == [("RARMS087", "tasks.Grasping")]
-    assert found(a_system(tasks=[a_task("Grasping")], components=[a_component(task="grasping")])) == []
-
-
-def test_no_task_class_is_called_like_the_value() -> None:
-    vision = a_component("vision", task="systemResponsiveness")
-    system = a_system(components=[vision], tasks=[a_task("SystemResponsiveness")])
-
-    assert sorted(finding for finding in found(system) if finding[0] == "RARMS229") == [
-        ("RARMS229", "components.vision.task"),
-        ("RARMS229", "tasks.SystemResponsiveness"),
-    ]
-
-
 def test_a_class_of_windows_is_left_alone_unless_it_is_to_be_replaced() -> None:
     component = a_component(task="pro audio")
 
@@ -37,12 +22,6 @@ def test_a_class_is_robotic_or_defined() -> None:
     )
     assert found(a_system(components=[a_component(task="motioncontrol")])) == []
     assert found(a_system(components=[a_component(task="Grasping")], tasks=[a_task("Grasping")])) == []
-
-
-def test_classes_that_are_one_registry_key() -> None:
-    system = a_system(components=[a_component(task="Grasping")], tasks=[a_task("Grasping"), a_task("GRASPING")])
-
-    assert found(system) == [("RARMS055", "tasks.GRASPING")]
 
 
 def two_tasks(vision: TaskRequest, speech: TaskRequest) -> System:

@@ -27,15 +27,6 @@ def changed_lines(before: str, after: str) -> list[str]:
     return [f"-{line}" for line in old if line not in new] + [f"+{line}" for line in new if line not in old]
 
 
-def test_a_value_is_replaced_where_it_stands() -> None:
-    after = set_value(ROBOT, ("components", "vision", "cpu", "reserve"), "70 %")
-
-    assert changed_lines(ROBOT, after) == [
-        "-        cpu: { reserve: 40 % } # fixed",
-        "+        cpu: { reserve: 70 % } # fixed",
-    ]
-
-
 def test_a_new_key_comes_at_its_canonical_place() -> None:
     after = set_value(ROBOT, ("components", "vision", "memory"), "512 MiB")
 
@@ -149,10 +140,6 @@ def test_a_key_of_a_flow_map_is_removed_with_its_comma() -> None:
     assert remove_value(text, ("hosts", "a")) == "hosts: { b: {}, c: {} }\n"
     assert remove_value(text, ("hosts", "b")) == "hosts: { a: { memory: 1 GiB }, c: {} }\n"
     assert remove_value(text, ("hosts", "c")) == "hosts: { a: { memory: 1 GiB }, b: {} }\n"
-
-
-def test_a_key_is_renamed_where_it_stands() -> None:
-    assert rename(ROBOT, ("components", "vision"), "eyes") == ROBOT.replace("vision:", "eyes:")
 
 
 def test_what_is_not_there_is_said() -> None:

@@ -1,6 +1,5 @@
 """Hostile input gives a finding with a position, and never needs much memory."""
 
-import os
 import subprocess
 import sys
 from datetime import date
@@ -80,23 +79,6 @@ def test_a_missing_file(tmp_path: Path) -> None:
 
 def test_a_name_that_no_file_can_have() -> None:
     assert [diagnostic.code for diagnostic in load("rarms\0.yaml", today=TODAY).diagnostics] == ["RARMS001"]
-
-
-def test_a_folder_is_not_opened(tmp_path: Path) -> None:
-    assert [diagnostic.code for diagnostic in load(str(tmp_path), today=TODAY).diagnostics] == ["RARMS002"]
-
-
-@pytest.mark.needs("posix")
-def test_a_fifo_never_blocks(tmp_path: Path) -> None:
-    path = tmp_path / "rarms.yaml"
-    os.mkfifo(path)
-
-    assert [diagnostic.code for diagnostic in load(str(path), today=TODAY).diagnostics] == ["RARMS002"]
-
-
-@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="this system has no endless device to open")
-def test_an_endless_device_is_not_read() -> None:
-    assert [diagnostic.code for diagnostic in load("/dev/zero", today=TODAY).diagnostics] == ["RARMS002"]
 
 
 def test_standard_input_is_read_up_to_the_limit() -> None:

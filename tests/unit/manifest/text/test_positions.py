@@ -3,9 +3,8 @@
 import pytest
 
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
-from rarms_iac.manifest.text.reading import Lines, read_text
-from rarms_iac.manifest.text.tree import build_positions, plain
-from tests.unit.manifest.examples import EVERYTHING
+from rarms_iac.manifest.text.reading import Lines
+from rarms_iac.manifest.text.tree import build_positions
 
 TEXT = """\
 a:
@@ -45,12 +44,6 @@ def test_a_place_says_how_much_to_underline() -> None:
 def test_a_path_is_written_as_people_do() -> None:
     assert dotted(("components", "a b", "apart", 0)) == "components.a b.apart[0]"
     assert dotted(("p99.9_response_time", "x")) == '"p99.9_response_time".x'
-
-
-def test_positions_and_values_come_from_the_same_text() -> None:
-    data = EVERYTHING.encode()
-
-    assert plain(build_positions(data.decode(), "f")) == read_text(data, "f", ".").value
 
 
 def test_lines_end_as_editors_end_them() -> None:

@@ -8,7 +8,7 @@ from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, 
 from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe
-from rarms_iac.providers.hyperv.parse import last_run_of, run_state, scheduler_of, serials_of, tasks_of, to_state
+from rarms_iac.providers.hyperv.parse import last_run_of, run_state, serials_of, tasks_of, to_state
 from rarms_iac.storage.append import line_of
 from rarms_iac.storage.codec import NotDecodable
 from tests.recorded_hosts import document, recorded, unread
@@ -45,21 +45,6 @@ def test_strangers_and_ours() -> None:
     )
 
 
-def test_names_that_two_machines_share_and_marks_that_were_copied() -> None:
-    state = to_state(recorded("duplicates-of-a-name"), "onboard")
-
-    told = {
-        partition.id[:8]: (partition.settings.name, partition.mark is not None, partition.foreign_mark)
-        for partition in state.partitions
-    }
-    assert told["aaaaaaaa"] == ("vision", True, "")
-    assert told["bbbbbbbb"][1] is False
-    assert "names another machine" in told["bbbbbbbb"][2]
-    assert told["cccccccc"] == ("vision", False, "")
-    speech = [partition for partition in state.partitions if partition.settings.name.startswith("speech")]
-    assert [partition.foreign_mark for partition in speech] == ["the mark of robot/speech stands on 2 machines"] * 2
-
-
 def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
     state = to_state(recorded("machines-in-every-state"), "onboard")
 
@@ -77,26 +62,6 @@ def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
     )
     assert [partition.settings.name for partition in state.partitions if partition.settings.running] == ["in-running"]
     assert run_state("SomethingNewInServer2031") is RunState.BUSY
-
-
-@pytest.mark.parametrize(
-    ("seen", "expected"),
-    [
-        (recorded("server-2022-with-strangers"), SchedulerType.CORE),
-        (recorded("server-2022-with-strangers", scheduler=1), SchedulerType.CLASSIC),
-        (recorded("server-2022-with-strangers", scheduler=2), SchedulerType.CLASSIC),
-        (recorded("server-2022-with-strangers", scheduler=9), SchedulerType.UNKNOWN),
-        (recorded("event-log-rolled-over"), SchedulerType.UNKNOWN),
-        (unread("event-log-rolled-over", "windows"), SchedulerType.UNKNOWN),
-        (recorded("client-with-root-scheduler"), SchedulerType.ROOT),
-        (unread("client-with-root-scheduler", "scheduler"), SchedulerType.ROOT),
-        (recorded("client-with-root-scheduler", scheduler=3), SchedulerType.CORE),
-    ],
-)
-def test_a_client_counts_as_root_and_of_a_server_nothing_is_assumed(
-    seen: HostObservation, expected: SchedulerType
-) -> None:
-    assert scheduler_of(seen) is expected
 
 
 @pytest.mark.parametrize(

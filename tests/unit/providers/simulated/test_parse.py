@@ -5,25 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.state import Checkpoints, PartitionSettings, RunState, StartAction, StopAction
+from rarms_iac.model.state import PartitionSettings, RunState
 from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.parse import FORMAT, read_content, write_content
 from rarms_iac.storage.codec import NotDecodable
+from tests.builders_plan import settings
 
-SETTINGS = PartitionSettings(
-    name="vision \u2603\nrarms",
-    generation=2,
-    processors=2,
-    reserve=40,
-    limit=100,
-    weight=100,
-    memory=2**29,
-    dynamic_memory=False,
-    start_action=StartAction.START,
-    stop_action=StopAction.SAVE,
-    checkpoints=Checkpoints.STANDARD,
-    running=True,
-)
+SETTINGS = settings("vision \u2603\nrarms")
 ID = next_id(empty("onboard"), "vision")
 MACHINE = SimulatedMachine(id=ID, settings=SETTINGS, state=RunState.RUNNING, notes='quotes " and \\ and \u2028')
 CONTENT = replace(empty("onboard"), made=3).with_machine(MACHINE)

@@ -1,10 +1,7 @@
-from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from rarms_iac.storage.datalog.configuration import Chosen, Proven, ProvenIndex, append_entry, last_chosen, read_entries
-from rarms_iac.storage.datalog.files import LogUnreadable, configuration_path
+from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders_measured import a_bench, a_subject
 
 
@@ -60,13 +57,3 @@ def test_entries_read_back_and_the_last_choice_holds(tmp_path: Path) -> None:
     assert last_chosen(entries) == chosen(70)
     assert last_chosen(()) is None
     assert read_entries(tmp_path / "none.jsonl") == ()
-
-
-def test_a_damaged_log_names_its_line(tmp_path: Path) -> None:
-    path = configuration_path(tmp_path, "onboard", "vision")
-    append_entry(path, chosen())
-    append_entry(path, replace(proven(), beside=()))
-    path.write_bytes(path.read_bytes().replace(b'"reserve":62', b'"reserve":63', 1))
-
-    with pytest.raises(LogUnreadable, match=":1: the record is damaged"):
-        read_entries(path)

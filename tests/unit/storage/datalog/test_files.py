@@ -64,20 +64,6 @@ def test_a_log_that_somebody_has_is_read_again_only_when_it_was_written_to(tmp_p
     assert begun_anew.settings == ()
 
 
-def test_a_torn_last_setting_is_dropped_and_gives_way(tmp_path: Path) -> None:
-    path = a_file(tmp_path, 10, 20)
-    path.write_bytes(path.read_bytes()[:-40])
-
-    torn = read_log(path)
-    append_setting(path, Recorded(setting=a_setting(30), provenance=TAKEN))
-    mended = read_log(path)
-
-    assert torn is not None
-    assert [setting.reserve for setting in torn.settings] == [10]
-    assert mended is not None
-    assert [setting.reserve for setting in mended.settings] == [10, 30]
-
-
 def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10, 20)
     path.write_bytes(path.read_bytes().replace(b'"reserve":10', b'"reserve":11'))
@@ -86,16 +72,6 @@ def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Pat
         read_log(path)
 
     assert error.value.line == 2
-
-
-def test_the_line_ends_that_git_makes_do_no_harm(tmp_path: Path) -> None:
-    path = a_file(tmp_path, 10, 20)
-    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-
-    log = read_log(path)
-
-    assert log is not None
-    assert [setting.reserve for setting in log.settings] == [10, 20]
 
 
 def test_where_nothing_is_there_is_no_log(tmp_path: Path) -> None:

@@ -3,9 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun, append_run, read_runs, tuning_path
 
 RUN = TuningRun(
@@ -44,14 +41,3 @@ def test_a_run_that_says_what_the_last_one_said_is_not_written_again(tmp_path: P
     append_run(path, replace(RUN, when="2026-11-22T12:00:00Z", rarms_version="2"))
 
     assert read_runs(path) == (RUN,)
-
-
-def test_damage_is_told_with_its_line(tmp_path: Path) -> None:
-    path = tuning_path(tmp_path, "two-core")
-    append_run(path, RUN)
-    append_run(path, replace(RUN, after=180))
-    path.write_bytes(path.read_bytes().replace(b'"after":194', b'"after":195'))
-
-    with pytest.raises(LogUnreadable) as problem:
-        read_runs(path)
-    assert problem.value.line == 1

@@ -1,75 +1,12 @@
 """The scheduler model against formulas: processor sharing, the periodic resource's supply bound, priorities."""
 
 from itertools import islice
-from math import floor
 
 import pytest
 
 from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
-from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
-from rarms_iac.providers.simulated.scheduling.machine import (
-    BusyLoops,
-    JobDemand,
-    ModelMachine,
-    TracePiece,
-    VirtualMachine,
-)
+from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-
-LOOP = (BusyLoops(),)
-
-
-def spent(machine: ModelMachine, until_ms: float) -> list[TracePiece]:
-    pieces: list[TracePiece] = []
-    list(simulate(machine, 1, until_ms=until_ms, trace=pieces.append))
-    return pieces
-
-
-def supply(pieces: list[TracePiece], vp: str, begin: float, end: float) -> float:
-    return sum(max(0.0, min(piece.ended, end) - max(piece.began, begin)) for piece in pieces if piece.ran == vp)
-
-
-def supply_bound(time: float, period: float, budget: float) -> float:
-    """The least that a periodic resource (budget in every period) supplies in any interval of this length."""
-    late = time - (period - budget)
-    if late <= 0:
-        return 0.0
-    whole = floor(late / period)
-    return whole * budget + max(0.0, late - whole * period - (period - budget))
-
-
-@pytest.mark.parametrize("weights", [(100, 100), (100, 300), (50, 100, 250)])
-def test_without_reserves_weights_share_the_processor(weights: tuple[int, ...]) -> None:
-    machines = [VirtualMachine(name=f"vm{n}", vps=1, weight=weight, loads=LOOP) for n, weight in enumerate(weights)]
-
-    pieces = spent(ModelMachine(lps=1, machines=tuple(machines)), 10_000.0)
-
-    for number, weight in enumerate(weights):
-        assert supply(pieces, f"vm{number}.0", 0, 10_000) == pytest.approx(10_000 * weight / sum(weights), abs=25)
-
-
-def test_what_is_left_over_goes_by_weight_beside_a_reserve() -> None:
-    reserved = VirtualMachine(name="reserved", vps=1, reserve=40, loads=LOOP)
-    other = VirtualMachine(name="other", vps=1, weight=200, loads=LOOP)
-
-    pieces = spent(ModelMachine(lps=1, machines=(reserved, other)), 10_000.0)
-
-    assert supply(pieces, "reserved.0", 0, 10_000) == pytest.approx(4_000 + 6_000 * 100 / 300, abs=50)
-    assert supply(pieces, "other.0", 0, 10_000) == pytest.approx(6_000 * 200 / 300, abs=50)
-
-
-@pytest.mark.parametrize("reserve", [5, 10, 30, 50, 70, 90])
-def test_a_reserve_supplies_what_a_periodic_resource_does(reserve: int) -> None:
-    """With the window as period; the rest is reserved and demanded too, so that nothing is left over."""
-    steady = VirtualMachine(name="steady", vps=1, reserve=reserve, loads=LOOP)
-    rest = VirtualMachine(name="rest", vps=1, reserve=100 - reserve, loads=LOOP)
-    pieces = spent(ModelMachine(lps=1, machines=(steady, rest)), 900.0)
-
-    for begin in (piece.ended for piece in pieces if piece.ran == "steady.0"):
-        for time in range(20, 500, 35):
-            if begin + time <= 900:
-                least = supply_bound(time, 100, reserve)
-                assert supply(pieces, "steady.0", begin, begin + time) >= least - SHORTEST_TURN_MS * reserve / 100
 
 
 def test_two_equal_threads_of_one_system_take_turns() -> None:
