@@ -122,7 +122,8 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
                 save(folder, changed)
 
         host.watch = watch
-        session = Session(host, windows_powershell=False, path=f"{FOLDER}\\{script.name}")
+        path_there, what_if = f"{FOLDER}\\{script.name}", "-WhatIf" in given
+        session = Session(host, windows_powershell=False, path=path_there, what_if=what_if)
         session.output = Predictions(how.step_ms)
         file = host.file(session.path)
         assert file is not None

@@ -1,14 +1,13 @@
 """The commands of README.md and docs: each is run where its page has it, and each option is one that there is.
 
 In a block of `console` a line that begins with `$` is for any system and is run here, the page's others before it; it
-ends with 0, or as its remark says. A line that begins with `PS>` is for PowerShell on Windows: it is looked whether our
-script has those parameters.
+ends with 0, or as its remark says. A line with `PS>` is typed into the stand-in for a host's PowerShell, one with
+`[NAME]: PS>` into a guest's.
 """
 
 import os
 import re
 import shlex
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import chdir
 from pathlib import Path
@@ -18,12 +17,12 @@ import pytest
 
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.storage.shipped import shipped_text
 from tests.files import copy_files
 from tests.needs import CHECKOUT
 from tests.recorded_hosts import document
 from tests.standin import powershell
 from tests.standin.remote import pwsh
+from tests.standin.server import a_bare_server, typed
 from tests.twin.observing import host_from
 from tests.unit.cli.running import rarms
 
@@ -33,16 +32,19 @@ DOCS = CHECKOUT / "docs"
 PAGES = [CHECKOUT / "README.md", *sorted(DOCS.glob("*.md"))]
 FINDING_PAGES = sorted((DOCS / "findings").glob("*.md"))
 BLOCK = re.compile(r"^ *```console\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+SHOWN = re.compile(
+    r"^ *(?P<prompt>\$|(?:\[(?P<guest>[\w-]+)\]: )?PS>) (?P<typed>.*?)(?:\s+# (?:ends with (?P<code>\d+))?.*)?$",
+    re.MULTILINE,
+)
 COMMAND = re.compile(r"^ *\$ (.*?)(?:\s+# (?:ends with (\d+))?.*)?$", re.MULTILINE)
-WINDOWS = re.compile(r"^ *PS> (.*)$", re.MULTILINE)
 RECOMMENDED = re.compile(r"`(rarms [a-z][^`]*)`")
 
 ELSEWHERE = {
     "make": "tests/system/test_make.py",
     "pipx": "tests/system/test_wheel.py",
-    "rarms plan --snapshot cell=host.json": "tests/unit/cli/test_hyperv_snapshots.py",
+    "Get-ChildItem .rarms\\signed": "tests/system/test_remote_host.py",
 }
-"""Programs, and a command that needs a host with a guest, and the tests that run what they stand for."""
+"""Programs, and a command of PowerShell, and the tests that run what they stand for."""
 
 CELL = """\
 schema: rarms/v1
@@ -72,10 +74,15 @@ def beside_a_cell() -> None:
         Path(folder, "rarms.yaml").write_text(CELL, encoding="utf-8", newline="\n")
 
 
-def beside_the_examples() -> None:
-    copy_files(CHECKOUT / "manifests", Path("manifests"))
+def on_a_bare_server() -> None:
+    """rarms runs on the host itself, so its manifest has no `connect`."""
     copy_files(CHECKOUT / "manifests" / "hyperv-cell", Path())
-    shutil.copy(CHECKOUT / "tests" / "recorded" / "hyperv" / "inside-a-guest.json", "torch.json")
+    manifest = Path("rarms.yaml").read_text(encoding="utf-8")
+    here = manifest.replace("    connect: { ssh: rarms@cell-4, shell: pwsh }\n", "")
+    assert here != manifest
+    Path("rarms.yaml").write_text(here, encoding="utf-8", newline="\n")
+    powershell.save(Path(), a_bare_server(Path("host.json"), "D:\\images\\windows-iot.vhdx"))
+    Path("host.json").unlink()
 
 
 def beside_a_hyperv_host() -> None:
@@ -85,7 +92,7 @@ def beside_a_hyperv_host() -> None:
 
 PREPARED: Mapping[str, Callable[[], None]] = {
     "README.md": beside_a_measured_robot,
-    "hyperv.md": beside_the_examples,
+    "hyperv.md": on_a_bare_server,
     "pull-requests.md": beside_a_cell,
     "scripts.md": beside_a_hyperv_host,
     "tutorial.md": in_an_empty_folder,
@@ -105,10 +112,11 @@ def commands_of(page: Path) -> list[tuple[str, int]]:
 def test_every_page_with_commands_is_run() -> None:
     with_commands = {page.name for page in PAGES if any(word.startswith("rarms ") for word, _ in commands_of(page))}
     commands = [command for page in PAGES for command, _ in commands_of(page)]
+    at_windows = [found["typed"] for page in PAGES for found in SHOWN.finditer(blocks(page))]
 
     assert with_commands == set(PREPARED)
     assert {shlex.split(command)[0] for command in commands} == {"rarms", "cd", "mkdir", "make", "pipx"}
-    assert all(any(command.startswith(start) for command in commands) for start in ELSEWHERE)
+    assert all(any(command.startswith(start) for command in at_windows) for start in ELSEWHERE)
     assert all((CHECKOUT / test).is_file() for test in ELSEWHERE.values())
 
 
@@ -117,25 +125,34 @@ def test_every_page_with_commands_is_run() -> None:
 @pytest.mark.parametrize("name", PREPARED)
 def test_each_command_of_a_page_ends_as_it_says(tmp_path: Path, name: str) -> None:
     (page,) = (page for page in PAGES if page.name == name)
-    expected = [(command, code) for command, code in commands_of(page) if not command.startswith(tuple(ELSEWHERE))]
+    shown = [found for found in SHOWN.finditer(blocks(page)) if not found["typed"].startswith(tuple(ELSEWHERE))]
+    expected = [(found["typed"], int(found["code"] or 0)) for found in shown]
     ended: list[tuple[str, int]] = []
     folder = tmp_path / "work"
     folder.mkdir()
 
     with chdir(folder):
         PREPARED[name]()
-        for command, _ in expected:
-            program, *words = shlex.split(command)
-            if program == "cd":
-                os.chdir(words[0])
-            elif program == "mkdir":
-                Path(words[-1]).mkdir(parents=True)
-            else:
-                assert program == "rarms"
-            ended.append((command, rarms(*words).code if program == "rarms" else 0))
+        for found in shown:
+            at_powershell = found["prompt"] != "$"
+            code = typed(found["typed"], found["guest"] or "") if at_powershell else run_here(found["typed"])
+            ended.append((found["typed"], code))
 
     assert ended
     assert ended == expected
+
+
+def run_here(command: str) -> int:
+    program, *words = shlex.split(command)
+    match program:
+        case "cd":
+            os.chdir(words[0])
+        case "mkdir":
+            Path(words[-1]).mkdir(parents=True)
+        case _:
+            assert program == "rarms"
+            return rarms(*words).code
+    return 0
 
 
 def shown_commands() -> Iterator[tuple[str, str]]:
@@ -171,17 +188,6 @@ def test_every_option_that_a_page_names_is_one_of_its_command() -> None:
     assert len(shown) > 200
     assert {shlex.split(command)[1] for _, command in shown} <= {*COMMANDS, "--help", "--version"}
     assert [(page, command, unknown) for page, command in shown if (unknown := unknown_option(command))] == []
-
-
-def test_what_a_page_has_for_windows_names_parameters_of_our_scripts() -> None:
-    (parameters,) = re.findall(r"^param\((.*)\)", shipped_text("templates/powershell/script.ps1.j2"), re.MULTILINE)
-    known = {"observe.ps1": set[str](), "cell.ps1": {"WhatIf", "Confirm", *re.findall(r"\$(\w+)", parameters)}}
-    commands = [command for page in PAGES for command in WINDOWS.findall(blocks(page))]
-    runs = [command.partition(" -File ")[2].split() for command in commands if " -File " in command]
-
-    assert len(runs) >= 3
-    for script, *options in runs:
-        assert {option[1:] for option in options if option.startswith("-")} <= known[script], script
 
 
 def test_every_picture_of_a_page_is_there() -> None:
