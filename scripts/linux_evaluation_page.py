@@ -25,6 +25,7 @@ from rarms_iac.statistics.errors import ERROR
 from scripts.linux_evaluation import (
     BROWSERS,
     FDP,
+    JUDGED,
     LOADS,
     MEASURED,
     PPP,
@@ -36,7 +37,20 @@ from scripts.linux_evaluation import (
     components_of,
     rules,
 )
-from scripts.linux_experiments import PAIRS, SLICE, Experiment, Log, meets, series_of, value_of, values_in, values_of
+from scripts.linux_experiments import (
+    LONG_S,
+    MEASURED_JOBS,
+    MEASURED_S,
+    PAIRS,
+    SLICE,
+    Experiment,
+    Log,
+    meets,
+    series_of,
+    value_of,
+    values_in,
+    values_of,
+)
 from scripts.linux_verdicts import DRAWS, FARTHEST, NEAREST, VerdictCount, count_verdicts
 from scripts.paper_drawing import Chart, draw
 
@@ -50,12 +64,13 @@ The paper: face detection takes 600 to 800 ms at the low end, falls steeply, and
 task classes, so that they run in SCHED_FIFO with the reservation as their budget on each processor: one thread gets so
 much of one processor, as a virtual processor would. VSP and PPP have none, and share. Medians of all runs at a
 reservation."""
-FOUND = """\
+FOUND = f"""\
 *Sweep* is the least whole per cent from which on the medians of all runs meet the APT, found by halving; from ... to
-where it was not halved to the end. `rarms measure` saw none of those runs. Its aim is to be at most 2 points away; a
-setting that others on the machine disturbed in each of three tries has no verdict, and then it ends above. *Foretold*
-is what the simulated host says from a run of the component alone (processor time and waiting time a job), by its mean
-response time."""
+where it was not halved to the end. `rarms measure` saw none of those runs; a setting had up to {MEASURED_S:g} s of a
+periodic component's jobs, and {MEASURED_JOBS} of another one's. Its aim is to be at most 2 points away; a setting that
+others on the machine disturbed in each of three tries has no verdict, and then it ends above. *Foretold* is what the
+simulated host says from a run of the component alone (processor time and waiting time a job), by its mean response
+time."""
 FIGURE_3 = """\
 One operating system without partitions; stress-ng uses the given share of every processor. FDP and SRP run in
 SCHED_FIFO at 30 and 31, VSP and PPP in the ordinary class. The paper: FDP and SRP do not change up to 100 %
@@ -70,11 +85,12 @@ Reservations are often taken from what a component consumes: its 95th or 99th pe
 reservation, in whole per cent of the host, then ran {REPEATS} times beside busy loops; *too much* is what it has
 beyond the sweep's."""
 VERDICTS = f"""\
-Each run of a reservation that was run {REPEATS} times or more is judged as `rarms` judges one, for each index of its
-APT {2 * DRAWS} times: with thresholds that are drawn (seeded) to be {NEAREST:g} to {FARTHEST:g} times what the *other*
-runs showed, and with as many that are too strict by as much. A verdict is wrong where the other runs show the contrary.
-Declared is that at most 1 of 100 runs gets a wrong one. Verdicts on the same run are not independent; the limits take
-them so."""
+Each component ran {REPEATS} times for {LONG_S:g} s at each of {", ".join(f"{reserve} %" for reserve in JUDGED)}, where
+all keep up with what comes (at 10 and 15 % queues grow without end, and there is nothing to judge). Each run is judged
+as `rarms` judges one, for each index of its APT {2 * DRAWS} times: with thresholds that are drawn (seeded) to be
+{NEAREST:g} to {FARTHEST:g} times what the *other* run showed, and with as many that are too strict by as much. A
+verdict is wrong where the other run shows the contrary. Declared is that at most 1 of 100 runs gets a wrong one.
+Verdicts on the same run are not independent; the limits take them so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

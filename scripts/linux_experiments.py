@@ -18,9 +18,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.measurement import Sample, Series, run_of
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.run import Elapsed
+from rarms_iac.model.run import Elapsed, Periodic
 from rarms_iac.model.system import AtMost, Browser, BusyLoop, CommandLoad, Component, Interference
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.versions import MissingFeatures, find_tree
@@ -40,7 +40,10 @@ STARTS_WITH = 80
 FEWEST_JOBS, MOST_SECONDS = 40, 8.0
 """A run of a reservation goes on until it has so many jobs, or for so long."""
 
-SECONDS, USAGE_SECONDS, USAGE_WINDOW_S = 3.0, 12.0, 1.0
+SECONDS, LONG_S, USAGE_SECONDS, USAGE_WINDOW_S = 3.0, 12.0, 12.0, 1.0
+MEASURED_S, MEASURED_JOBS = 30.0, 80
+"""`rarms measure` takes a periodic component's jobs of so long at most for a setting, and so many of another one's."""
+
 PAIRS = ((50, 50), (75, 25), (75, 0))
 """What P1 and P2 reserve in the paper's Fig. 4."""
 
@@ -52,7 +55,7 @@ Values = Mapping[str, float]
 class Experiment:
     """One thing to try with a component; `setting` is a reservation, what a load uses, or a number of browsers."""
 
-    kind: str  # measured, alone, reserve, class, browsers
+    kind: str  # measured, alone, reserve, long (the same for longer), class, browsers
     component: str
     setting: int = 0
     repeat: int = 1
@@ -122,6 +125,8 @@ class Laboratory:
                 return self._alone(component)
             case "reserve":
                 return self.at_reserve(component, experiment.setting, priority)
+            case "long":
+                return self.at_reserve(component, experiment.setting, priority, LONG_S)
             case "class":
                 return self._at_load(component, experiment.setting, priority)
             case "browsers":
@@ -183,7 +188,7 @@ class Laboratory:
         rows = [(round(each.began_ms - first, 3), each.response_ms, each.successful, each.count) for each in samples]
         return {"series": {"elapsed_ms": ended - first, "samples": rows}, "consumed": consumed}
 
-    def at_reserve(self, component: Component, reserve: int, priority: int | None) -> Record:
+    def at_reserve(self, component: Component, reserve: int, priority: int | None, seconds: float = SECONDS) -> Record:
         """Run a component beside busy loops with so many per cent of the host, in its class where it has one.
 
         It starts with nearly everything: to load its programs with 5 % takes half a minute.
@@ -199,11 +204,13 @@ class Laboratory:
 
         reserve_all(STARTS_WITH)
         with self.load(BUSY):
-            return self.run(component, place, SECONDS, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
+            return self.run(component, place, seconds, fewest=FEWEST_JOBS, begin=lambda: reserve_all(reserve))
 
     def _measured(self, component: Component) -> float:
         """What `rarms measure` finds, in per cent of the host."""
-        words = ("rarms", "measure", component.name, "--json")
+        arrival = run_of(component).arrival
+        jobs = round(1000 * MEASURED_S / arrival.period) if isinstance(arrival, Periodic) else MEASURED_JOBS
+        words = ("rarms", "measure", component.name, "--samples", str(jobs), "--json")
         done = subprocess.run(
             words, cwd=self.robot, env=dict(self.environment), stdout=subprocess.PIPE, text=True, check=True
         )
@@ -270,7 +277,7 @@ def series_of(component: str, recorded: Record) -> Series:
         Sample(began_ms=began, response_ms=response, successful=successful, count=count)
         for began, response, successful, count in recorded["samples"]
     )
-    return Series(component=component, samples=samples, elapsed_ms=recorded["elapsed_ms"])
+    return Series(component=component, samples=samples, elapsed_ms=recorded["elapsed_ms"], wanders=True)
 
 
 def usage(record: Record, processors: int) -> tuple[float, ...]:

@@ -11,10 +11,10 @@ from rarms_iac.model.measurement import Series, run_of
 from rarms_iac.model.outcomes import Met, Missed
 from rarms_iac.model.system import AtLeast, AtMost, Component
 from rarms_iac.statistics.verdicts import judge
-from scripts.linux_evaluation import REPEATS
+from scripts.linux_evaluation import JUDGED
 from scripts.linux_experiments import Log, value_of
 
-DRAWS = 2
+DRAWS = 4
 """Of an index of a run."""
 
 NEAREST, FARTHEST = 1.5, 4.0
@@ -39,10 +39,9 @@ def count_verdicts(record: Log, components: Mapping[str, Component]) -> VerdictC
 
 def _verdicts_on(record: Log, component: Component) -> Iterator[bool | None]:
     """Whether each verdict was right; None: there was none."""
-    reserves = {each.setting for each in record.records if (each.kind, each.component) == ("reserve", component.name)}
-    for reserve in sorted(reserves):
-        runs = record.runs("reserve", component.name, reserve)
-        for number, series in enumerate(runs if len(runs) >= REPEATS else []):
+    for reserve in JUDGED:
+        runs = record.runs("long", component.name, reserve)
+        for number, series in enumerate(runs if len(runs) > 1 else []):
             others = [run for other, run in enumerate(runs) if other != number]
             for index in component.apt:
                 truth = fmean(value_of(index, run) for run in others)

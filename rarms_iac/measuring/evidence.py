@@ -59,8 +59,6 @@ def with_evidence(setting: Setting, evidence: SettingEvidence, disturbances: Seq
         The setting with both.
     """
     proof = replace(evidence, disturbances=tuple(disturbances))
-    if len(disturbances) < TRIES:
-        return replace(setting, evidence=proof)
-    reason = f"disturbed in each of {TRIES} tries: {disturbances[-1]}"
-    series = tuple(replace(each, unsettled=each.unsettled or reason) for each in setting.series)
+    reason = f"disturbed in each of {TRIES} tries: {disturbances[-1]}" if len(disturbances) == TRIES else ""
+    series = tuple(replace(each, unsettled=each.unsettled or reason, wanders=True) for each in setting.series)
     return replace(setting, series=series, evidence=proof)

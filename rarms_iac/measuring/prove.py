@@ -35,7 +35,7 @@ from rarms_iac.model.system import Component, Interference, TaskRequest
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error
-from rarms_iac.statistics.verdicts import judge_each, judge_wandering
+from rarms_iac.statistics.verdicts import judge_each
 
 LONGER = 4
 """So many times as long real processes run once more where the first run did not decide."""
@@ -254,11 +254,11 @@ def judge_layout(
     """
     looks = 2 if is_real else 1
     error = shared_error(looks * sum(len(component.apt) for component in components))
-    judged = judge_wandering if is_real else judge_each
+    series = {name: replace(each, wanders=is_real) for name, each in seen.items()}
     return tuple(
         _judge_index(component, index, verdict)
         for component in components
-        for index, verdict in judged(seen[component.name], component.apt, run_of(component), error=error).items()
+        for index, verdict in judge_each(series[component.name], component.apt, run_of(component), error=error).items()
     )
 
 

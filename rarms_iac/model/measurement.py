@@ -51,6 +51,7 @@ class Series:
     elapsed_ms: float
     cpu_ms: float | None = None  # processor time that the component consumed; None: cannot be told here
     unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had
+    wanders: bool = False  # real processes, all samples of a setting: the machine's speed changes for seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

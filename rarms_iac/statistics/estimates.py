@@ -6,9 +6,10 @@ Response times are in ms, shares in per cent, rates a second: the index's own un
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress, repeat
+from itertools import compress, pairwise, repeat
 from math import ceil, inf, sqrt
 from operator import mul
+from statistics import fmean, stdev
 
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.measurement import Series
@@ -18,10 +19,12 @@ from rarms_iac.model.sample_columns import SampleColumns, columns_of
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
 from rarms_iac.statistics.errors import FIRST_LOOK, LOOK_ERROR
 from rarms_iac.statistics.samples import deadline_misses, effective_samples, ends_ms, response_times, successes
-from rarms_iac.statistics.steady_state import find_steady_series, steady_series
+from rarms_iac.statistics.steady_state import find_steady_series, split_series, steady_series
 
 FEWEST_EFFECTIVE = 25
 """Independent samples that a mean's bounds need: of fewer, nobody can say how strongly they depend on one another."""
+
+_QUARTERS, _FEWEST_OF_QUARTER = 4, 10  # samples
 
 
 def estimate(
@@ -58,6 +61,9 @@ def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) 
 def estimate_steady(index: str, series: Series, run: Run, *, error: float = LOOK_ERROR) -> Estimate | NoEstimate:
     """Estimate a performance index over the steady part of a series, without its warm-up (`estimate`).
 
+    A series that wanders is one of a machine whose speed changes and stays so for seconds. Where its level changes, or
+    its samples depend too strongly on one another, its quarters count as four samples of the index (batch means).
+
     Args:
         index: the index's name.
         series: the samples of one component at one setting, in order.
@@ -69,8 +75,34 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float = LOOK
     """
     first = find_steady_series(series)
     if isinstance(first, Unsteady):
-        return NoEstimate(reason=first.reason)
-    return estimate(index, steady_series(index, series, first), run, error=error)
+        steady: Estimate | NoEstimate = NoEstimate(reason=first.reason)
+    else:
+        steady = estimate(index, steady_series(index, series, first), run, error=error)
+    if isinstance(steady, Estimate) or not series.wanders or series.unsettled:
+        return steady
+    return _estimate_of_quarters(index, series, run, error) or steady
+
+
+def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) -> Estimate | None:
+    """What four quarters show together, no surer than all samples do as if they were steady.
+
+    None: too few samples; an extreme; a quarter without an answer; or quarters that go one way, each farther than the
+    one before: a trend, and nobody knows where that ends.
+    """
+    count = len(series.samples)
+    if count < _QUARTERS * _FEWEST_OF_QUARTER:
+        return None
+    quarters = [estimate(index, part, run, unseen=False) for part in split_series(series, _QUARTERS)]
+    values = [quarter.value for quarter in quarters if isinstance(quarter, Estimate) and quarter.beyond is None]
+    steps = [later - sooner for sooner, later in pairwise(values)]
+    if len(values) < _QUARTERS or min(steps) > 0.0 or max(steps) < 0.0:
+        return None
+    mean = fmean(values)
+    away = student_quantile(1.0 - error, _QUARTERS - 1.0) * stdev(values) / sqrt(_QUARTERS)
+    lower, upper = max(0.0, mean - away), mean + away
+    if isinstance(whole := estimate(index, series, run, error=error), Estimate):
+        lower, upper = min(lower, whole.lower), max(upper, whole.upper)
+    return Estimate(value=mean, lower=lower, upper=upper, samples=count, effective_samples=float(_QUARTERS))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,8 @@
 """Verdicts on an APT: met, missed or neither, each with the probability that it is wrong."""
 
 from collections.abc import Mapping
-from itertools import pairwise
 from math import sqrt
-from statistics import NormalDist, fmean, stdev
+from statistics import NormalDist
 from typing import Final
 
 from rarms_iac.model.measurement import Series
@@ -21,17 +20,13 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.distributions import student_quantile
 from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
-from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.samples import failures
-from rarms_iac.statistics.steady_state import find_steady_series, split_series, steady_series
+from rarms_iac.statistics.steady_state import find_steady_series
 
 HOPELESS: Final = 0.2
 """A setting ends within the noise where its end would settle it with at most this probability (predictive power)."""
-
-_QUARTERS: Final = 4
-_FEWEST_OF_QUARTER: Final = 10  # samples
 
 _MAXIMUM, _MINIMUM = "maximum_response_time", "minimum_response_time"
 _NORMAL = NormalDist()
@@ -57,7 +52,9 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
     if len(failed) > run.failures:
         return TooManyFailures(component=series.component, failures=failed, allowed=run.failures)
     first = find_steady_series(series)
-    return first if isinstance(first, Unsteady) else _judge_steady(series, first, apt, run, error)
+    if isinstance(first, Unsteady) and not series.wanders:
+        return first
+    return _judge_indexes(series, first, apt, run, error)
 
 
 def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR) -> dict[str, Verdict]:
@@ -73,56 +70,6 @@ def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run, *, error:
         A verdict for each index of the APT, in its order.
     """
     return {index: judge(series, {index: threshold}, run, error=error) for index, threshold in apt.items()}
-
-
-def judge_wandering(
-    series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR
-) -> dict[str, Verdict]:
-    """Judge each index by itself, of processes on a machine whose speed changes and stays so for seconds.
-
-    Where the level changes, or samples depend too strongly on one another, the four quarters of the series count as
-    four samples of the index (batch means): a change of level widens its bounds, and matters only near the threshold.
-    Quarters that go one way, each farther than the one before, are a trend: nobody knows where that ends.
-
-    Args:
-        series: the samples of one component, in order.
-        apt: the thresholds by index.
-        run: how the component is run, with its deadline.
-        error: the probability, 0..1, that the verdict on an index is wrong.
-
-    Returns:
-        As of `judge_each`.
-    """
-    verdicts = judge_each(series, apt, run, error=error)
-    if series.unsettled or len(series.samples) < _QUARTERS * _FEWEST_OF_QUARTER:
-        return verdicts
-    return {
-        index: _judge_quarters(series, index, apt[index], run, error) or verdict
-        if isinstance(verdict, Unsteady | TooFewSamples)
-        else verdict
-        for index, verdict in verdicts.items()
-    }
-
-
-def _judge_quarters(series: Series, index: str, threshold: Threshold, run: Run, error: float) -> Verdict | None:
-    """What four quarters show together; None: a trend, a quarter without an answer, or an extreme."""
-    quarters = [estimate(index, part, run, unseen=False) for part in split_series(series, _QUARTERS)]
-    values = [quarter.value for quarter in quarters if isinstance(quarter, Estimate) and quarter.beyond is None]
-    steps = [later - sooner for sooner, later in pairwise(values)]
-    if len(values) < _QUARTERS or min(steps) > 0.0 or max(steps) < 0.0:
-        return None
-    away = student_quantile(1.0 - error, _QUARTERS - 1.0) * stdev(values) / sqrt(_QUARTERS)
-    seen = Estimate(
-        value=fmean(values),
-        lower=fmean(values) - away,
-        upper=fmean(values) + away,
-        samples=len(series.samples),
-        effective_samples=float(_QUARTERS),
-    )
-    judged = JudgedIndex(index=index, threshold=threshold, estimate=seen)
-    if _meets(judged):
-        return Met(judged=(judged,), warm_up=0)
-    return Missed(judged=(judged,), warm_up=0) if _misses(judged) else WithinNoise(judged=(judged,), warm_up=0)
 
 
 def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, members: int = 1) -> Verdict:
@@ -215,25 +162,28 @@ def done_share(series: Series, run: Run) -> float:
             return min(1.0, series.elapsed_ms / float(time))
 
 
-def _judge_steady(series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float) -> Verdict:
+def _judge_indexes(
+    series: Series, first: int | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float
+) -> Verdict:
     judged: list[JudgedIndex] = []
     for index, threshold in apt.items():
-        estimated = estimate(index, steady_series(index, series, first), run, error=error)
+        estimated = estimate_steady(index, series, run, error=error)
         if isinstance(estimated, NoEstimate):
-            return TooFewSamples(reason=estimated.reason)
+            return first if isinstance(first, Unsteady) else TooFewSamples(reason=estimated.reason)
         judged.append(JudgedIndex(index=index, threshold=threshold, estimate=estimated))
+    warm_up = 0 if isinstance(first, Unsteady) else first
     if all(map(_meets, judged)):
-        return Met(judged=tuple(judged), warm_up=first)
-    if any(_misses_for(index, series, first, run, shared_error(len(apt), error)) for index in judged):
-        return Missed(judged=tuple(judged), warm_up=first)
-    return WithinNoise(judged=tuple(judged), warm_up=first)
+        return Met(judged=tuple(judged), warm_up=warm_up)
+    if any(_misses_for(index, series, run, shared_error(len(apt), error)) for index in judged):
+        return Missed(judged=tuple(judged), warm_up=warm_up)
+    return WithinNoise(judged=tuple(judged), warm_up=warm_up)
 
 
-def _misses_for(judged: JudgedIndex, series: Series, first: int, run: Run, error: float) -> bool:
+def _misses_for(judged: JudgedIndex, series: Series, run: Run, error: float) -> bool:
     """Whether an index misses its threshold but for this error, its share of the error of all."""
     if not _misses(judged):
         return False
-    closer = estimate(judged.index, steady_series(judged.index, series, first), run, error=error)
+    closer = estimate_steady(judged.index, series, run, error=error)
     return isinstance(closer, Estimate) and _misses(
         JudgedIndex(index=judged.index, threshold=judged.threshold, estimate=closer)
     )

@@ -86,12 +86,14 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
     reserve = _whole(line, "reserve")
     if not 1 <= reserve <= 100:
         raise NotDecodable("reserve", f"{reserve} is no per cent from 1 to 100")
+    evidence = decode(SettingEvidence, line[_EVIDENCE]) if _EVIDENCE in line else None
+    columns = (_series(column, f"series[{at}]") for at, column in enumerate(series))
     setting = Setting(
         reserve=reserve,
         beside=_whole(line, "beside"),
         seed=_whole(line, "seed"),
-        series=tuple(_series(column, f"series[{at}]") for at, column in enumerate(series)),
-        evidence=decode(SettingEvidence, line[_EVIDENCE]) if _EVIDENCE in line else None,
+        series=tuple(replace(each, wanders=evidence is not None) for each in columns),
+        evidence=evidence,
     )
     return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
 

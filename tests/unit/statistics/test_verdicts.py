@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.measurement import Sample
-from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
+from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.outcomes import Estimate, Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.system import Threshold
-from rarms_iac.statistics.errors import FIRST_LOOK, next_look
-from rarms_iac.statistics.verdicts import judge, judge_early, judge_wandering
+from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, next_look
+from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.verdicts import judge, judge_early
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
@@ -100,40 +101,55 @@ SLOWER = [*noisy(1, 100.0, count=130), *noisy(2, 140.0, count=140), *noisy(3, 11
 """Jobs of a machine that was slower for a while."""
 
 
+def wandering(times: list[float]) -> Series:
+    return replace(a_series(times), wanders=True)
+
+
 @pytest.mark.parametrize(("limit", "kind"), [("300", Met), ("40", Missed), ("120", WithinNoise)])
 def test_a_machine_that_was_slower_for_a_while_has_a_verdict_far_from_the_threshold(limit: str, kind: type) -> None:
     apt: dict[str, Threshold] = {"mean_response_time": at_most(limit)}
 
     assert not isinstance(judge(a_series(SLOWER), apt, RUN), Met | Missed)
-    assert isinstance(judge_wandering(a_series(SLOWER), apt, RUN)["mean_response_time"], kind)
+    assert isinstance(judge(wandering(SLOWER), apt, RUN), kind)
 
 
 def test_a_rate_of_a_machine_that_was_slower_for_a_while_is_that_of_all_quarters() -> None:
-    verdict = judge_wandering(a_series(SLOWER), {"throughput": at_least(1)}, RUN)["throughput"]
+    verdict = judge(wandering(SLOWER), {"throughput": at_least(1)}, RUN)
 
     assert isinstance(verdict, Met)
     assert verdict.judged[0].estimate.value == pytest.approx(1000 / 116, rel=0.05)
 
 
+def test_quarters_that_are_all_alike_are_no_surer_than_all_their_samples() -> None:
+    series, apt = wandering(SLOWER), {"success_rate": at_least(1)}
+    whole = estimate("success_rate", series, RUN, error=ERROR)
+
+    verdict = judge(series, apt, RUN)
+
+    assert isinstance(whole, Estimate)
+    assert isinstance(verdict, Met)
+    assert verdict.judged[0].estimate.lower == whole.lower < 100
+
+
 def test_a_maximum_is_that_of_the_whole_also_of_a_machine_that_was_slower_for_a_while() -> None:
     apt: dict[str, Threshold] = {"maximum_response_time": at_most(300)}
 
-    assert judge_wandering(a_series(SLOWER), apt, RUN) == {"maximum_response_time": judge(a_series(SLOWER), apt, RUN)}
+    assert judge(wandering(SLOWER), apt, RUN) == judge(a_series(SLOWER), apt, RUN)
 
 
 def test_quarters_that_go_one_way_have_no_verdict_however_far_the_threshold() -> None:
     rising = [time * (1 + number / 100) for number, time in enumerate(noisy(1, 100.0))]
     apt: dict[str, Threshold] = {"mean_response_time": at_most("100000")}
 
-    assert isinstance(judge_wandering(a_series(rising), apt, RUN)["mean_response_time"], Unsteady)
+    assert isinstance(judge(wandering(rising), apt, RUN), Unsteady)
 
 
 def test_few_samples_have_no_quarters_and_steady_ones_need_none() -> None:
-    few = a_series([100.0] * 20 + [140.0] * 15)
+    few = [100.0] * 20 + [140.0] * 15
     apt: dict[str, Threshold] = {"mean_response_time": at_most("200")}
 
-    assert judge_wandering(few, apt, RUN) == {"mean_response_time": judge(few, apt, RUN)}
-    assert judge_wandering(SERIES, apt, RUN) == {"mean_response_time": judge(SERIES, apt, RUN)}
+    assert judge(wandering(few), apt, RUN) == judge(a_series(few), apt, RUN)
+    assert judge(replace(SERIES, wanders=True), apt, RUN) == judge(SERIES, apt, RUN)
 
 
 def test_that_one_of_several_misses_needs_more_evidence_than_that_all_meet() -> None:
