@@ -2,7 +2,7 @@
 
 Ten programs of known kinds run alone first: what a job consumes and how long it waits is their demand. With it the
 simulated host says from which reservation on the mean response time is short enough; then real runs beside a busy loop
-on each processor say so. Needs root, four minutes, and a quiet machine.
+on each processor say so. Needs root, three minutes, and a quiet machine.
 """
 
 import os
@@ -59,9 +59,9 @@ while True:
 """
 """A job consumes so much processor time in each of its threads (which are processes), and then waits."""
 
-SECONDS, FEWEST = 2.5, 12
-SEARCHED = 12
-"""So many points around what is foretold are searched on Linux."""
+SECONDS, FEWEST = 2.0, 12
+SEARCHED = 6
+"""So many points around what is foretold are searched on Linux: more than may be between the two."""
 
 NEAR, MOST_APART = 5, 1
 """At most so many of the ten may be more than so many points away."""

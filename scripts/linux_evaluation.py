@@ -21,7 +21,7 @@ from scripts.linux_experiments import Experiment, Log, laboratory, meets, percen
 
 FDP, SRP, PPP, VSP = "face-detection", "speech-recognition", "path-planning", "video-streaming"
 RESERVES = (10, 15, 20, 30, 50, 80)
-JUDGED = (20, 30, 50)
+JUDGED = (20, 50)
 """Reservations at which every component keeps up with its jobs, so that verdicts on longer runs can be checked."""
 
 LOADS = (0, 25, 50, 75, 100)

@@ -14,7 +14,7 @@ from rarms_iac.statistics.verdicts import judge
 from scripts.linux_evaluation import JUDGED
 from scripts.linux_experiments import Log, value_of
 
-DRAWS = 4
+DRAWS = 5
 """Of an index of a run."""
 
 NEAREST, FARTHEST = 1.5, 4.0

@@ -26,6 +26,9 @@ FEWEST_EFFECTIVE = 25
 
 _QUARTERS, _FEWEST_OF_QUARTER = 4, 10  # samples
 
+_TREND = 2.0
+"""So many times the first quarter the last one is at least, or the other way round, where there is a trend."""
+
 
 def estimate(
     index: str, series: Series, run: Run, *, error: float = LOOK_ERROR, unseen: bool = True
@@ -86,8 +89,8 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float = LOOK
 def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) -> Estimate | None:
     """What four quarters show together, no surer than all samples do as if they were steady.
 
-    None: too few samples; an extreme; a quarter without an answer; or quarters that go one way, each farther than the
-    one before: a trend, and nobody knows where that ends.
+    None: too few samples; an extreme; a quarter without an answer; or quarters that go one way and double: a trend,
+    and nobody knows where that ends. Less of one widens the bounds to where it would go in two settings more.
     """
     count = len(series.samples)
     if count < _QUARTERS * _FEWEST_OF_QUARTER:
@@ -95,7 +98,9 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
     quarters = [estimate(index, part, run, unseen=False) for part in split_series(series, _QUARTERS)]
     values = [quarter.value for quarter in quarters if isinstance(quarter, Estimate) and quarter.beyond is None]
     steps = [later - sooner for sooner, later in pairwise(values)]
-    if len(values) < _QUARTERS or min(steps) > 0.0 or max(steps) < 0.0:
+    if len(values) < _QUARTERS:
+        return None
+    if (min(steps) > 0.0 or max(steps) < 0.0) and max(values) >= _TREND * min(values):
         return None
     mean = fmean(values)
     away = student_quantile(1.0 - error, _QUARTERS - 1.0) * stdev(values) / sqrt(_QUARTERS)

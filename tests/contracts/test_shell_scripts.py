@@ -5,6 +5,7 @@ import shutil
 import stat
 import subprocess
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.applying.execute import apply_plan
+from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.host import Host, LinuxHost, ProviderKind
@@ -20,13 +21,16 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System
-from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.script import quote, render_shell_scripts
 from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, find_tree
+from rarms_iac.storage import disk
 from tests import builders
+from tests.contracts.benches import kernel_effects_on_disk
 from tests.contracts.test_apply_crashes import a_plan
+from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
 
 FIRST = (
@@ -74,6 +78,14 @@ class Lab:
         host = self.host()
         with host.lock("ann@lab"):
             assert undo(host, builders.ORIGIN, RunReporter(), lambda: False).ending is RunEnding.DONE
+
+    def finish(self) -> bool:
+        """Do what `rarms apply` does first: finish what is unfinished; whether there was anything."""
+        host = self.host()
+        with host.lock("ann@lab"):
+            finished = finish_unfinished([host], RunReporter(), lambda: False)
+        assert finished is None or finished.ending is RunEnding.DONE, finished.diagnostics
+        return finished is not None
 
     def run(
         self, plan: Plan, name: str = "onboard.sh", path: str = "", words: tuple[str, ...] = ()
@@ -207,10 +219,20 @@ def test_a_script_starts_again_what_ran_when_the_machine_stopped(lab: Lab) -> No
 
 @pytest.mark.needs("control-groups")
 @pytest.mark.parametrize("by_script", [True, False])
-def test_what_somebody_changed_by_hand_is_repaired(lab: Lab, by_script: bool) -> None:
+@pytest.mark.parametrize(
+    "by_hand",
+    [
+        GroupValues(shares_percent=7.7, memory=128 * 2**20),
+        GroupValues(shares_percent=80, quota_percent=30, memory=128 * 2**20),  # less than what is reserved
+        GroupValues(shares_percent=80, quota_percent=1.5, period_us=100_000, memory=128 * 2**20),
+    ],
+)
+def test_what_somebody_changed_by_hand_is_repaired_and_the_repair_taken_back(
+    lab: Lab, by_hand: GroupValues, by_script: bool
+) -> None:
     lab.settled()
-    shares = next(iter(CONTROL_GROUPS.glob(f"**/{lab.slice_name}/vision/cpu.[sw][he][ai][rg][eh]*")))
-    shares.write_text("77", encoding="ascii")
+    lab.tree().write("vision", by_hand)
+    changed = lab.host().observe()
     plan = lab.plan(*FIRST)
     assert plan.has_changes
 
@@ -218,37 +240,78 @@ def test_what_somebody_changed_by_hand_is_repaired(lab: Lab, by_script: bool) ->
         assert lab.run(plan).returncode == 0
     else:
         lab.apply(plan)
-
     assert not lab.plan(*FIRST).has_changes
+    if by_script:
+        undone = lab.run(plan, "onboard.undo.sh")
+        assert undone.returncode == 0, undone.stderr
+    else:
+        lab.undo()
+
+    assert replace(lab.host().observe(), serials={}) == replace(changed, serials={})
 
 
-@pytest.mark.needs("control-groups")
-def test_a_script_killed_before_any_effect_and_run_again_ends_the_same(lab: Lab, tmp_path: Path) -> None:
-    plan = lab.settled()
-    lab.apply(plan)
-    end = lab.host().observe()
-    killers = tmp_path / "killers"
-    killers.mkdir()
+@pytest.fixture
+def killers(tmp_path: Path) -> Path:
+    """A folder of programs that kill the script before its n-th effect; n is in its file `left`."""
+    folder = tmp_path / "killers"
+    folder.mkdir()
     for name in EFFECTS:
-        shim = killers / name
+        shim = folder / name
         shim.write_text(
-            f'#!/bin/sh\nread -r left <"{killers}/left"\necho $((left - 1)) >"{killers}/left"\n'
+            f'#!/bin/sh\nread -r left <"{folder}/left"\necho $((left - 1)) >"{folder}/left"\n'
             f'[ "$left" -gt 1 ] || kill -KILL 0\nexec {shutil.which(name)} "$@"\n',
             encoding="ascii",
         )
         shim.chmod(shim.stat().st_mode | stat.S_IXUSR)
+    return folder
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.parametrize("script", ["onboard.sh", "onboard.undo.sh"])
+def test_a_script_killed_before_any_effect_is_finished_by_itself_and_by_rarms(
+    lab: Lab, killers: Path, script: str
+) -> None:
+    plan = lab.settled()
+    lab.apply(plan)
+    if script == "onboard.undo.sh":
+        lab.undo()
+    end = lab.host().observe()
 
     effects = 0
     while True:
         effects += 1 if LONG else 23
         assert lab.settled() == plan
+        if script == "onboard.undo.sh":
+            lab.apply(plan)
         (killers / "left").write_text(f"{effects}\n", encoding="ascii")
-        if lab.run(plan, path=str(killers)).returncode == 0:
+        if lab.run(plan, script, path=str(killers)).returncode == 0:
             break
-        again = lab.run(plan)
-        assert again.returncode == 0, (effects, again.stderr)
+        if not (effects % 2 and lab.finish()):
+            again = lab.run(plan, script)
+            assert again.returncode == 0, (effects, again.stderr)
         assert lab.host().observe() == end, effects
+        assert not lab.finish(), effects
     assert effects > 40
+
+
+@pytest.mark.needs("control-groups")
+def test_an_apply_killed_at_any_effect_is_finished_by_the_script(lab: Lab) -> None:
+    plan = lab.settled()
+    with kernel_effects_on_disk():
+        counting = CrashingDisk(0)
+        with disk.use(counting):
+            lab.apply(plan)
+        end = lab.host().observe()
+        for at in range(1, len(counting.effects) + 1, 1 if LONG else 41):
+            assert lab.settled() == plan
+            with disk.use(CrashingDisk(at, When.AFTER)), suppress(Crash):
+                lab.apply(plan)
+
+            again = lab.run(plan)
+
+            assert again.returncode == 0, (counting.effects[at - 1], again.stderr)
+            assert lab.host().observe() == end, counting.effects[at - 1]
+            assert not lab.finish(), counting.effects[at - 1]
 
 
 @pytest.mark.needs("posix")

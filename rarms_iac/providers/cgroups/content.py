@@ -150,15 +150,16 @@ def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDe
 
 
 def out_of_range(settings: PartitionSettings) -> str:
-    """Describe the first setting that no control group can have; empty where all are possible."""
+    """Describe the first setting that no control group can have; empty where all are possible.
+
+    NOTE: a limit below the reserve is possible. Somebody may have written it by hand, and the undo of its repair does.
+    """
     if not 0 < len(settings.name) <= LONGEST_NAME or "/" in settings.name or settings.name in {".", ".."}:
         return f"a partition's name has 1 to {LONGEST_NAME} characters and no slash"
     if settings.processors < 1:
         return f"a partition has at least 1 processor, not {settings.processors}"
     if not 0 <= settings.reserve <= 100 or not 0 <= settings.limit <= 100:
         return f"reserve and limit are 0 to 100 %, not {settings.reserve} % and {settings.limit} %"
-    if settings.reserve > settings.limit:
-        return f"the reserve of {settings.reserve} % is above the limit of {settings.limit} %"
     if settings.limit < 1:
         return "with a limit of 0 % nothing would run: the limit is at least 1 %"
     if not 1 <= settings.weight <= 10_000:
@@ -297,7 +298,8 @@ def observed_settings(settings: PartitionSettings, group: RunningGroup, processo
     if wanted is None or count != settings.processors or actual.shares_percent != wanted.shares_percent:
         reserve = _percent(actual.shares_percent / count, reserve)
     if wanted is None or count != settings.processors or actual.quota_percent != wanted.quota_percent:
-        limit = 100 if actual.quota_percent is None else _percent(actual.quota_percent / count, limit)
+        least = min(1, limit - 1)  # what a partition may be given, too; 0 only to be no less than a change from 1
+        limit = 100 if actual.quota_percent is None else max(least, _percent(actual.quota_percent / count, limit))
     return replace(
         settings,
         processors=count,

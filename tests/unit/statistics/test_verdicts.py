@@ -137,11 +137,21 @@ def test_a_maximum_is_that_of_the_whole_also_of_a_machine_that_was_slower_for_a_
     assert judge(wandering(SLOWER), apt, RUN) == judge(a_series(SLOWER), apt, RUN)
 
 
-def test_quarters_that_go_one_way_have_no_verdict_however_far_the_threshold() -> None:
+def test_quarters_that_go_one_way_and_double_have_no_verdict_however_far_the_threshold() -> None:
     rising = [time * (1 + number / 100) for number, time in enumerate(noisy(1, 100.0))]
     apt: dict[str, Threshold] = {"mean_response_time": at_most("100000")}
 
     assert isinstance(judge(wandering(rising), apt, RUN), Unsteady)
+
+
+def test_quarters_that_happen_to_go_one_way_a_little_have_wide_bounds() -> None:
+    rising = [time * (1 + number / 800) for number, time in enumerate(noisy(1, 100.0, count=400))]
+
+    near, far = ({"mean_response_time": at_most(limit)} for limit in (150, 300))
+
+    assert isinstance(judge(a_series(rising), far, RUN), Unsteady)
+    assert isinstance(judge(wandering(rising), near, RUN), WithinNoise)
+    assert isinstance(judge(wandering(rising), far, RUN), Met)
 
 
 def test_few_samples_have_no_quarters_and_steady_ones_need_none() -> None:
