@@ -18,17 +18,6 @@ FAILED = "rarms-bootstrap/1 failed"
 FAILED_CODE = 90
 STOP = b"s"
 
-SSH_OPTIONS = (
-    "-T",
-    "-o",
-    "BatchMode=yes",
-    "-o",
-    "ConnectTimeout=15",
-    "-o",
-    "ServerAliveInterval=15",
-    "-o",
-    "ServerAliveCountMax=4",
-)
 _PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
 _NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1")
 
@@ -55,11 +44,6 @@ def remote_words(shell: str) -> tuple[str, ...]:
     encoded = b64encode(command().encode("utf-16-le")).decode("ascii")
     options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
     return (program_of(shell), *options, "-EncodedCommand", encoded)
-
-
-def ssh_words(target: str, shell: str) -> tuple[str, ...]:
-    """The whole argument list on this side; no shell reads it here."""
-    return ("ssh", *SSH_OPTIONS, "--", target, *remote_words(shell))
 
 
 def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.hyperv.bootstrap import arguments_of
-from rarms_iac.providers.hyperv.channel import read_event
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
@@ -22,12 +21,13 @@ from rarms_iac.providers.interface import (
     HostDamaged,
     HostFailed,
     ObservedHost,
+    RunEvent,
     ScriptBundle,
     ScriptExited,
     ScriptLost,
     WaitLimits,
 )
-from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import parse_json
 from rarms_iac.storage.reading import read_file
 
@@ -35,6 +35,10 @@ OBSERVE_SECONDS = 300.0
 OBSERVE = "observe.ps1"
 LARGEST_SIGNED = 32 * 2**20  # bytes
 JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
+FORMAT = "rarms-event/1"
+LONGEST = 100_000
+"""Characters of a line that is looked at; a script's own are far shorter."""
+
 _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 
 
@@ -204,3 +208,17 @@ class _Document:
 def _longest_grace(script: ScriptBundle) -> int:
     """How many milliseconds the script may wait for one guest to shut down, and say nothing."""
     return max((int(grace) for grace in _GRACE.findall(script.files[script.runs])), default=0)
+
+
+def read_event(line: str) -> RunEvent | None:
+    """The event that a line of a script's output is (docs/scripts.md), None where it is none of this format."""
+    if len(line) > LONGEST or not line.startswith("{"):
+        return None
+    try:
+        document = parse_json(line)
+        if not isinstance(document, dict) or document.pop("format", None) != FORMAT:
+            return None
+        event = decode(RunEvent, document)
+    except NotDecodable:
+        return None
+    return event if 0 <= event.number <= event.total else None

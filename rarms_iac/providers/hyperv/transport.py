@@ -11,12 +11,18 @@ from pathlib import Path
 from typing import Protocol
 
 from rarms_iac.model.host import Connect
+from rarms_iac.providers.channel import (
+    SSH_FAILED,
+    Channel,
+    SilenceTimeout,
+    await_line,
+    last_of,
+    open_channel,
+    ssh_words,
+)
 from rarms_iac.providers.hyperv import bootstrap
-from rarms_iac.providers.hyperv.channel import Channel, SilenceTimeout
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
-CONNECT_SECONDS = 60.0
-SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
 SHELLS = ("pwsh", "powershell")
 
 
@@ -64,7 +70,7 @@ class LocalTransport:
             path = Path(folder) / script.runs
             options = ("-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(path))
             stop = path.with_name(f"{path.name}.stop")
-            with _opened(self._host, (program, *options, *arguments)) as channel:
+            with open_channel(self._host, (program, *options, *arguments)) as channel:
                 channel.close()
                 return _follow(channel, silence_s, listener, stop.touch)
 
@@ -92,8 +98,8 @@ class SshTransport:
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
         """See the protocol; nothing is sent before the other end says that it is ready."""
-        words = bootstrap.ssh_words(self._connect.ssh, self._connect.shell)
-        with _opened(self._host, words) as channel:
+        words = ssh_words(self._connect.ssh, bootstrap.remote_words(self._connect.shell))
+        with open_channel(self._host, words) as channel:
             self._await_ready(channel)
             channel.send(bootstrap.frame(script, arguments))
             refusal = _RefusalListener(listener)
@@ -101,33 +107,18 @@ class SshTransport:
             if isinstance(ended, ScriptExited) and ended.code == bootstrap.FAILED_CODE and refusal.reason:
                 raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "run it again")
             if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
-                return ScriptLost(why=f"the connection broke ({_last(ended.last_lines) or 'ssh said no more'})")
+                return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
             return ended
 
     def _await_ready(self, channel: Channel) -> None:
-        try:
-            while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
-                if line == bootstrap.READY:
-                    return
-        except SilenceTimeout:
-            raise self._unreached(f"{self._connect.ssh} did not answer within {CONNECT_SECONDS:.0f} s") from None
-        code = channel.code()
-        message = _last(channel.error_lines) or "it said nothing"
-        if code == SSH_FAILED:
-            raise self._unreached(f"ssh does not reach {self._connect.ssh}: {message}")
-        program = bootstrap.program_of(self._connect.shell)
-        raise HostFailed(
-            self._host,
-            f"{program} does not start on {self._connect.ssh} (exit code {code}): {message}",
-            "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
-        )
-
-    def _unreached(self, message: str) -> HostFailed:
-        return HostFailed(
-            self._host,
-            message.rstrip("."),
-            f"try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {self._connect.ssh}`",
-        )
+        target = self._connect.ssh
+        if await_line(channel, self._host, target, lambda line: line == bootstrap.READY) is None:
+            program, message = bootstrap.program_of(self._connect.shell), last_of(channel.error_lines)
+            raise HostFailed(
+                self._host,
+                f"{program} does not start on {target} (exit code {channel.code()}): {message}",
+                "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
+            )
 
 
 class _RefusalListener:
@@ -161,14 +152,6 @@ def _protect(folder: str) -> None:
         )
 
 
-def _opened(host: str, words: Sequence[str]) -> Channel:
-    try:
-        return Channel(words)
-    except OSError as error:
-        message = f"{words[0]} cannot be started: {error.strerror or error}"
-        raise HostFailed(host, message, f"install {words[0]}, or mend its rights") from None
-
-
 def _follow(
     channel: Channel, silence_s: float, listener: Listener, stop: Callable[[], None]
 ) -> ScriptExited | ScriptLost:
@@ -190,7 +173,3 @@ def _follow(
     if code is None:
         return ScriptLost(why="it closed its output and did not end")
     return ScriptExited(code=code, last_lines=channel.error_lines)
-
-
-def _last(lines: Sequence[str]) -> str:
-    return lines[-1] if lines else ""

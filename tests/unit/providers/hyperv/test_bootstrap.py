@@ -7,7 +7,14 @@ import pytest
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.tokens import TokenKind, tokens
-from rarms_iac.providers.hyperv.bootstrap import arguments_of, command, frame, remote_words, render_bootstrap, ssh_words
+from rarms_iac.providers.channel import ssh_words
+from rarms_iac.providers.hyperv.bootstrap import (
+    arguments_of,
+    command,
+    frame,
+    remote_words,
+    render_bootstrap,
+)
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
@@ -55,7 +62,7 @@ def test_the_command_fits_and_means_the_same_to_every_shell(shell: str) -> None:
 
 
 def test_no_target_is_an_option_of_ssh() -> None:
-    words = ssh_words("-oProxyCommand=evil", "pwsh")
+    words = ssh_words("-oProxyCommand=evil", ("pwsh",))
 
     assert words[words.index("--") + 1] == "-oProxyCommand=evil"
     assert words.index("--") < words.index("pwsh")

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.providers.channel import Channel
 from rarms_iac.providers.hyperv import transport
-from rarms_iac.providers.hyperv.channel import Channel, read_event
+from rarms_iac.providers.hyperv.run import read_event
 from rarms_iac.providers.interface import EventKind, EventStatus, RunEvent
 
 EVENT = {

@@ -1,8 +1,8 @@
 """A program that was started, line by line: what it writes, what it is sent, and whether it still lives.
 
 Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
-gets a process group of its own: Ctrl-C is for rarms, which then asks the script to stop after the running step. What it
-writes is read as events (docs/scripts.md), strictly: any other line is noise.
+gets a process group of its own: Ctrl-C is for rarms, which then asks for an end after the running step. Such a program is
+the system's ssh, with the user's own configuration, keys and known hosts.
 """
 
 import contextlib
@@ -18,14 +18,22 @@ from queue import Empty, SimpleQueue
 from subprocess import PIPE
 from types import TracebackType
 
-from rarms_iac.providers.interface import RunEvent
-from rarms_iac.storage.codec import NotDecodable, decode
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.providers.interface import HostFailed
 
-FORMAT = "rarms-event/1"
-LONGEST = 100_000
-"""Characters of a line that is looked at; a script's own are far shorter."""
-
+SSH = (
+    "ssh",
+    "-T",
+    "-o",
+    "BatchMode=yes",
+    "-o",
+    "ConnectTimeout=15",
+    "-o",
+    "ServerAliveInterval=15",
+    "-o",
+    "ServerAliveCountMax=4",
+)
+SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
+CONNECT_SECONDS = 60.0
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
 KEPT_LINES = 20
@@ -153,15 +161,60 @@ else:
         return process, kill
 
 
-def read_event(line: str) -> RunEvent | None:
-    """The event that a line is, None where it is none of this format."""
-    if len(line) > LONGEST or not line.startswith("{"):
-        return None
+def ssh_words(target: str, command: Sequence[str]) -> tuple[str, ...]:
+    """Return the whole argument list of ssh on this side; no shell reads it here.
+
+    Args:
+        target: user@host, or a name of the user's ssh configuration.
+        command: words without blanks or quotes for the shell at the other end, whichever that is.
+    """
+    return (*SSH, "--", target, *command)
+
+
+def open_channel(host: str, words: Sequence[str]) -> Channel:
+    """Start a program that leads to a host.
+
+    Args:
+        host: its name in the manifest.
+        words: the program and its arguments.
+
+    Raises:
+        HostFailed: it cannot be started.
+    """
     try:
-        document = parse_json(line)
-        if not isinstance(document, dict) or document.pop("format", None) != FORMAT:
-            return None
-        event = decode(RunEvent, document)
-    except NotDecodable:
-        return None
-    return event if 0 <= event.number <= event.total else None
+        return Channel(words)
+    except OSError as error:
+        message = f"{words[0]} cannot be started: {error.strerror or error}"
+        raise HostFailed(host, message, f"install {words[0]}, or mend its rights") from None
+
+
+def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[str], bool]) -> str | None:
+    """Wait for the line by which the other end says that it is ready; what a login prints before is passed over.
+
+    Args:
+        channel: of ssh.
+        host: its name in the manifest.
+        target: as of `ssh_words`.
+        is_wanted: whether a line is that line.
+
+    Returns:
+        The line; None: what ssh started there ended before.
+
+    Raises:
+        HostFailed: ssh does not get through, or nothing came for `CONNECT_SECONDS`.
+    """
+    advice = f"try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`"
+    try:
+        while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
+            if is_wanted(line):
+                return line
+    except SilenceTimeout:
+        raise HostFailed(host, f"{target} did not answer within {CONNECT_SECONDS:.0f} s", advice) from None
+    if channel.code() == SSH_FAILED:
+        raise HostFailed(host, f"ssh does not reach {target}: {last_of(channel.error_lines)}".rstrip("."), advice)
+    return None
+
+
+def last_of(lines: Sequence[str]) -> str:
+    """Return the last line; where there is none, words for that."""
+    return lines[-1] if lines else "it said nothing"
