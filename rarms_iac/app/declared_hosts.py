@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
-from rarms_iac.app.errors import unreachable_finding
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.wiring import is_out_of_reach
 from rarms_iac.manifest.checks import memory, processors
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
@@ -58,7 +56,6 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
         damaged logs; warnings and notes on logs that hold; a note for what was never measured.
     """
     system, places = manifest.system, manifest.places
-    yield from _hosts_out_of_reach(system, places)
     rests_on_logs = any(component.cpu.reserve is Measured.MEASURED for component in system.components.values())
     if not rests_on_logs and len(system.components) * len(system.hosts) > LOOKED_AT and not _exceeds_all_hosts(system):
         return
@@ -78,12 +75,6 @@ def _is_about(group: Group, addresses: Collection[str]) -> bool:
     return f"partition/{group.name}" in addresses or any(
         f"component/{each.name}" in addresses for each in group.members
     )
-
-
-def _hosts_out_of_reach(system: System, places: Places) -> Iterator[Diagnostic]:
-    for host in system.hosts.values():
-        if is_out_of_reach(host):
-            yield replace(unreachable_finding(host.name), place=places.value("hosts", host.name, "connect"))
 
 
 def _exceeds_all_hosts(system: System) -> bool:

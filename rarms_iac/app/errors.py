@@ -11,7 +11,6 @@ NOT_READ = Finding(code="RARMS173", severity=Severity.ERROR, summary="A file cou
 NOT_WRITTEN = Finding(code="RARMS177", severity=Severity.ERROR, summary="A file could not be written")
 SYSTEM_REFUSED = Finding(code="RARMS178", severity=Severity.ERROR, summary="The operating system refused something")
 USAGE = Finding(code="RARMS179", severity=Severity.ERROR, summary="The command cannot be done as it is given")
-OUT_OF_REACH = Finding(code="RARMS198", severity=Severity.ERROR, summary="This host cannot be reached by this version")
 BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug in rarms")
 
 
@@ -151,21 +150,4 @@ def declined() -> Diagnostic:
         None,
         "The answer was not `yes`.",
         "Run it again to be asked again; `rarms plan` shows the changes and asks nothing.",
-    )
-
-
-def unreachable_finding(host: str) -> Diagnostic:
-    """Make the finding for a host that this version can neither observe nor change.
-
-    Args:
-        host: the host's name in the manifest.
-
-    Returns:
-        A finding that names it.
-    """
-    return OUT_OF_REACH.at(
-        None,
-        f"{host} is a Linux host with `connect`: this version changes control groups on the machine itself only.",
-        f"Run rarms on {host} and leave `connect` out, or plan from a snapshot: `rarms plan --snapshot {host}=FILE`.",
-        address=f"host/{host}",
     )

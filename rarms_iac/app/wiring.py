@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.app.errors import Outcome, UseCaseError, unreachable_finding
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, ProviderKind
@@ -25,18 +24,6 @@ SIGNED = ".rarms/signed"
 """Scripts of this manifest's plans as somebody signed them, by their names."""
 
 
-def is_out_of_reach(host: Host) -> bool:
-    """Whether this version cannot open the host: control groups are changed on the machine itself only.
-
-    Args:
-        host: as the manifest describes it.
-
-    Returns:
-        True for a Linux host with `connect`.
-    """
-    return host.provider is ProviderKind.LINUX and host.connect is not None
-
-
 def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
     """Open a host of any provider.
 
@@ -47,12 +34,7 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
     Returns:
         A host that is not connected to yet.
-
-    Raises:
-        UseCaseError: this version cannot reach it.
     """
-    if is_out_of_reach(host):
-        raise UseCaseError(Outcome.FAILED, [unreachable_finding(host.name)])
     match host.provider:
         case ProviderKind.SIMULATED:
             from rarms_iac.providers.simulated.run import SimulatedHostProvider
@@ -62,6 +44,10 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
             from rarms_iac.providers.hyperv.run import open_hyperv
 
             return open_hyperv(host, Path(folder) / SIGNED)
+        case ProviderKind.LINUX if host.connect is not None:
+            from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
+
+            return RemoteLinuxHost(host, host.connect)
         case ProviderKind.LINUX:
             from rarms_iac.providers.cgroups.run import LinuxHostProvider
 

@@ -1,8 +1,8 @@
 """A program that was started, line by line: what it writes, what it is sent, and whether it still lives.
 
 Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
-gets a process group of its own: Ctrl-C is for rarms, which then asks for an end after the running step. Such a program is
-the system's ssh, with the user's own configuration, keys and known hosts.
+gets a process group of its own: Ctrl-C is for rarms, which then asks for an end after the running step. The system's
+ssh is such a program, with the user's own configuration, keys and known hosts.
 """
 
 import contextlib
@@ -36,6 +36,7 @@ SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection
 CONNECT_SECONDS = 60.0
 LOOK_SECONDS = 0.1
 LAST_SECONDS = 10.0  # for a program that has closed its output to end
+ERROR_SECONDS = 1.0  # for what it said last to be read; a program that it started may keep the pipe open for ever
 KEPT_LINES = 20
 LONGEST_LINE = 64 * 2**20  # bytes: an observation is one line
 
@@ -58,6 +59,7 @@ class Channel:
         self._errors: deque[str] = deque(maxlen=KEPT_LINES)
         targets = (self._read, self._read_errors, self._write)
         self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
+        self._error_reader = self._threads[1]
         for thread in self._threads:
             thread.start()
 
@@ -110,9 +112,11 @@ class Channel:
     def code(self) -> int | None:
         """Its exit code once its output has ended; None where it lives on."""
         try:
-            return self._process.wait(LAST_SECONDS)
+            code = self._process.wait(LAST_SECONDS)
         except subprocess.TimeoutExpired:
             return None
+        self._error_reader.join(ERROR_SECONDS)
+        return code
 
     def _read(self) -> None:
         assert self._process.stdout is not None, "it was started with a pipe"

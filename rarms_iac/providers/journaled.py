@@ -152,7 +152,12 @@ def read_serials(path: Path) -> Mapping[str, int]:
 
 def start_journal(path: Path, started: RunStarted) -> None:
     """Replace the journal by one that begins with this record."""
-    replace(path, line_of(_encode(started)))
+    replace(path, record_line(started))
+
+
+def record_line(record: JournalRecord) -> bytes:
+    """Return the record as its line of the journal."""
+    return line_of(_encode(record))
 
 
 def append_record(path: Path, record: JournalRecord) -> None:

@@ -225,6 +225,14 @@ processes() {
     done | sort -u
 }
 
+ask_to_end() { # GRACE: tenths of a second that its processes have
+    [ "$1" = 0 ] || processes | xargs -r kill -TERM 2>/dev/null || true
+    for _ in $(seq "$1"); do
+        [ -n "$(processes)" ] || break
+        sleep 0.1
+    done
+}
+
 remove_group() { # with its processes, and the slice where it is empty then
     for _ in $(seq 50); do
         processes | xargs -r kill -KILL 2>/dev/null || sleep 0.1
@@ -368,11 +376,7 @@ start_partition() {
 
 stop_partition() { # GRACE: tenths of a second that its processes have to end
     runs || return 0
-    [ "$1" = 0 ] || processes | xargs -r kill -TERM 2>/dev/null || true
-    for _ in $(seq "$1"); do
-        [ -n "$(processes)" ] || break
-        sleep 0.1
-    done
+    ask_to_end "$1"
     put boot '""'
     save
     remove_group
@@ -514,11 +518,15 @@ find_control_groups() {
     done
 }
 
+held_by() { # OWNER
+    refuse "held by $1: try again later, or wait with --lock-timeout SECONDS"
+}
+
 hold_host() { # until this shell ends
     mkdir -p "$FOLDER"
     chmod 700 "$FOLDER"
     exec 9>>"$FOLDER/lock"
-    flock -w "$LOCK_TIMEOUT" 9 || refuse "held by $(cat "$FOLDER/lock"): try again later, or wait with --lock-timeout SECONDS"
+    flock -w "$LOCK_TIMEOUT" 9 || held_by "$(cat "$FOLDER/lock")"
     echo "$OWNER" >"$FOLDER/lock"
     trap ': >"$FOLDER/lock"' EXIT
 }
@@ -527,7 +535,7 @@ read_journal() { # without a last line that a crash tore
     first='' last='' closing=''
     [ -s "$JOURNAL" ] || return 0
     last=$(tail -n 1 "$JOURNAL")
-    if [ "$(sealed "${last%',"length":'*}}")" != "$last" ]; then
+    if [ "$(sealed "${last%',"length":'*}}")" != "$last" ] || [ -n "$(tail -c 1 "$JOURNAL")" ]; then
         sed '$d' "$JOURNAL" | replace_file "$JOURNAL"
         last=$(tail -n 1 "$JOURNAL")
     fi

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.host import Host, LinuxHost, ProviderKind
+from rarms_iac.model.host import Connect, Host, LinuxHost, ProviderKind
 from rarms_iac.providers.cgroups import kernel
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.interface import StepwiseHost
@@ -42,6 +43,7 @@ class Bench:
     needs: tuple[str, ...] = ()
     stride: int = 1  # each of so many effects is tried as the place of a crash
     described: Callable[[Host], Host] = on_linux  # as a manifest describes it
+    is_here: bool = True  # its effects are those of this process, so that it can crash at each
     is_windows: bool = False  # it has registries, disks, secure boot, and a description of the machine
 
 
@@ -70,8 +72,16 @@ def open_linux(host: Host, folder: Path, boot: str = "") -> LinuxHostProvider:
     return LinuxHostProvider(on_linux(host), folder, groups_of(folder), machine)
 
 
+def open_remote(host: Host, folder: Path) -> RemoteLinuxHost:
+    """The same machine as if it were another, behind a shell instead of ssh."""
+    described = replace(on_linux(host), settings=LinuxHost(slice=slice_of(folder)))
+    machine = replace(this_machine(), logical_processors=host.logical_processors, memory=int(host.memory))
+    return RemoteLinuxHost(described, Connect(ssh="onboard"), folder, machine, words=("sh",))
+
+
 BENCHES = {
     "linux": Bench(open_linux, needs=("control-groups",), stride=1 if LONG else 7),
+    "linux-remote": Bench(open_remote, needs=("control-groups",), is_here=False),
     "simulated": Bench(
         open_simulated,
         described=lambda host: host,
@@ -79,6 +89,7 @@ BENCHES = {
         is_windows=True,
     ),
 }
+HERE = {name: bench for name, bench in BENCHES.items() if bench.is_here}
 WINDOWS = {name: bench for name, bench in BENCHES.items() if bench.is_windows}
 
 
@@ -135,6 +146,12 @@ def _remove_slice(name: str) -> None:
 @pytest.fixture(params=sorted(BENCHES))
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     """Each kind of host."""
+    yield from opened_bench(request.param)
+
+
+@pytest.fixture(params=sorted(HERE))
+def bench_here(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Each kind of host that this process changes itself."""
     yield from opened_bench(request.param)
 
 

@@ -21,7 +21,8 @@ from rarms_iac.model.system import System
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.storage import disk
 from tests import builders
-from tests.contracts.benches import Bench, bench, copy_host, forget_groups, kernel_effects_on_disk
+from tests.contracts.benches import Bench, copy_host, forget_groups, kernel_effects_on_disk
+from tests.contracts.benches import bench_here as bench
 from tests.crashing import Crash, CrashingDisk, When
 
 __all__ = ["bench"]  # pytest finds fixtures by their names

@@ -22,7 +22,8 @@ from rarms_iac.model.state import State
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.storage import disk
 from tests import builders
-from tests.contracts.benches import Bench, bench, kernel_effects_on_disk
+from tests.contracts.benches import Bench, kernel_effects_on_disk
+from tests.contracts.benches import bench_here as bench
 from tests.contracts.runs import a_run
 from tests.crashing import Crash, CrashingDisk, When
 

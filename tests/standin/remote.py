@@ -133,17 +133,24 @@ def children(parent: int) -> list[int]:
 @contextmanager
 def a_remote(folder: Path, host: WindowsHost) -> Iterator[Remote]:
     """A server that is up, with this host behind it."""
+    standin = f'exec "{sys.executable}" -m tests.standin.powershell "{folder}" "$@"'
+    write_script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
+    powershell.save(folder, host)
+    with a_server(folder) as remote:
+        yield remote
+
+
+@contextmanager
+def a_server(folder: Path) -> Iterator[Remote]:
+    """A server that is up, of this machine and this user."""
     port = _free_port()
     for name in ("host_key", "key"):
         words = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / name)]
         subprocess.run(words, check=True, stdin=subprocess.DEVNULL)
     write_script(folder / "here" / "ssh", f'exec {shutil.which("ssh")} -F "{folder}/client" "$@"')
-    standin = f'exec "{sys.executable}" -m tests.standin.powershell "{folder}" "$@"'
-    write_script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
     values = {"port": port, "folder": folder, "path": os.environ["PATH"]}
     (folder / "server").write_text(SERVER.format(**values), encoding="utf-8")
     (folder / "client").write_text(CLIENT.format(**values), encoding="utf-8")
-    powershell.save(folder, host)
     if os.geteuid() == 0:
         Path("/run/sshd").mkdir(exist_ok=True)  # where root's sshd locks itself in; a service would have made it
     with _serving(folder, port) as server:

@@ -318,13 +318,27 @@ def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None
     assert 'Did you mean "onboard"?' in answer.err
 
 
-def test_a_host_that_cannot_be_reached_is_told_honestly(robot: Robot) -> None:
+def test_a_linux_host_on_another_machine_needs_ssh(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.edit("provider: simulated", "provider: linux\n    connect: { ssh: robot@cell }")
+    monkeypatch.setenv("PATH", str(robot.folder))
+
+    answer = robot.run("plan")
+    assert answer.code == 1
+    assert "ssh cannot be started" in answer.err
+
+
+@pytest.mark.needs("posix")
+def test_what_ssh_says_cannot_command_the_terminal(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot.edit("provider: simulated", "provider: linux\n    connect: { ssh: robot@cell }")
+    ssh = robot.folder / "ssh"
+    ssh.write_text("#!/bin/sh\nprintf 'no \\033[2J route' >&2\nexit 255\n", encoding="ascii")
+    ssh.chmod(0o755)
+    monkeypatch.setenv("PATH", str(robot.folder))
 
     answer = robot.run("plan")
 
-    assert answer.code == 1
-    assert "error[RARMS198]" in answer.err
+    assert "ssh does not reach robot@cell: no" in " ".join(answer.err.split())
+    assert "\x1b" not in answer.err
 
 
 def test_overlays_have_hosts_of_their_own(robot: Robot) -> None:

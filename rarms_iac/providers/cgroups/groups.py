@@ -4,6 +4,7 @@ Every group of rarms lies below one slice, which weighs more than everything bes
 test works below a slice of its own. Where a call says `OSError`, the kernel's own answer is passed on.
 """
 
+import mmap
 import os
 import signal
 import time
@@ -12,6 +13,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 from rarms_iac.providers.cgroups import kernel
 from rarms_iac.running.start import ProcessPlace
@@ -43,8 +45,39 @@ class GroupValues:
     memory: int | None = None  # None: no limit
 
 
+class GroupEffects(Protocol):
+    """What changes the groups below one slice: the calls of these names of `GroupTree`, which say more."""
+
+    def make(self, name: str) -> None:
+        """See `GroupTree.make`."""
+        ...
+
+    def write(self, name: str, values: GroupValues) -> None:
+        """See `GroupTree.write`."""
+        ...
+
+    def start_with_machine(self, name: str, starts: bool) -> None:
+        """See `GroupTree.start_with_machine`."""
+        ...
+
+    def limit_slice(self, percent: int | None) -> None:
+        """See `GroupTree.limit_slice`."""
+        ...
+
+    def ask_to_end(self, name: str, grace_ms: int) -> None:
+        """See `GroupTree.ask_to_end`."""
+        ...
+
+    def remove(self, name: str) -> None:
+        """See `GroupTree.remove`."""
+        ...
+
+
 class GroupTree(ABC):
     """The groups below one slice."""
+
+    page_bytes = mmap.PAGESIZE
+    """In whole pages of so many bytes the machine's kernel counts memory."""
 
     def __init__(self, slices: Mapping[str, Path]) -> None:
         self._slices = slices  # controller -> the slice's folder in its hierarchy; in version 2 all are the same
@@ -213,6 +246,9 @@ class GroupTree(ABC):
                 with suppress(FileNotFoundError):
                     found.update(int(word) for word in kernel.read(group / "cgroup.procs").split())
         return tuple(sorted(found))
+
+    def _whole_pages(self, memory: int | None) -> int | None:
+        return None if memory is None else memory - memory % self.page_bytes
 
     def _file(self, controller: str, name: str, file: str) -> Path:
         return self._slices[controller] / name / file

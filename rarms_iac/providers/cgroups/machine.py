@@ -13,10 +13,6 @@ from rarms_iac.storage.reading import read_file
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 """Ids of partitions, and of machines that have none of their own, are made in it."""
 
-_MACHINE_ID = Path("/etc/machine-id")
-_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-_REAL_TIME = Path("/proc/sys/kernel")
-_SMT = Path("/sys/devices/system/cpu/smt/active")
 _LIMIT = 4096  # bytes: the longest file that is read
 MEBIBYTE = 2**20
 
@@ -40,21 +36,36 @@ def this_machine() -> LinuxMachine:
     Raises:
         OSError: this Linux has no `/proc`.
     """
-    name = platform.node()
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return read_machine(Path("/"), platform.node(), os.cpu_count() or 1, memory)
+
+
+def read_machine(root: Path, computer_name: str, logical_processors: int, memory: int) -> LinuxMachine:
+    """Read the machine whose files lie below a folder.
+
+    Args:
+        root: the folder that is `/` there.
+        computer_name: as it calls itself.
+        logical_processors: that are on.
+        memory: in bytes.
+
+    Raises:
+        OSError: it has no `/proc`.
+    """
     return LinuxMachine(
-        id=_text(_MACHINE_ID) or uuid.uuid5(NAMESPACE, name).hex,
-        computer_name=name,
-        logical_processors=os.cpu_count() or 1,
-        memory=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // MEBIBYTE * MEBIBYTE,
-        smt=_text(_SMT) == "1",
-        boot=read_file(_BOOT_ID, _LIMIT).decode("ascii").strip(),
-        deadline_percent=_deadline_percent(),
+        id=_text(root / "etc/machine-id") or uuid.uuid5(NAMESPACE, computer_name).hex,
+        computer_name=computer_name,
+        logical_processors=logical_processors,
+        memory=memory // MEBIBYTE * MEBIBYTE,
+        smt=_text(root / "sys/devices/system/cpu/smt/active") == "1",
+        boot=read_file(root / "proc/sys/kernel/random/boot_id", _LIMIT).decode("ascii").strip(),
+        deadline_percent=_deadline_percent(root / "proc/sys/kernel"),
     )
 
 
-def _deadline_percent() -> int:
+def _deadline_percent(kernel: Path) -> int:
     """Return the part of each processor that the kernel admits for SCHED_DEADLINE; 0 where it does not say."""
-    runtime, period = (int(_text(_REAL_TIME / f"sched_rt_{name}_us") or 0) for name in ("runtime", "period"))
+    runtime, period = (int(_text(kernel / f"sched_rt_{name}_us") or 0) for name in ("runtime", "period"))
     return 100 if runtime < 0 else runtime * 100 // period if period else 0
 
 

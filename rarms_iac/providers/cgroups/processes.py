@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+_PROC = Path("/proc")
 _SUPERVISOR = "supervisor_process.py"
 
 
@@ -18,13 +19,14 @@ class ProcessStat:
     ticks_of_children: int  # that those of its children that ended had consumed
 
 
-def read_process(process: int) -> ProcessStat | None:
+def read_process(process: int, proc: Path = _PROC) -> ProcessStat | None:
     """Read a process; None where it is gone.
 
     Args:
         process: its id.
+        proc: the folder that is `/proc` on its machine.
     """
-    before, _, after = kernel_text(Path(f"/proc/{process}/stat")).rpartition(")")
+    before, _, after = kernel_text(proc / f"{process}/stat").rpartition(")")
     fields = after.split()
     if len(fields) < 15:
         return None
@@ -53,24 +55,25 @@ def consumed_ms(process: int) -> float:
     return in_ms(total)
 
 
-def orphans(processes: Iterable[int]) -> tuple[tuple[int, str], ...]:
+def orphans(processes: Iterable[int], proc: Path = _PROC) -> tuple[tuple[int, str], ...]:
     """Return the processes that no supervisor of rarms started, with their names: none ends with its component.
 
     Args:
         processes: ids of the processes in a control group.
+        proc: the folder that is `/proc` on their machine.
 
     Returns:
         Pairs of id and name, in the order of the ids given.
     """
-    found = ((process, read_process(process)) for process in processes)
-    return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent))
+    found = ((process, read_process(process, proc)) for process in processes)
+    return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent, proc))
 
 
-def _is_supervised(process: int) -> bool:
+def _is_supervised(process: int, proc: Path) -> bool:
     while process > 1:
-        if _SUPERVISOR in kernel_text(Path(f"/proc/{process}/cmdline")):
+        if _SUPERVISOR in kernel_text(proc / f"{process}/cmdline"):
             return True
-        stat = read_process(process)
+        stat = read_process(process, proc)
         process = stat.parent if stat else 0
     return False
 

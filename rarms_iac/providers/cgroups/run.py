@@ -45,7 +45,7 @@ from rarms_iac.providers.cgroups.content import (
     values_of,
     write_definition,
 )
-from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
+from rarms_iac.providers.cgroups.groups import GroupEffects, GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.versions import MissingFeatures, find_tree
@@ -98,7 +98,7 @@ class LinuxHostProvider(JournaledHost):
         """
         settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
         self._settings = settings
-        self._folder = state_folder / settings.slice
+        self._folder = self._shown_folder = state_folder / settings.slice
         super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock")
         self._host = host
         self._known_tree = tree
@@ -112,24 +112,34 @@ class LinuxHostProvider(JournaledHost):
             HostRefused: this machine, or this user, lacks something that they need; the message names all of it.
         """
         if self._known_tree is None:
-            found = find_tree(self._settings.slice, self._settings.control_groups)
+            found = self._find_tree()
             if isinstance(found, MissingFeatures):
                 raise HostRefused(
                     self.name,
                     f"control groups need what is missing here: {'; '.join(found.names)}",
-                    "run as root on the machine itself, with the controllers mounted (docs/linux.md)",
+                    "run as root, with the controllers mounted so that groups can be made (docs/linux.md)",
                 )
             self._known_tree = found
         return self._known_tree
 
     @property
+    def _effects(self) -> GroupEffects:
+        return self.tree
+
+    @property
     def machine(self) -> LinuxMachine:
         """The machine below."""
         if self._known_machine is None:
-            self._known_machine = this_machine()
+            self._known_machine = self._read_machine()
             if self.tree.boot:
                 self._known_machine = replace(self._known_machine, boot=self.tree.boot)
         return self._known_machine
+
+    def _find_tree(self) -> GroupTree | MissingFeatures:
+        return find_tree(self._settings.slice, self._settings.control_groups)
+
+    def _read_machine(self) -> LinuxMachine:
+        return this_machine()
 
     def observe(self) -> State:
         """See the interface."""
@@ -140,13 +150,16 @@ class LinuxHostProvider(JournaledHost):
         state, definitions = self._look()
         found = [*self._off_since_restart(definitions), *self._without_withheld_time()]
         for partition in state.partitions:
-            alone = orphans(self.tree.processes(definitions[partition.id].group)) if partition.settings.running else ()
+            alone = self._orphans(definitions[partition.id].group) if partition.settings.running else ()
             if alone:
                 names = ", ".join(f"{process} ({name})" for process, name in alone)
                 message = f"In {partition.settings.name} run processes that no rarms started or ends: {names}."
                 advice = "End them, where a component left them behind: they use the partition's processor time."
                 found.append(ORPHANS.at(None, message, advice, address=f"partition/{partition.settings.name}"))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
+
+    def _orphans(self, group: str) -> tuple[tuple[int, str], ...]:
+        return orphans(self.tree.processes(group))
 
     def _off_since_restart(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
         names = sorted(
@@ -223,10 +236,8 @@ class LinuxHostProvider(JournaledHost):
                     )
                 with self._kernel_errors(definition.settings.name):
                     if definition.boot == self.machine.boot:  # systemd remembers a group that is off since a restart
-                        self.tree.remove(definition.group)
-                with self._report_failure(self._folder):
-                    disk.current().remove(self._file(definition))
-                    disk.current().flush_folder(self._folder)
+                        self._effects.remove(definition.group)
+                self._forget(definition)
             case _:
                 after = changed(definition, operation)
                 problem = out_of_range(after.settings)
@@ -249,7 +260,7 @@ class LinuxHostProvider(JournaledHost):
         self._save(replace(before, changing=True))
         try:
             self._make_group(before.group)  # a group made by hand may lack a controller
-            self.tree.write(before.group, self._values(after.settings))
+            self._effects.write(before.group, self._values(after.settings))
         except OSError as problem:
             self._restore(replace(before, changing=True))
             message = f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}"
@@ -268,7 +279,7 @@ class LinuxHostProvider(JournaledHost):
         self._save(begun)
         with self._kernel_errors(settings.name):
             self._make_group(group)
-            self.tree.write(group, self._values(settings))
+            self._effects.write(group, self._values(settings))
         started = replace(begun, boot=self.machine.boot)
         self._start_with_machine(started)
         self._save(started)
@@ -277,9 +288,9 @@ class LinuxHostProvider(JournaledHost):
         if not self._runs(definition):
             return
         with self._kernel_errors(definition.settings.name):
-            self.tree.ask_to_end(definition.group, grace_ms)
+            self._effects.ask_to_end(definition.group, grace_ms)
             self._save(replace(definition, boot=""))
-            self.tree.remove(definition.group)
+            self._effects.remove(definition.group)
         self._save(replace(definition, group="", boot=""))
 
     def _recover(self) -> None:
@@ -287,11 +298,11 @@ class LinuxHostProvider(JournaledHost):
         if self._folder.stat().st_mode & 0o077:
             self._folder.chmod(0o700)
         with self._kernel_errors(self._settings.slice):
-            self.tree.limit_slice(slice_limit(self._host, self._processors))
+            self._effects.limit_slice(slice_limit(self._host, self._processors))
         for definition in self._definitions():
             remove_leftovers(self._file(definition))
             if definition.group and not definition.boot:
-                self.tree.remove(definition.group)
+                self._effects.remove(definition.group)
                 self._save(replace(definition, group=""))
             elif definition.changing:
                 self._restore(definition)
@@ -299,14 +310,14 @@ class LinuxHostProvider(JournaledHost):
     def _restore(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
-                self.tree.write(definition.group, self._values(definition.settings))
+                self._effects.write(definition.group, self._values(definition.settings))
         self._save(replace(definition, changing=False))
 
     def _start_with_machine(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
             with self._kernel_errors(definition.settings.name):
                 starts = definition.settings.start_action is StartAction.START
-                self.tree.start_with_machine(definition.group, starts)
+                self._effects.start_with_machine(definition.group, starts)
 
     def _free_name(self, definition: GroupDefinition) -> str:
         name = definition.settings.name
@@ -321,8 +332,8 @@ class LinuxHostProvider(JournaledHost):
         return self.machine.logical_processors
 
     def _make_group(self, name: str) -> None:
-        self.tree.make(name)
-        self.tree.limit_slice(slice_limit(self._host, self._processors))
+        self._effects.make(name)
+        self._effects.limit_slice(slice_limit(self._host, self._processors))
 
     def _values(self, settings: PartitionSettings) -> GroupValues:
         return values_of(settings, self._processors, slice_limit(self._host, self._processors))
@@ -368,13 +379,17 @@ class LinuxHostProvider(JournaledHost):
 
     def _refuse_writable_folder(self) -> None:
         """Refuse a folder that others may write to: root must not finish what somebody else put there."""
-        status = self._folder.stat()
-        if status.st_uid not in {0, os.geteuid()} or status.st_mode & 0o022:
+        if not self._is_folder_private():
+            folder = self._shown_folder
             raise HostDamaged(
                 self.name,
-                f"others than root may write to {self._folder}, so rarms does not trust the files in it",
-                f"check the files there, then `chown -R root {self._folder}` and `chmod 700 {self._folder}`",
+                f"others than root may write to {folder}, so rarms does not trust the files in it",
+                f"check the files there, then `chown -R root {folder}` and `chmod 700 {folder}`",
             )
+
+    def _is_folder_private(self) -> bool:
+        status = self._folder.stat()
+        return status.st_uid in {0, os.geteuid()} and not status.st_mode & 0o022
 
     def _load(self, path: Path) -> GroupDefinition:
         with self._report_damage(path):
@@ -388,6 +403,11 @@ class LinuxHostProvider(JournaledHost):
         with self._report_failure(path):
             disk.make_room(path)
             replace_file(path, write_definition(definition))
+
+    def _forget(self, definition: GroupDefinition) -> None:
+        with self._report_failure(self._folder):
+            disk.current().remove(self._file(definition))
+            disk.current().flush_folder(self._folder)
 
     def _file(self, definition: GroupDefinition) -> Path:
         return self._folder / f"{definition.id}.json"

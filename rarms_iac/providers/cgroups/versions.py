@@ -1,7 +1,6 @@
 """Control groups of version 1 and of version 2, and which of them this machine has. Begin at `find_tree`."""
 
 import errno
-import mmap
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,14 +10,13 @@ from rarms_iac.providers.cgroups import kernel
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
-SYSTEMD_FOLDER = Path("/run/systemd/system")
-"""It is there where systemd is process 1 (sd_booted(3))."""
+SYSTEMD_FOLDER = "run/systemd/system"
+"""Below `/`: it is there where systemd is process 1 (sd_booted(3))."""
 
 _CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: `GroupTree.names` looks there
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
-_PAGE = mmap.PAGESIZE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +68,7 @@ class GroupTreeV1(GroupTree):
             shares_percent=_shares(values) / 10,
             quota_percent=_rounded_quota(values),
             period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
-            memory=_whole_pages(values.memory),
+            memory=self._whole_pages(values.memory),
         )
 
     def cpu_ms(self, name: str) -> float:
@@ -139,7 +137,7 @@ class GroupTreeV2(GroupTree):
             shares_percent=float(weight_v2(values)),
             quota_percent=_rounded_quota(values),
             period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
-            memory=_whole_pages(values.memory),
+            memory=self._whole_pages(values.memory),
         )
 
     def _refuse_used_memory(self, name: str, memory: int | None) -> None:
@@ -182,14 +180,14 @@ def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_
     Args:
         slice_name: the group below which those of rarms lie.
         version: automatic, v1 or v2.
-        root: where control groups are mounted.
+        root: where control groups are mounted: `sys/fs/cgroup` below the folder that is `/`.
 
     Returns:
         The groups below the slice, which need not be there yet; or what is missing (where both versions lack
         something: of that which lacks less).
     """
     unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
-    systemd_runs = root == CONTROL_GROUPS and SYSTEMD_FOLDER.is_dir()
+    systemd_runs = (root.parents[2] / SYSTEMD_FOLDER).is_dir()
     missing = {"v1": tuple(_missing_v1(root)), "v2": tuple(_missing_v2(unified))}
     if version == "automatic":  # in version 1 systemd keeps no sets of processors
         is_nearer = not missing["v2"] or len(missing["v2"]) < len(missing["v1"])
@@ -241,10 +239,6 @@ def _shares(values: GroupValues) -> int:
 def weight_v2(values: GroupValues) -> int:
     """The weight of version 2 for these values."""
     return min(max(1, round(values.shares_percent)), MOST_WEIGHT_V2)
-
-
-def _whole_pages(memory: int | None) -> int | None:
-    return None if memory is None else memory - memory % _PAGE
 
 
 def _rounded_quota(values: GroupValues) -> float | None:

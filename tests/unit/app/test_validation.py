@@ -115,14 +115,6 @@ def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_
     assert codes(after.findings) == ["RARMS107"]
 
 
-def test_a_linux_host_on_another_machine_is_an_error(tmp_path: Path) -> None:
-    hosts = HOST.replace("{ logical", "{ provider: linux, connect: { ssh: robot }, logical")
-
-    (finding,) = validated(manifest(tmp_path, component("a"), hosts=hosts)).findings
-
-    assert (finding.code, finding.place and finding.place.path) == ("RARMS198", "hosts.onboard.connect")
-
-
 def test_structural_and_semantic_errors_come_in_one_round(tmp_path: Path) -> None:
     wrong = [component("a", more=", together: [nobody, c]"), component("b"), component("c", memory="512")]
 

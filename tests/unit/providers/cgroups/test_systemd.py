@@ -141,18 +141,19 @@ def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
 
 
 def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_version_1(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(versions, "CONTROL_GROUPS", tmp_path)
-    monkeypatch.setattr(versions, "SYSTEMD_FOLDER", tmp_path)
-    (tmp_path / "cgroup.controllers").write_text("cpuset cpu io memory pids\n")
+    root = tmp_path / "sys" / "fs" / "cgroup"
+    for folder in (root, tmp_path / versions.SYSTEMD_FOLDER):
+        folder.mkdir(parents=True)
+    (root / "cgroup.controllers").write_text("cpuset cpu io memory pids\n")
 
-    assert isinstance(versions.find_tree("rarms", root=tmp_path), GroupTreeSystemd)
-    (tmp_path / "cgroup.controllers").unlink()
-    missing = versions.find_tree("rarms", root=tmp_path)
+    assert isinstance(versions.find_tree("rarms", root=root), GroupTreeSystemd)
+    (root / "cgroup.controllers").unlink()
+    missing = versions.find_tree("rarms", root=root)
     assert isinstance(missing, versions.MissingFeatures)
     assert "version 2 of control groups" in missing.names[0]
-    forced = versions.find_tree("rarms", "v1", root=tmp_path)
+    forced = versions.find_tree("rarms", "v1", root=root)
     assert isinstance(forced, versions.MissingFeatures)
     assert "of version 1" in forced.names[0]
 

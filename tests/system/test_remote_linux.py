@@ -1,0 +1,116 @@
+"""A Linux host behind a real sshd, which is this machine: the operator's way over it, and connections that break."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rarms_iac.providers.cgroups.remote import RemoteShell
+from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.needs import require
+from tests.standin.remote import Remote, a_server
+from tests.system.test_linux_walk import MANIFEST
+from tests.unit.cli.running import Ran, rarms
+
+pytestmark = [pytest.mark.needs("ssh", "control-groups"), pytest.mark.alone]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
+    require("ssh", "control-groups")
+    with a_server(tmp_path_factory.mktemp("server")) as remote:
+        yield remote
+
+
+@pytest.fixture
+def folder(server: Remote, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A manifest whose host is reached over ssh; its control groups are gone after the test."""
+    text = MANIFEST.format(slice=slice_of(tmp_path)).replace("linux\n", "linux\n    connect: { ssh: cell }\n")
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
+    monkeypatch.setenv("PATH", server.environment["PATH"])
+    yield tmp_path
+    forget_groups(tmp_path)
+    shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
+
+
+def run(folder: Path, command: str, *words: str) -> Ran:
+    return rarms(command, *words, "-f", str(folder))
+
+
+def apply(folder: Path) -> Ran:
+    return run(folder, "apply", "--auto-approve")
+
+
+def partitions(folder: Path) -> list[dict[str, Any]]:
+    """Those of a snapshot."""
+    assert run(folder, "snapshot", "--out", str(folder / "snapshot.json")).code == 0
+    document: Any = json.loads((folder / "snapshot.json").read_text(encoding="utf-8"))
+    return list(document["state"]["partitions"])
+
+
+def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
+    assert run(folder, "plan").code == 2
+    assert apply(folder).code == 0
+    assert run(folder, "plan").code == 0
+    tree = groups_of(folder)
+    assert tree.names() == ("face-detection", "speech")
+    assert tree.read("face-detection").quota_percent == pytest.approx(80, abs=0.1)
+    assert tree.read("").quota_percent == 180
+
+    assert run(folder, "doctor").code == 0
+    assert run(folder, "release", "speech", "--auto-approve").code == 0
+    (released,) = (found for found in partitions(folder) if found["mark"] is None)
+    assert run(folder, "import", "speech", "--id", released["id"], "--auto-approve").code == 0
+    assert run(folder, "plan").code == 0
+
+    tree._write_quota("face-detection", 120, 100_000)
+    assert run(folder, "drift").code == 2
+    assert apply(folder).code == 0
+    assert tree.read("face-detection").quota_percent == pytest.approx(80, abs=0.1)
+
+    assert run(folder, "undo", "--auto-approve").code == 0
+    assert run(folder, "destroy", "--auto-approve").code == 0
+    assert tree.names() == ()
+
+
+def test_a_cut_connection_is_told_and_another_apply_finishes_the_run(
+    folder: Path, server: Remote, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, done = RemoteShell.do, []
+
+    def cut_at_the_twentieth(shell: RemoteShell, *words: str, seconds: float = 0.0) -> None:
+        done.append(words)
+        if len(done) == 20:
+            server.cut()
+        real(shell, *words, seconds=seconds)
+
+    monkeypatch.setattr(RemoteShell, "do", cut_at_the_twentieth)
+    broken = apply(folder)
+    assert broken.code == 1
+    assert "the connection to cell broke" in " ".join(broken.err.split())
+    assert "to finish it" in " ".join(broken.err.split())
+
+    finished = apply(folder)
+    assert finished.code == 0, finished.err
+    assert run(folder, "plan").code == 0
+    assert run(folder, "undo", "--auto-approve").code == 0
+
+
+def test_a_host_with_another_key_is_not_trusted(folder: Path, server: Remote) -> None:
+    known = server.folder / "known"
+    run(folder, "plan")
+    original = known.read_text(encoding="ascii")
+    host, kind, _ = original.split(maxsplit=2)
+    key = (server.folder / "key.pub").read_text(encoding="ascii").split()[1]
+    known.write_text(f"{host} {kind} {key}\n", encoding="ascii")
+
+    refused = run(folder, "plan")
+
+    known.write_text(original, encoding="ascii")
+    assert refused.code == 1
+    assert "Host key verification failed" in " ".join(refused.err.split())
+    assert "ssh -o BatchMode=yes cell" in " ".join(refused.err.split())
