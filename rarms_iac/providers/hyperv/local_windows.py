@@ -7,6 +7,8 @@ import re
 import sys
 import warnings
 import winreg
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,9 @@ from xml.etree import ElementTree as ET
 
 import pywintypes
 import win32api
+import win32cred
+import win32crypt
+import win32cryptcon
 import win32event
 import win32evtlog
 import win32security
@@ -21,6 +26,7 @@ import winerror
 
 from rarms_iac.providers.hyperv.local_probes import RegistryKey, local_document
 from rarms_iac.providers.hyperv.observation import MAX_BYTES
+from rarms_iac.providers.hyperv.transport import protect
 from rarms_iac.providers.hyperv.wmi_machines import QUERIES, NotRead, WmiInstance
 from rarms_iac.storage.reading import read_file
 
@@ -38,6 +44,8 @@ EXPLANATIONS = {
 }
 MUTEX, MUTEX_ALL_ACCESS = r"Global\rarms", 0x1F0001  # of `templates/powershell/parts/lock.ps1`
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
+ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
+"""As `templates/powershell/parts/lock.ps1` has it."""
 EVENT = "*[System[Provider[@Name='Microsoft-Windows-Hyper-V-Hypervisor'] and EventID=2]]"
 KINDS = {
     winreg.REG_SZ: "String",
@@ -133,7 +141,7 @@ class ThisWindows:
 
     def journal(self) -> tuple[str, str]:
         """See the protocol."""
-        path = Path(os.environ.get("PROGRAMDATA", r"C:\ProgramData")) / "rarms" / "journal.jsonl"
+        path = own_folder() / "journal.jsonl"
         try:
             text = read_file(path, MAX_BYTES).decode("ascii", "replace")
             owned = win32security.GetFileSecurity(str(path), win32security.OWNER_SECURITY_INFORMATION)
@@ -160,6 +168,57 @@ class ThisWindows:
         system = Path(os.environ.get("SYSTEMROOT", r"C:\Windows")) / "System32"
         found = (system / "WindowsPowerShell" / "v1.0" / "Modules" / "Hyper-V").glob("*/Hyper-V.psd1")
         return sorted((manifest.parent.name for manifest in found), reverse=True)
+
+
+def own_folder() -> Path:
+    """Where scripts keep what they know of this computer."""
+    return Path(os.environ.get("PROGRAMDATA", r"C:\ProgramData")) / "rarms"
+
+
+@contextmanager
+def credential_files(names: Iterable[str]) -> Iterator[None]:
+    """While it lasts, scripts find what Credential Manager keeps under these names: encrypted, for this account alone.
+
+    Args:
+        names: as the manifest has them; each is a generic credential (`cmdkey /generic:NAME`). A file that an operator
+            made for scripts counts before it, and stays; so does a name that Credential Manager does not have.
+    """
+    folder = own_folder() / "credentials"
+    made: list[Path] = []
+    try:
+        for name in sorted(set(names)):
+            path = folder / f"{name.replace('/', '_')}.txt"
+            found = None if path.exists() else _stored_credential(name)
+            if found is not None:
+                made.append(path)
+                _write_credential(path, *found)
+        yield
+    finally:
+        for path in made:
+            path.unlink(missing_ok=True)
+
+
+def _stored_credential(name: str) -> tuple[str, bytes] | None:
+    """User and password, the latter as Windows keeps it: UTF-16."""
+    try:
+        found = win32cred.CredRead(name, win32cred.CRED_TYPE_GENERIC)
+    except pywintypes.error as problem:
+        if problem.winerror == winerror.ERROR_NOT_FOUND:
+            return None
+        raise
+    return str(found["UserName"]), bytes(found["CredentialBlob"])
+
+
+def _write_credential(path: Path, user: str, password: bytes) -> None:
+    """As ConvertFrom-SecureString has it: hexadecimal of what only this account on this computer can decrypt."""
+    for folder in (own_folder(), path.parent):
+        if not folder.exists():
+            folder.mkdir()
+            protect(str(folder), ADMINISTRATORS_ONLY)
+    path.touch(exist_ok=False)
+    protect(str(path), ADMINISTRATORS_ONLY)
+    secret = win32crypt.CryptProtectData(password, None, None, None, None, win32cryptcon.CRYPTPROTECT_UI_FORBIDDEN)
+    path.write_text(f"{user}\n{secret.hex()}\n", encoding="utf-8", newline="\r\n")
 
 
 def namespace_of(name: str) -> str:

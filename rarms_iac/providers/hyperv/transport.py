@@ -24,6 +24,8 @@ from rarms_iac.providers.hyperv import bootstrap
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
 SHELLS = ("pwsh", "powershell")
+OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
+"""Nobody but the owner, Administrators and SYSTEM, wherever `TEMP` points."""
 
 
 class Listener(Protocol):
@@ -64,7 +66,7 @@ class LocalTransport:
         """See the protocol; the scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
-            _protect(folder)
+            protect(folder, OURS_ONLY)
             for name, text in script.files.items():
                 (Path(folder) / name).write_bytes(text.encode("ascii"))
             path = Path(folder) / script.runs
@@ -138,18 +140,24 @@ class _RefusalListener:
         return self._listener.should_stop()
 
 
-def _protect(folder: str) -> None:
-    """Let nobody but its owner, Administrators and SYSTEM in, wherever `TEMP` points; Linux' is so from the start."""
+def protect(path: str, descriptor: str) -> None:
+    """Give a file or folder this owner and access list, and no inherited ones; Linux has other means.
+
+    Args:
+        path: of what is there already.
+        descriptor: as SDDL; without `O:` its owner stays.
+    """
     if sys.platform == "win32":
         import win32security
 
-        descriptor = win32security.ConvertStringSecurityDescriptorToSecurityDescriptor(
-            "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)", win32security.SDDL_REVISION_1
+        wanted = win32security.ConvertStringSecurityDescriptorToSecurityDescriptor(
+            descriptor, win32security.SDDL_REVISION_1
         )
-        what_is_set = win32security.DACL_SECURITY_INFORMATION | win32security.PROTECTED_DACL_SECURITY_INFORMATION
-        win32security.SetNamedSecurityInfo(
-            folder, win32security.SE_FILE_OBJECT, what_is_set, None, None, descriptor.GetSecurityDescriptorDacl(), None
-        )
+        owner, flags = wanted.GetSecurityDescriptorOwner(), win32security.DACL_SECURITY_INFORMATION
+        flags |= win32security.PROTECTED_DACL_SECURITY_INFORMATION
+        flags |= win32security.OWNER_SECURITY_INFORMATION if owner else 0
+        access = wanted.GetSecurityDescriptorDacl()
+        win32security.SetNamedSecurityInfo(path, win32security.SE_FILE_OBJECT, flags, owner, None, access, None)
 
 
 def _follow(

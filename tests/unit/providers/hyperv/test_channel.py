@@ -91,7 +91,7 @@ def test_on_windows_nobody_else_looks_into_the_folder_of_the_scripts(tmp_path: P
     win32security.SetFileSecurity(str(tmp_path), win32security.DACL_SECURITY_INFORMATION, everybody)
     assert "S-1-1-0" in trusted()
 
-    transport._protect(str(tmp_path))
+    transport.protect(str(tmp_path), transport.OURS_ONLY)
 
     assert "S-1-1-0" not in trusted()
     (tmp_path / "plan.ps1").touch()

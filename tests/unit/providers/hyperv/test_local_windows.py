@@ -27,7 +27,7 @@ assert sys.platform == "win32"
 import winreg  # noqa: E402
 
 from rarms_iac.providers.hyperv import local_windows  # noqa: E402
-from rarms_iac.providers.hyperv.local_windows import ThisWindows, observe_here  # noqa: E402
+from rarms_iac.providers.hyperv.local_windows import ThisWindows, credential_files, observe_here  # noqa: E402
 
 TASKS = rf"{PROFILE_KEY}\Tasks"
 SHIPPED = {"Scheduling Category": "Medium", "SFIO Priority": "Normal", "Background Only": "True"}
@@ -223,3 +223,39 @@ def test_a_mutex_that_a_killed_script_abandoned_is_free(monkeypatch: pytest.Monk
 def test_membership_of_hyperv_administrators_is_asked_of_the_token() -> None:
     """wine's account is an administrator, and wine knows no such group."""
     assert (ThisWindows().is_elevated(), ThisWindows().is_hyperv_administrator()) == (True, False)
+
+
+NAME = "rarms-tests/torch-motion"
+
+
+@pytest.fixture
+def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A generic credential in the real Credential Manager; the file that scripts look for, not yet there."""
+    win32cred = local_windows.win32cred
+    monkeypatch.setenv("PROGRAMDATA", str(tmp_path))
+    told = {"Type": win32cred.CRED_TYPE_GENERIC, "TargetName": NAME, "UserName": "operator"}
+    win32cred.CredWrite({**told, "CredentialBlob": "s\u00e4ge 7", "Persist": win32cred.CRED_PERSIST_LOCAL_MACHINE}, 0)
+    yield tmp_path / "rarms" / "credentials" / "rarms-tests_torch-motion.txt"
+    win32cred.CredDelete(NAME, win32cred.CRED_TYPE_GENERIC)
+
+
+def test_scripts_find_a_stored_credential_encrypted_and_only_while_they_run(stored: Path) -> None:
+    """Wine keeps the owner that Linux knows: that the file belongs to Administrators is not seen here."""
+    with credential_files([NAME, "rarms-tests/nobody"]):
+        user, secret = stored.read_text(encoding="utf-8").splitlines()
+        names = [path.name for path in stored.parent.iterdir()]
+
+    _, plain = local_windows.win32crypt.CryptUnprotectData(bytes.fromhex(secret), None, None, None, 0)
+    assert (user, plain.decode("utf-16-le")) == ("operator", "s\u00e4ge 7")
+    assert names == [stored.name]
+    assert not stored.exists()
+
+
+def test_a_credential_file_of_an_operator_counts_and_stays(stored: Path) -> None:
+    stored.parent.mkdir(parents=True)
+    stored.write_text("somebody\nelse\n", encoding="utf-8")
+
+    with credential_files([NAME]):
+        found = stored.read_text(encoding="utf-8")
+
+    assert found == stored.read_text(encoding="utf-8") == "somebody\nelse\n"
