@@ -79,15 +79,17 @@ class ThisWindows:
 
     def _instances(self, name: str) -> list[WmiInstance]:
         found = self._asked(namespace_of(name), lambda connection: connection.query(f"SELECT * FROM {name}"))  # noqa: S608 - a name of ours
-        return [{known: getattr(each, known, None) for known in QUERIES[name]} for each in found]
+        return [{known: _raw_value(each, known) for known in QUERIES[name]} for each in found]
 
     def disk(self, path: str) -> WmiInstance:
         """See the protocol: what the service returns is an instance as XML."""
 
         def ask(connection: Any) -> str:
             (service,) = connection.query("SELECT * FROM Msvm_ImageManagementService")
-            *_, text = service.GetVirtualHardDiskSettingData(Path=path)
-            return str(text)
+            texts = [given for given in service.GetVirtualHardDiskSettingData(Path=path) if "<INSTANCE" in str(given)]
+            if not texts:
+                raise NotRead("NotFound", f"Hyper-V tells nothing of {path}")
+            return str(texts[0])
 
         text = self._asked(namespace_of("Msvm_"), ask)
         values = {each.get("NAME"): each.findtext("VALUE") for each in ET.fromstring(text).iter("PROPERTY")}  # noqa: S314 - Hyper-V's own
@@ -96,9 +98,11 @@ class ThisWindows:
     def _asked(self, namespace: str, ask: Any) -> Any:
         try:
             return ask(wmi.WMI(namespace=namespace, find_classes=False))
-        except wmi.x_wmi as problem:
-            code = getattr(problem.com_error, "hresult", 0) % 2**32
-            message = EXPLANATIONS.get(code, str(problem.com_error))
+        except (wmi.x_wmi, pywintypes.com_error) as problem:
+            # The module wraps what a call raises; a query fails while it is listed, which it does not.
+            error = problem.com_error if isinstance(problem, wmi.x_wmi) else problem
+            code = _code_of(error)
+            message = EXPLANATIONS.get(code, str(error))
             raise NotRead(f"0x{code:08x}", f"{message} ({namespace})", denied=code == ACCESS_DENIED) from problem
 
     def key(self, path: str, *, of_user: bool = False) -> RegistryKey:
@@ -226,6 +230,18 @@ def namespace_of(name: str) -> str:
     if name.startswith("Msvm_"):
         return r"root\virtualization\v2"
     return r"root\cimv2\power" if name == "Win32_PowerPlan" else r"root\cimv2"
+
+
+def _raw_value(instance: Any, name: str) -> Any:
+    """A property as WMI has it; the module would open what a reference leads to, one connection each."""
+    known = {each.lower(): each for each in instance.properties}
+    return instance.ole_object.Properties_(known[name.lower()]).Value if name.lower() in known else None
+
+
+def _code_of(error: Any) -> int:
+    """WMI's own code: within what scripts are told, or the error itself where no connection was made."""
+    inner = (getattr(error, "excepinfo", None) or (0,))[-1]
+    return int(inner or getattr(error, "hresult", 0) or 0) % 2**32
 
 
 def _value(name: str, data: Any, kind: int) -> tuple[str, str, int | str]:

@@ -157,10 +157,13 @@ def read_processors(source: WmiSource) -> Json:
 
 
 def read_numa_nodes(source: WmiSource) -> Json:
-    """WMI's pages name no total of a node's memory: 0 stands for not known, and nobody goes by it."""
+    r"""The host's nodes, `Microsoft:PhysicalNode\0` and so on; a block of memory is 1 MiB.
+
+    WMI's pages name no total of a node's memory: 0 stands for not known, and nobody goes by it.
+    """
     return [
         {
-            "node": _int(node, "NodeID"),
+            "node": int(_str(node, "NodeID").rpartition("\\")[2]),
             "memory_available": _int(node, "CurrentlyConsumableMemoryBlocks"),
             "memory": 0,
         }

@@ -142,7 +142,7 @@ class MadeWindows:
             blocks = str(node["memory_available"])
             self._add(
                 "Msvm_NumaNode",
-                NodeID=str(node["node"]),
+                NodeID=rf"Microsoft:PhysicalNode\{node['node']}",
                 NumberOfLogicalProcessors=processors,
                 CurrentlyConsumableMemoryBlocks=blocks,
             )

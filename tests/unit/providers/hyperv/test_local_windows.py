@@ -153,15 +153,43 @@ DISK = """<INSTANCE CLASSNAME="Msvm_VirtualHardDiskSettingData"><PROPERTY NAME="
 </PROPERTY><PROPERTY NAME="ParentPath" TYPE="string"><VALUE>D:\\images\\base.vhdx</VALUE></PROPERTY></INSTANCE>"""
 
 
+class Properties(list[Any]):
+    """The properties of a COM object: a list, and asked by name."""
+
+    def __call__(self, name: str) -> Any:
+        return next(each for each in self if each.Name == name)
+
+
+def made(**values: Any) -> Any:
+    """An instance as COM gives it, within the real module's own object; a path is a reference of an association."""
+    properties = Properties()
+    for name, value in values.items():
+        kind = "ref:CIM_ManagedElement" if str(value).startswith("\\\\") else "string"
+        qualifiers = [SimpleNamespace(Name="CIMTYPE", Value=kind)]
+        properties.append(SimpleNamespace(Name=name, Value=value, Qualifiers_=qualifiers))
+    path = SimpleNamespace(DisplayName="an instance")
+    return local_windows.wmi._wmi_object(
+        SimpleNamespace(Path_=path, Properties_=properties, Methods_=(), Qualifiers_=())
+    )
+
+
+ENDS = {
+    "ManagedElement": '\\\\CELL\\root:Msvm_ComputerSystem.Name="A"',
+    "SettingData": '\\\\CELL\\root:S.InstanceID="B"',
+}
+
+
 def test_what_the_module_gives_is_taken_by_name_and_each_class_is_listed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A connection of ours, as wine has no provider: an older host lacks properties, which are None then."""
+    """A connection of ours, as wine has no provider: an older host lacks properties, and references stay paths."""
     asked: list[str] = []
 
     class Connection:
-        def query(self, text: str) -> list[object]:
+        def query(self, text: str) -> list[Any]:
             asked.append(text)
-            service = SimpleNamespace(GetVirtualHardDiskSettingData=lambda Path: (0, None, DISK))  # noqa: N803
-            return [service] if "ImageManagement" in text else [SimpleNamespace(Name="cell", ElementName="id")]
+            service = SimpleNamespace(GetVirtualHardDiskSettingData=lambda Path: (None, 0, DISK))  # noqa: N803
+            if "ImageManagement" in text:
+                return [service]
+            return [made(**ENDS)] if "DefineState" in text else [made(Name="cell", ElementName="id")]
 
     monkeypatch.setattr(local_windows.wmi, "WMI", lambda **_: Connection())
     windows = ThisWindows()
@@ -169,16 +197,27 @@ def test_what_the_module_gives_is_taken_by_name_and_each_class_is_listed_once(mo
     for _ in range(2):
         assert windows.instances("Msvm_VirtualEthernetSwitch") == [{"Name": "cell", "ElementName": "id"}]
     assert windows.instances("Msvm_NumaNode")[0]["NodeID"] is None
+    assert windows.instances("Msvm_SettingsDefineState") == [ENDS]
     assert windows.disk("D:\\a.vhdx") == {"Type": "4", "ParentPath": "D:\\images\\base.vhdx"}
     assert asked.count("SELECT * FROM Msvm_VirtualEthernetSwitch") == 1
 
 
+def refusal(code: int, *, listing: bool) -> Exception:
+    """What the module raises where there is no connection, and while the instances of a query are listed."""
+    if listing:
+        told = (0, "SWbemObjectSet", "Invalid class", None, 0, code - 2**32)
+        return local_windows.pywintypes.com_error(-2147352567, "Exception occurred.", told, None)
+    error = local_windows.pywintypes.com_error(code - 2**32, "OLE error", None, None)
+    return local_windows.wmi.x_wmi("", com_error=error)
+
+
+@pytest.mark.parametrize("listing", [True, False])
 @pytest.mark.parametrize(("code", "denied"), [(0x80041003, True), (0x80041010, False)])
 def test_what_wmi_refuses_is_denied_and_what_it_does_not_know_is_absent(
-    code: int, denied: bool, monkeypatch: pytest.MonkeyPatch
+    code: int, denied: bool, listing: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(**_: object) -> None:
-        raise local_windows.wmi.x_wmi("", com_error=SimpleNamespace(hresult=code - 2**32))
+        raise refusal(code, listing=listing)
 
     monkeypatch.setattr(local_windows.wmi, "WMI", refuse)
 
