@@ -796,32 +796,6 @@ def damage(path: Path, old: bytes, new: bytes) -> None:
     path.write_bytes(data.replace(old, new, 1))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (b'"reserve":40', b'"reserve":41', "checksum: it does not fit the content"),
-        (b'"checksum"', b'"checksun"', "cut off, or was not written by rarms"),
-        (b"}\n", b"", "cut off, or was not written by rarms"),
-        (b"rarms-simulated-host/1", b"rarms-simulated-host/9", "this rarms reads rarms-simulated-host/1"),
-        (b'"reserve":40', b'"reserve":\xff', "not the text that rarms wrote"),
-    ],
-)
-def test_a_damaged_file_is_said_to_be_damaged_and_stays(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
-    host = simulated(tmp_path)
-    do(host, *making(reserve=40))
-    damage(tmp_path / ".rarms/hosts/onboard.json", old, new)
-    before = files(tmp_path)
-
-    for manifest in (host, simulated(tmp_path)):
-        with pytest.raises(HostDamaged, match=message) as damaged:
-            manifest.observe()
-        with pytest.raises(HostDamaged):
-            do(manifest, start())
-        assert "restore" in damaged.value.advice
-
-    assert files(tmp_path) == before
-
-
 def test_a_damaged_journal_is_said_to_be_damaged(tmp_path: Path) -> None:
     host = simulated(tmp_path)
     host.start_run(a_run(host.observe()))

@@ -151,19 +151,6 @@ def test_fmt_keeps_a_files_rights(here: Path) -> None:
     assert file.stat().st_mode & 0o777 == 0o600
 
 
-@pytest.mark.needs("posix")
-def test_fmt_writes_through_no_link(here: Path) -> None:
-    file, link = here / "rarms.yaml", here / "link.yaml"
-    file.write_bytes(untidy := file.read_bytes() + b"\n\n")
-    link.symlink_to(file)
-
-    answer = rarms("fmt", str(link))
-
-    assert answer.code == 1
-    assert "a symbolic link" in answer.err
-    assert file.read_bytes() == untidy
-
-
 def test_fmt_for_programs(here: Path) -> None:
     answer = rarms("fmt", "--check", "--json", str(here))
 

@@ -6,15 +6,21 @@ import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.setup import experiment_of
+from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from tests.builders import a_component, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
 APT = {"mean_response_time": at_most(84), "maximum_response_time": at_most(90)}
-SYSTEM = a_system(components=[a_component("vision", apt=APT, simulation=a_simulation())])
-EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-loop")
+
+
+def an_experiment(reserve: str | None) -> Experiment:
+    system = a_system(components=[a_component("vision", apt=APT, simulation=a_simulation(), reserve=reserve)])
+    return experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+
+
+EXPERIMENT = an_experiment("20 %")
 
 
 def told(times: list[float]) -> list[str]:
@@ -59,9 +65,7 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
     failed: int | None, inconclusive: tuple[int, ...], message: str | None
 ) -> None:
     end = Sufficient(reserve=46, failed=failed, inconclusive=inconclusive)
-    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
-    system = a_system(components=[component])
-    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    experiment = an_experiment(None)
 
     found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), FirstLine("")))
 
@@ -85,9 +89,7 @@ def test_what_more_samples_did_not_resolve_is_not_sent_to_more_samples_again(sam
 
 @pytest.mark.parametrize(("samples", "advice"), [(100, "measure longer"), (2000, "look for what grows in vision")])
 def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice: str) -> None:
-    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
-    system = a_system(components=[component])
-    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    experiment = an_experiment(None)
     setting = a_setting(45, a_series("vision", [40.0 + number for number in range(samples)]))
     enough = Sufficient(reserve=46, failed=20, inconclusive=(45,))
     nothing = NotResolved(reason="no steady state")
@@ -101,9 +103,7 @@ def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice
 
 @pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
 def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None, codes: list[str]) -> None:
-    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=reserve)
-    system = a_system(components=[component])
-    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    experiment = an_experiment(reserve)
 
     found = list(findings_of(experiment, Sufficient(reserve=21, failed=20), (), FirstLine("")))
 
@@ -113,9 +113,7 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
 
 def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() -> None:
     """At 54 % of each virtual processor it consumes 54 % of one logical processor, whatever the others reserve."""
-    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
-    system = a_system(components=[component])
-    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    experiment = an_experiment(None)
     processors = experiment.setup.processors
     series = replace(a_series("vision", [40.0] * 60), cpu_ms=60 * 40.0 * 0.54)
     end = Sufficient(reserve=54, failed=53)

@@ -1,12 +1,11 @@
 import io
-import os
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.digest import parse_json
-from rarms_iac.storage.reading import NotRegular, TooLarge, open_regular, read_file, read_input
+from rarms_iac.storage.reading import NotRegular, TooLarge, read_file, read_input
 from tests.needs import require
 
 
@@ -26,19 +25,6 @@ def test_standard_input_is_read_up_to_its_limit_and_no_further(monkeypatch: pyte
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"12345678")))
     with pytest.raises(TooLarge):
         read_input("-", 7)
-
-
-def test_a_folder_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(NotRegular, match="a folder"):
-        read_file(tmp_path, 5)
-
-
-def test_a_pipe_is_refused_without_waiting_for_its_writer(tmp_path: Path) -> None:
-    require("posix")
-    os.mkfifo(tmp_path / "pipe")
-
-    with pytest.raises(NotRegular, match="pipe"):
-        open_regular(tmp_path / "pipe")
 
 
 def test_a_link_counts_as_what_it_leads_to(tmp_path: Path) -> None:

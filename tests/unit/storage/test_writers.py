@@ -13,7 +13,6 @@ import pytest
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_last, read_records
 from rarms_iac.storage.disk import make_room
-from rarms_iac.storage.lock import hold
 from rarms_iac.storage.replace import remove_leftovers, remove_leftovers_of_ended, replace
 from tests.crashing import Crash, CrashingDisk, When
 
@@ -198,52 +197,3 @@ def test_a_kill_leaves_no_other_file_beside_the_one_that_git_is_told_by(tmp_path
 
         assert [path.name for path in folder.iterdir() if path.is_file()] == [".gitignore"]
         assert (folder / ".gitignore").read_bytes().startswith(b"*")
-
-
-def put_in_the_way(path: Path, kind: str) -> Path:
-    """Give the name to something that is no regular file; the file that a link leads to."""
-    victim = path.with_name("victim")
-    victim.write_bytes(b"precious")
-    if kind == "pipe":
-        os.mkfifo(path)
-    else:
-        path.symlink_to(victim)
-    return victim
-
-
-def hold_briefly(path: Path) -> None:
-    with hold(path, "ann"):
-        pass
-
-
-WRITERS = {
-    "replace": lambda path: replace(path, b"new"),
-    "append": lambda path: append(path, {"a": 1}),
-    "lock": hold_briefly,
-}
-
-
-@pytest.mark.needs("posix")
-@pytest.mark.parametrize("kind", ["link", "pipe"])
-@pytest.mark.parametrize("writer", WRITERS)
-def test_nothing_is_written_through_a_link_or_into_a_pipe(tmp_path: Path, writer: str, kind: str) -> None:
-    path = tmp_path / "file"
-    victim = put_in_the_way(path, kind)
-
-    with pytest.raises(disk.NotOurFile, match="through no link"):
-        WRITERS[writer](path)
-
-    assert victim.read_bytes() == b"precious"
-    assert path.is_symlink() == (kind == "link")
-
-
-@pytest.mark.needs("posix")
-def test_the_ignore_file_of_our_folder_is_written_through_no_link(tmp_path: Path) -> None:
-    (tmp_path / ".rarms").mkdir()
-    victim = put_in_the_way(tmp_path / ".rarms" / ".gitignore", "link")
-    victim.write_bytes(b"")
-
-    with pytest.raises(disk.NotOurFile):
-        make_room(tmp_path / ".rarms" / "hosts" / "onboard.json")
-
-    assert victim.read_bytes() == b""

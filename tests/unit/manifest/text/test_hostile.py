@@ -20,9 +20,9 @@ from rarms_iac.manifest.load import load
 import rarms_iac.manifest.document.errors, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
 from rarms_iac.manifest.document.schema import manifest_schema
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-loaded = load(sys.argv[1], today=date(2026, 1, 1))
-after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print((after - before) // 1024, *(one.code for one in loaded.diagnostics))
+for path in sys.argv[1:]:
+    load(path, today=date(2026, 1, 1))
+    print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024, path)
 """
 
 
@@ -46,18 +46,19 @@ def test_hostile_values_are_told_where_they_stand(tmp_path: Path, hostile: Hosti
 
 
 @pytest.mark.needs("posix")  # the resource module reads a process's memory
-@pytest.mark.parametrize("hostile", [*HOSTILE, *HOSTILE_VALUES], ids=lambda hostile: hostile.name)
-def test_hostile_input_needs_at_most_64_mib(tmp_path: Path, hostile: Hostile) -> None:
-    path = tmp_path / "rarms.yaml"
-    path.write_bytes(hostile.make())
+def test_no_hostile_input_needs_more_than_64_mib(tmp_path: Path) -> None:
+    """One process reads them all: its peak is that of the worst, and the first line above 64 names it."""
+    paths = [tmp_path / f"{at}.yaml" for at in range(len(HOSTILE) + len(HOSTILE_VALUES))]
+    for path, hostile in zip(paths, (*HOSTILE, *HOSTILE_VALUES), strict=True):
+        path.write_bytes(hostile.make())
 
     done = subprocess.run(
-        [sys.executable, "-c", MEASURE, str(path)], cwd=FOLDER, capture_output=True, text=True, check=True
+        [sys.executable, "-c", MEASURE, *map(str, paths)], cwd=FOLDER, capture_output=True, text=True, check=True
     )
 
-    mebibytes, *codes = done.stdout.split()
-    assert hostile.code in codes
-    assert int(mebibytes) <= 64
+    peaks = done.stdout.splitlines()
+    assert len(peaks) == len(paths)
+    assert [peak for peak in peaks if int(peak.split()[0]) > 64] == []
 
 
 def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:

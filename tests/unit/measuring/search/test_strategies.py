@@ -68,27 +68,6 @@ def test_halving_ends_when_all_of_the_platform_is_not_enough() -> None:
     assert isinstance(step, NotAchievable)
 
 
-@pytest.mark.parametrize("least", [1, 2, 37, 62, 99, 100])
-def test_the_default_ends_with_a_measured_pass_and_a_measured_fail_close_below(least: int) -> None:
-    settings, step = walk("default", least)
-
-    assert isinstance(step, Sufficient)
-    assert least <= step.reserve <= least + 1
-    assert step.reserve in settings
-    assert step.reserve == 1 or (step.failed in settings and step.reserve - step.failed <= 3)
-
-
-def test_the_default_gives_up_only_after_all_of_the_platform() -> None:
-    settings, step = walk("default", 101)
-
-    assert settings[-1] == 100
-    assert isinstance(step, NotAchievable)
-
-
-def test_the_same_history_gives_the_same_step() -> None:
-    assert walk("default", 62) == walk("default", 62)
-
-
 def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
     """All meet their thresholds exactly, so each verdict `Missed` is wrong: too many would show with sixteen."""
     tries, count = examples(100), 16
