@@ -30,7 +30,7 @@ __all__ = ["pwsh"]
 
 pytestmark = pytest.mark.needs("posix")
 
-POINTS = 300 if LONG else 20
+POINTS = 300 if LONG else 12
 """The most points of a command, evenly over all of its."""
 
 

@@ -81,20 +81,6 @@ def possible(cell: Cell) -> Plan:
 
 
 @FEW
-@given(laid_out())
-def test_plan_run_observe_plan_again_is_empty(cell: Cell) -> None:
-    plan, host = possible(cell), cell.host.copy(watch=within)
-    before = strangers_of(host)
-
-    ran = apply(host, plan)
-
-    assert ran.code == 0, ran.says
-    again = cell.on(host).plan()
-    assert [str(step.address) for step in again.hosts[0].steps] == []
-    assert strangers_of(host) == before
-
-
-@FEW
 @given(laid_out(), st.data())
 def test_a_change_of_mind_is_run_and_then_there_is_nothing_to_do(cell: Cell, data: st.DataObject) -> None:
     first, host = possible(cell), cell.host.copy(watch=within)
@@ -126,15 +112,3 @@ def test_a_run_that_ends_anywhere_is_finished_by_the_next(cell: Cell, number: in
 
     assert ran.code == 0, ran.says
     assert [str(step.address) for step in cell.on(host).plan().hosts[0].steps] == []
-
-
-def test_the_systems_that_are_drawn_are_of_hyperv() -> None:
-    found: list[System] = []
-
-    @settings(max_examples=1, database=None)
-    @given(laid_out())
-    def draw(cell: Cell) -> None:
-        found.append(cell.system)
-
-    draw()
-    assert found[0].hosts["onboard"].provider is ProviderKind.HYPERV
