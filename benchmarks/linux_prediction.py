@@ -27,7 +27,16 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from scripts.linux_experiments import BUSY, COMPONENT_GROUP, Laboratory, Record, laboratory, series_of, value_of
+from scripts.linux_experiments import (
+    BUSY,
+    COMPONENT_GROUP,
+    Laboratory,
+    Record,
+    laboratory,
+    series_of,
+    value_of,
+    work_of,
+)
 from tests.builders import a_component, a_run, milliseconds
 
 PROGRAM = """\
@@ -115,9 +124,7 @@ class Demand:
 def demand_of(record: Record, name: str, threads: int, period: float) -> Demand:
     """What a run without anything beside it tells."""
     times = [sample.response_ms for sample in series_of(name, record["series"]).samples if sample.response_ms]
-    (began, consumed, _), (ended, at_last, _) = record["consumed"][0], record["consumed"][-1]
-    work = (at_last - consumed) / (ended - began) * record["series"]["elapsed_ms"] / len(times)
-    mean = statistics.fmean(times)
+    work, mean = work_of(record), statistics.fmean(times)
     return Demand(
         work=work,
         waits=max(0.0, mean - work / threads),

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from statistics import median
 
@@ -50,6 +50,7 @@ from scripts.linux_experiments import (
     value_of,
     values_in,
     values_of,
+    work_of,
 )
 from scripts.linux_verdicts import DRAWS, FARTHEST, NEAREST, VerdictCount, count_verdicts
 from scripts.paper_drawing import Chart, draw
@@ -71,6 +72,10 @@ periodic component's jobs, and {MEASURED_JOBS} of another one's. Its aim is to b
 others on the machine disturbed in each of three tries has no verdict, and then it ends above. *Foretold* is what the
 simulated host says from a run of the component alone (processor time and waiting time a job), by its mean response
 time."""
+SPEED = """\
+The sweep takes medians; `rarms measure` wants a bound that is wrong in at most 1 of 100 runs, and so ends above it
+where response times vary. And the same job takes more or less processor time as the machine's speed changes, while the
+two were not run in the same minutes. What a job took, in ms of processor time:"""
 FIGURE_3 = """\
 One operating system without partitions; stress-ng uses the given share of every processor. FDP and SRP run in
 SCHED_FIFO at 30 and 31, VSP and PPP in the ordinary class. The paper: FDP and SRP do not change up to 100 %
@@ -78,19 +83,20 @@ utilisation; VSP and PPP degrade above about 70 %."""
 FIGURE_4 = """\
 FDP in P1 without its class, and headless Chromium in P2, each browser playing a video of its own. The paper: 88 to
 100 ms without browsers, up to 184 to 194 ms with one or two, and back down to 150 to 175 ms with ten. Mean response
-times."""
+times. On Linux a browser works in threads of P2, which its weight holds back, so a rise like the paper's is not
+expected with one or two; the runs at 50/50 come first, while the browsers may still start."""
 TODAY = f"""\
 Reservations are often taken from what a component consumes: its 95th or 99th percentile over windows of a second
 (usage-based recommenders), or its mean and 20 %; or all get the same. Use was seen without interference. Each
 reservation, in whole per cent of the host, then ran {REPEATS} times beside busy loops; *too much* is what it has
 beyond the sweep's."""
 VERDICTS = f"""\
-Each component ran {REPEATS} times for {LONG_S:g} s at each of {", ".join(f"{reserve} %" for reserve in JUDGED)}, where
-all keep up with what comes (at 10 and 15 % queues grow without end, and there is nothing to judge). Each run is judged
-as `rarms` judges one, for each index of its APT {2 * DRAWS} times: with thresholds that are drawn (seeded) to be
-{NEAREST:g} to {FARTHEST:g} times what the *other* run showed, and with as many that are too strict by as much. A
-verdict is wrong where the other run shows the contrary. Declared is that at most 1 of 100 runs gets a wrong one.
-Verdicts on the same run are not independent; the limits take them so."""
+Each component ran {REPEATS} times for {LONG_S:g} s at {JUDGED[0]} % and at {JUDGED[-1]} %, where all keep up with what
+comes (at 10 and 15 % queues grow without end, and there is nothing to judge). Each run is judged as `rarms` judges one,
+for each index of its APT {2 * DRAWS} times: with thresholds that are drawn (seeded) to be {NEAREST:g} to {FARTHEST:g}
+times what the *other* run showed, and with as many that are too strict by as much. A verdict is wrong where the other
+run shows the contrary. Declared is that at most 1 of 100 runs gets a wrong one. Verdicts on the same run are not
+independent; the limits take them so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +120,7 @@ class Findings:
     foretold: int | None  # the same, by the simulated host
     loaded: Mapping[int, float]  # the mean response time in ms, by what the load uses
     trials: Mapping[str, Trial]  # by rule
+    work: Mapping[int, Sequence[float]]  # by reservation, of each run: ms of processor time a job
 
 
 def main() -> None:
@@ -186,7 +193,17 @@ def _findings(record: Log, component: Component, components: int) -> Findings:
         if all(loaded.values())
         else {},
         trials=trials if all(each.runs for each in trials.values()) else {},
+        work=_work(record, name),
     )
+
+
+def _work(record: Log, name: str) -> Mapping[int, Sequence[float]]:
+    runs = [
+        (each.setting, work_of(seen))
+        for each, seen in record.records.items()
+        if (each.kind, each.component) == ("reserve", name)
+    ]
+    return {reserve: [work for other, work in runs if other == reserve] for reserve, _ in runs}
 
 
 def _foretold(record: Log, component: Component) -> int | None:
@@ -333,7 +350,21 @@ def _reservations(found: Sequence[Findings]) -> list[str]:
             for findings in found
         ),
         "",
+        SPEED,
+        "",
+        _row("component", "least", "most", "at the sweep's reservation", f"at that of {MEASURED}"),
+        "|---|---:|---:|---|---|",
+        *(_row(findings.component.name, *_speeds(findings)) for findings in found),
+        "",
     ]
+
+
+def _speeds(findings: Findings) -> Iterator[str]:
+    """What a job took in all runs, and in those at the reservations found, in ms of processor time."""
+    runs = [work for works in findings.work.values() for work in works]
+    yield from (_number(bound(runs, default=inf)) for bound in (min, max))
+    for reserve in (findings.needed, findings.measured):
+        yield ", ".join(map(_number, findings.work.get(reserve or 0, []))) or "none"
 
 
 def _apart(reserve: int | None, findings: Findings) -> str:

@@ -280,6 +280,13 @@ def series_of(component: str, recorded: Record) -> Series:
     return Series(component=component, samples=samples, elapsed_ms=recorded["elapsed_ms"], wanders=True)
 
 
+def work_of(record: Record) -> float:
+    """What a job of a run consumed on average, in ms of processor time."""
+    (began, before, _), (ended, after, _) = record["consumed"][0], record["consumed"][-1]
+    series = record["series"]
+    return float((after - before) / (ended - began) * series["elapsed_ms"] / len(series["samples"]))
+
+
 def usage(record: Record, processors: int) -> tuple[float, ...]:
     """What a component consumed second by second, in per cent of the host."""
     consumed = record["consumed"]

@@ -137,6 +137,7 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
             measured=22,
             foretold=19,
             loaded=dict.fromkeys(LOADS, 12.34),
+            work={20: [7.0, 8.5], 22: [9.5]},
             trials={
                 MEASURED: Trial(reserve=22, missed=0, runs=3),
                 "even split": Trial(reserve=15, missed=2, runs=3),
@@ -156,6 +157,7 @@ def test_the_page_adds_up_what_each_rule_missed_and_reserved_too_much() -> None:
     assert "| even split | 8 of 12 | 60 | 0 |" in lines
     apt = "p95 response time at most 19 ms, throughput at least 9 /s"
     assert f"| {FDP} | {apt} | 20 % | 22 % | +2 points | 19 % | -1 points |" in lines
+    assert f"| {FDP} | 7.0 | 9.5 | 7.0, 8.5 | 9.5 |" in lines
     assert "| 10 | 150.0 | 175.0 | 175.0 |" in lines
     assert "- 210 were asked for, and 10 (4.8 %) have no verdict." in lines
     assert "- 1 of 200 are wrong: 0.03 to 2.35 % (one-sided 95 % limits), and 1 % is declared." in lines
