@@ -106,7 +106,8 @@ class LinuxBlock(Block):
 
     slice: SliceName = optional("The control group that holds all partitions.", "rarms")
     control_groups: Literal["automatic", "v1", "v2"] = optional(
-        "The version of control groups: `automatic` takes v2 where it is there, else v1.", "automatic"
+        "The version of control groups: `automatic` takes v2 where it is there or systemd is process 1, else v1.",
+        "automatic",
     )
     mechanism: MechanismName = optional(MECHANISM, "automatic")
 

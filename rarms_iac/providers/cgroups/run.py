@@ -63,8 +63,8 @@ GroupOperation = SettingOperation | RemovePartition | StartPartition | StopParti
 ORPHANS = Finding(
     code="RARMS168", severity=Severity.NOTE, summary="Processes run in a partition that rarms did not start"
 )
-OFF_SINCE_RESTART = Finding(
-    code="RARMS316", severity=Severity.WARNING, summary="Partitions are off since the machine started again"
+OFF_WITHOUT_STOP = Finding(
+    code="RARMS316", severity=Severity.WARNING, summary="Partitions are off that nobody stopped with rarms"
 )
 NOTHING_WITHHELD = Finding(
     code="RARMS317", severity=Severity.NOTE, summary="A Linux host keeps no processor time for itself"
@@ -146,9 +146,9 @@ class LinuxHostProvider(JournaledHost):
         return self._look()[0]
 
     def examined(self) -> ObservedHost:
-        """See `ExaminableHost`. Findings: orphaned processes, partitions off since a restart, no `keep_for_host`."""
+        """See `ExaminableHost`. Findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
         state, definitions = self._look()
-        found = [*self._off_since_restart(definitions), *self._without_withheld_time()]
+        found = [*self._off_without_stop(definitions), *self._without_withheld_time()]
         for partition in state.partitions:
             alone = self._orphans(definitions[partition.id].group) if partition.settings.running else ()
             if alone:
@@ -161,7 +161,7 @@ class LinuxHostProvider(JournaledHost):
     def _orphans(self, group: str) -> tuple[tuple[int, str], ...]:
         return orphans(self.tree.processes(group))
 
-    def _off_since_restart(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
+    def _off_without_stop(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
         names = sorted(
             definition.settings.name
             for definition in definitions.values()
@@ -172,7 +172,7 @@ class LinuxHostProvider(JournaledHost):
             message += f"somebody removed the control group: {in_a_row(names)}."
             advice = "`rarms apply` starts what is off, and so does the plan's script: `sh HOST.sh --boot`. Have the "
             advice += 'machine do that at each start (docs/linux.md, "After the machine starts").'
-            yield OFF_SINCE_RESTART.at(None, message, advice, address=f"host/{self.name}")
+            yield OFF_WITHOUT_STOP.at(None, message, advice, address=f"host/{self.name}")
 
     def _without_withheld_time(self) -> Iterator[Diagnostic]:
         if slice_limit(self._host, self._processors) is None:

@@ -17,6 +17,7 @@ _CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: `GroupTree
 _CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
+_NO_QUOTAS = "quotas of processor time (CONFIG_CFS_BANDWIDTH)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,14 +185,14 @@ def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_
 
     Returns:
         The groups below the slice, which need not be there yet; or what is missing (where both versions lack
-        something: of that which lacks less).
+        something: of version 1 where the machine has any of it).
     """
     unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
     systemd_runs = (root.parents[2] / SYSTEMD_FOLDER).is_dir()
     missing = {"v1": tuple(_missing_v1(root)), "v2": tuple(_missing_v2(unified))}
     if version == "automatic":  # in version 1 systemd keeps no sets of processors
-        is_nearer = not missing["v2"] or len(missing["v2"]) < len(missing["v1"])
-        version = "v2" if systemd_runs or is_nearer else "v1"
+        has_v1 = any((root / name / "cgroup.procs").is_file() for name in _CONTROLLERS_V1)
+        version = "v2" if systemd_runs or not missing["v2"] or not has_v1 else "v1"
     if missing[version]:
         return MissingFeatures(names=missing[version])
     if version == "v1":
@@ -210,7 +211,7 @@ def _missing_v1(root: Path) -> Iterator[str]:
         elif not os.access(root / name, os.W_OK):
             yield f"the right to make groups in {root / name}"
     if (root / "cpu" / "cpu.shares").is_file() and not (root / "cpu" / "cpu.cfs_quota_us").is_file():
-        yield "quotas of processor time (CONFIG_CFS_BANDWIDTH)"
+        yield _NO_QUOTAS
 
 
 def _missing_v2(root: Path) -> Iterator[str]:
@@ -223,6 +224,9 @@ def _missing_v2(root: Path) -> Iterator[str]:
             yield f"the controller {name} of version 2 at {root} (kernel parameter cgroup_enable={name})"
     if not os.access(root, os.W_OK):
         yield f"the right to make groups in {root}"
+    weights = root.glob("*/cpu.weight")  # the root itself has neither file
+    if any(not weight.with_name("cpu.max").is_file() and weight.is_file() for weight in weights):
+        yield _NO_QUOTAS
 
 
 def _controllers(root: Path) -> frozenset[str]:

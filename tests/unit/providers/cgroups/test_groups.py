@@ -194,6 +194,14 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     assert [name.split(" of ")[0] for name in found.names] == ["the controller cpuset", "the controller memory"]
 
 
+def test_a_kernel_without_quotas_is_named(tmp_path: Path) -> None:
+    (_plain_v2(tmp_path) / "rarms" / "cpu.max").unlink()
+
+    found = find_tree("rarms", "v2", tmp_path)
+
+    assert found == MissingFeatures(names=("quotas of processor time (CONFIG_CFS_BANDWIDTH)",))
+
+
 @pytest.mark.parametrize(
     ("controllers", "version_1", "missing"),
     [
@@ -202,7 +210,7 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
         ("", ("cpu", "memory", "cpuacct"), "the controller cpuset of version 1 at "),
     ],
 )
-def test_what_the_nearer_version_lacks_is_named(
+def test_where_both_versions_lack_something_that_of_the_machine_is_named(
     tmp_path: Path, controllers: str, version_1: tuple[str, ...], missing: str
 ) -> None:
     (tmp_path / "cgroup.controllers").write_text(controllers)
