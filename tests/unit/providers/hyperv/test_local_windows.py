@@ -85,7 +85,7 @@ def test_plan_and_doctor_say_that_it_has_no_hyperv(tmp_path: Path) -> None:
 
 
 def test_task_classes_come_out_of_the_registry_as_rarms_means_them(tasks: None, tmp_path: Path) -> None:
-    """Through a real `reg import`; what Windows ships stays to the byte, and types are compared."""
+    """Through a real `reg import` and export; what Windows ships stays to the byte, and types are compared."""
     component = a_component("speech", criticality=9, task="SpeechRecognition")
     (values,) = classes_of([component], {}, "", PLACES).classes
     before = _exported(rf"{TASKS}\Audio", tmp_path)
@@ -102,6 +102,8 @@ def test_task_classes_come_out_of_the_registry_as_rarms_means_them(tasks: None, 
     assert dict(classes["SpeechRecognition"].values) == dict(registry_values(values))
     assert classes["Audio"].values["Affinity"].data == 0xFFFFFFFF
     assert _exported(rf"{TASKS}\Audio", tmp_path) == before
+    exported = _exported(rf"{TASKS}\SpeechRecognition", tmp_path).decode("utf-16").splitlines()
+    assert {line for line in lines if line} <= set(exported), "what was imported comes out again, types included"
 
 
 def _exported(path: str, folder: Path) -> bytes:
