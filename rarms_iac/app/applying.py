@@ -15,13 +15,13 @@ from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.undo import abandon
 from rarms_iac.manifest.load import manifest_digest
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.reading import STANDARD_INPUT
 
-ELSEWHERE = Finding(code="RARMS213", severity=Severity.ERROR, summary="The plan's simulated host is not in this folder")
+ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this folder")
 
 
 def apply(

@@ -13,7 +13,7 @@ from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.manifest.checks import memory, processors
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
@@ -27,7 +27,7 @@ from rarms_iac.planner.problem import Problem, problem_of
 from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource, fixed, rests_on_a_log
 from rarms_iac.planner.sizes import unmeasured
 
-NOT_YET_MEASURED = Finding(code="RARMS101", severity=Severity.NOTE, summary="The reserve has not been measured yet")
+NOT_YET_MEASURED = Finding.note("RARMS101", "The reserve has not been measured yet")
 
 LOOKED_AT = 2_000
 """Components times hosts that are looked at closely; of more, only where their sum exceeds all hosts together."""

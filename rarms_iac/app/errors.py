@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from enum import Enum
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, Sources, first_of_each_kind
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources, first_of_each_kind
 
-IN_THE_WAY = Finding(code="RARMS176", severity=Severity.ERROR, summary="A file is in the way")
-DECLINED = Finding(code="RARMS174", severity=Severity.NOTE, summary="Nothing was changed")
-NOT_READ = Finding(code="RARMS173", severity=Severity.ERROR, summary="A file could not be read")
-NOT_WRITTEN = Finding(code="RARMS177", severity=Severity.ERROR, summary="A file could not be written")
-SYSTEM_REFUSED = Finding(code="RARMS178", severity=Severity.ERROR, summary="The operating system refused something")
-USAGE = Finding(code="RARMS179", severity=Severity.ERROR, summary="The command cannot be done as it is given")
-BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug in rarms")
+IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
+DECLINED = Finding.note("RARMS174", "Nothing was changed")
+NOT_READ = Finding.error("RARMS173", "A file could not be read")
+NOT_WRITTEN = Finding.error("RARMS177", "A file could not be written")
+SYSTEM_REFUSED = Finding.error("RARMS178", "The operating system refused something")
+USAGE = Finding.error("RARMS179", "The command cannot be done as it is given")
+BUG = Finding.error("RARMS199", "This is a bug in rarms")
 
 
 class Outcome(Enum):

@@ -18,7 +18,7 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.tuning_log import tunings_of
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors
+from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
@@ -41,7 +41,7 @@ DRIFTS = {
 }
 """What a report says of a difference between the manifest and a host."""
 
-NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
+NOTHING_MEASURED = Finding.error("RARMS290", "There is nothing to report")
 
 
 def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, with_candidates: bool = False) -> Report:

@@ -14,7 +14,7 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.wiring import place_on
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
@@ -100,13 +100,11 @@ def _is_missed(estimate: Estimate | NoEstimate, threshold: Threshold) -> bool:
     return not (meets(estimate.value, threshold) or noise(estimate, threshold))
 
 
-CANNOT_START = Finding(code="RARMS285", severity=Severity.ERROR, summary="A component cannot be run")
-TOO_MANY_FAILURES = Finding(code="RARMS286", severity=Severity.ERROR, summary="More failed samples than allowed")
-LOAD_NOT_RUNNING = Finding(code="RARMS287", severity=Severity.ERROR, summary="An interfering load does not run")
-MISSED_UNRESERVED = Finding(
-    code="RARMS288", severity=Severity.WARNING, summary="An APT is missed without any reservation"
-)
-NOTHING_TO_RUN = Finding(code="RARMS289", severity=Severity.ERROR, summary="Nothing says how a component is run")
+CANNOT_START = Finding.error("RARMS285", "A component cannot be run")
+TOO_MANY_FAILURES = Finding.error("RARMS286", "More failed samples than allowed")
+LOAD_NOT_RUNNING = Finding.error("RARMS287", "An interfering load does not run")
+MISSED_UNRESERVED = Finding.warning("RARMS288", "An APT is missed without any reservation")
+NOTHING_TO_RUN = Finding.error("RARMS289", "Nothing says how a component is run")
 
 FAILURES_SHOWN = 3
 

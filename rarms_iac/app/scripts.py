@@ -9,7 +9,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, read_input_file, refuse_plan_file, write_file
 from rarms_iac.app.wiring import shell_scripts
 from rarms_iac.applying.scripts import scripts_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
@@ -24,7 +24,7 @@ from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 OBSERVE_NAME = "observe.ps1"
 SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
 
-NO_SCRIPT = Finding(code="RARMS164", severity=Severity.ERROR, summary="This is not a script of rarms")
+NO_SCRIPT = Finding.error("RARMS164", "This is not a script of rarms")
 
 _KINDS = {
     "    rarms apply script:": ScriptKind.APPLY,

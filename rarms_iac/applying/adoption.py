@@ -3,16 +3,14 @@
 from dataclasses import replace
 
 from rarms_iac.model.changes import Address, Adopt, Reason, Release
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Mark, Partition, State
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.storage.digest import set_of_settings
 
-NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")
-TAKEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="The machine or the partition is taken already")
-NOT_MANAGED = Finding(
-    code="RARMS197", severity=Severity.ERROR, summary="This partition is not managed by this application"
-)
+NO_SUCH_MACHINE = Finding.error("RARMS195", "No machine on the host has this id")
+TAKEN = Finding.error("RARMS196", "The machine or the partition is taken already")
+NOT_MANAGED = Finding.error("RARMS197", "This partition is not managed by this application")
 
 
 def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic | None:

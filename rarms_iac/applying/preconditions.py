@@ -2,20 +2,14 @@
 
 from collections.abc import Iterable, Iterator
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.state import HostFacts, Rights, State
 
-NO_RIGHTS = Finding(code="RARMS158", severity=Severity.ERROR, summary="Without rights, nothing seen proves nothing")
-SCHEDULER = Finding(
-    code="RARMS159",
-    severity=Severity.ERROR,
-    summary="The host's scheduler does not honour reserves",
-)
+NO_RIGHTS = Finding.error("RARMS158", "Without rights, nothing seen proves nothing")
+SCHEDULER = Finding.error("RARMS159", "The host's scheduler does not honour reserves")
 
-UNKNOWN_SCHEDULER = Finding(
-    code="RARMS166", severity=Severity.WARNING, summary="It is not known whether the host's scheduler honours reserves"
-)
+UNKNOWN_SCHEDULER = Finding.warning("RARMS166", "It is not known whether the host's scheduler honours reserves")
 
 
 def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagnostic]:

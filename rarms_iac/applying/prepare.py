@@ -21,7 +21,7 @@ from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.changes import Address, Adopt, Change, Release
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, has_errors, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, has_errors, in_order
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State, StoppedBy
@@ -258,7 +258,7 @@ def _single_change(change: Adopt | Release | Diagnostic | None) -> Difference:
     return Difference(changes=(change,), unchanged=0, unused=(), findings=())
 
 
-NO_SUCH_TARGET = Finding(code="RARMS194", severity=Severity.ERROR, summary="Nothing changes at this target")
+NO_SUCH_TARGET = Finding.error("RARMS194", "Nothing changes at this target")
 
 
 def is_below(address: str, targets: Sequence[str]) -> bool:

@@ -2,28 +2,26 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
 from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, RunEvent
 
-USED = Finding(
-    code="RARMS181", severity=Severity.ERROR, summary="The plan was used, or another run came after it was made"
-)
-MOVED = Finding(code="RARMS182", severity=Severity.ERROR, summary="The host has moved since the plan was made")
-UNFINISHED = Finding(code="RARMS183", severity=Severity.ERROR, summary="Another run is unfinished on the host")
-LOCKED = Finding(code="RARMS184", severity=Severity.ERROR, summary="The host is held by another run")
-STEP_MOVED = Finding(code="RARMS185", severity=Severity.ERROR, summary="A setting changed since the plan was made")
-STEP_FAILED = Finding(code="RARMS186", severity=Severity.ERROR, summary="A step failed")
-STEP_MISSED = Finding(code="RARMS187", severity=Severity.ERROR, summary="A step did not take effect")
-HOST_FAILED = Finding(code="RARMS189", severity=Severity.ERROR, summary="The host could not be read or changed")
-DAMAGED = Finding(code="RARMS190", severity=Severity.ERROR, summary="What the host keeps for rarms is damaged")
-NOT_REACHED = Finding(code="RARMS191", severity=Severity.ERROR, summary="The host is not as the plan left it")
-NOTHING_TO_UNDO = Finding(code="RARMS192", severity=Severity.NOTE, summary="There is nothing to undo")
-UNDO_PARTIAL = Finding(code="RARMS193", severity=Severity.WARNING, summary="Not everything can be taken back")
-UNKNOWN = Finding(code="RARMS250", severity=Severity.ERROR, summary="Nobody heard how the run ended")
-SCRIPT_REFUSED = Finding(code="RARMS251", severity=Severity.ERROR, summary="The script would not run on the host")
-SCRIPT_FAILED = Finding(code="RARMS252", severity=Severity.ERROR, summary="The script failed on the host")
+USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
+MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
+UNFINISHED = Finding.error("RARMS183", "Another run is unfinished on the host")
+LOCKED = Finding.error("RARMS184", "The host is held by another run")
+STEP_MOVED = Finding.error("RARMS185", "A setting changed since the plan was made")
+STEP_FAILED = Finding.error("RARMS186", "A step failed")
+STEP_MISSED = Finding.error("RARMS187", "A step did not take effect")
+HOST_FAILED = Finding.error("RARMS189", "The host could not be read or changed")
+DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
+NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
+NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
+UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
+UNKNOWN = Finding.error("RARMS250", "Nobody heard how the run ended")
+SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
+SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import groupby
 
 from rarms_iac.model.changes import Address
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
@@ -15,8 +15,8 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
 
-BY_HAND = Finding(code="RARMS160", severity=Severity.NOTE, summary="A guest's script is run by hand")
-NO_LITERAL = Finding(code="RARMS162", severity=Severity.ERROR, summary="A value cannot be written into a script")
+BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
+NO_LITERAL = Finding.error("RARMS162", "A value cannot be written into a script")
 
 Locate = Callable[[Address], Place | None]
 GuestTasks = Mapping[str, tuple[GuestTask, ...]]

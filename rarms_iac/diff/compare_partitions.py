@@ -13,19 +13,15 @@ from rarms_iac.diff.disruption import (
     why_memory_needs_off,
 )
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted
 
-FOREIGN_AT_NAME = Finding(
-    code="RARMS150", severity=Severity.ERROR, summary="A machine that rarms did not make has a wanted name"
-)
-FOREIGN_MARK = Finding(code="RARMS151", severity=Severity.WARNING, summary="A mark that does not count")
-PROTECTED = Finding(code="RARMS152", severity=Severity.ERROR, summary="A protected partition would be removed")
-NOT_AT_REST = Finding(
-    code="RARMS155", severity=Severity.ERROR, summary="A partition is in a state that it cannot be changed in"
-)
+FOREIGN_AT_NAME = Finding.error("RARMS150", "A machine that rarms did not make has a wanted name")
+FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
+PROTECTED = Finding.error("RARMS152", "A protected partition would be removed")
+NOT_AT_REST = Finding.error("RARMS155", "A partition is in a state that it cannot be changed in")
 
 _FACET_WORDS = {
     Facet.NAME: "name",

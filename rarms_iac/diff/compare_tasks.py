@@ -5,23 +5,15 @@ import re
 from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
 from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Reason, Update
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.names import POWERSHELL_MEMBERS, is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
 from rarms_iac.model.wording import quoted
 
-FOREIGN_TASK = Finding(
-    code="RARMS153", severity=Severity.ERROR, summary="A task class that rarms did not write has a wanted name"
-)
-GUEST_FIRST = Finding(
-    code="RARMS157", severity=Severity.NOTE, summary="A shipped task class of a new guest waits for the next plan"
-)
-NOT_RESTORABLE = Finding(
-    code="RARMS165", severity=Severity.ERROR, summary="A registry value is in the way that could not be brought back"
-)
-RESPONSIVENESS_UNDECIDED = Finding(
-    code="RARMS228", severity=Severity.ERROR, summary="SystemResponsiveness of this host cannot be decided here"
-)
+FOREIGN_TASK = Finding.error("RARMS153", "A task class that rarms did not write has a wanted name")
+GUEST_FIRST = Finding.note("RARMS157", "A shipped task class of a new guest waits for the next plan")
+NOT_RESTORABLE = Finding.error("RARMS165", "A registry value is in the way that could not be brought back")
+RESPONSIVENESS_UNDECIDED = Finding.error("RARMS228", "SystemResponsiveness of this host cannot be decided here")
 
 _PATTERN = re.compile(r"[*?\[\]`]")
 

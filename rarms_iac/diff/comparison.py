@@ -4,12 +4,12 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from rarms_iac.model.changes import Address, Change
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.moves import renaming
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.wording import quoted
 
-NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="Both names of a move exist on the host")
+NOTHING_TO_MOVE = Finding.warning("RARMS156", "Both names of a move exist on the host")
 
 
 def no_place(_address: Address) -> Place | None:

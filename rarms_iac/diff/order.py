@@ -10,13 +10,13 @@ from rarms_iac.diff.steps import PlannedChange, mark_moves
 from rarms_iac.model.capacity import packs
 from rarms_iac.model.changes import Change, Create, Delete
 from rarms_iac.model.claims import Claim, Load, load_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import StartPartition, StopPartition
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Disruption
 
-NO_ORDER = Finding(code="RARMS154", severity=Severity.ERROR, summary="No order of steps keeps within the host")
+NO_ORDER = Finding.error("RARMS154", "No order of steps keeps within the host")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,17 +3,15 @@
 from collections.abc import Collection, Iterator, Sequence
 from datetime import date
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, first_of_each_kind, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
 from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line
 
-EXPIRED = Finding(code="RARMS095", severity=Severity.WARNING, summary="An acceptance has expired")
-UNUSED = Finding(code="RARMS096", severity=Severity.WARNING, summary="An acceptance is not used")
-UNKNOWN = Finding(code="RARMS097", severity=Severity.ERROR, summary="An acceptance of a finding that does not exist")
-REFUSED = Finding(
-    code="RARMS098", severity=Severity.ERROR, summary="An acceptance names a finding that cannot be accepted"
-)
+EXPIRED = Finding.warning("RARMS095", "An acceptance has expired")
+UNUSED = Finding.warning("RARMS096", "An acceptance is not used")
+UNKNOWN = Finding.error("RARMS097", "An acceptance of a finding that does not exist")
+REFUSED = Finding.error("RARMS098", "An acceptance names a finding that cannot be accepted")
 FINDINGS = (EXPIRED, UNUSED, UNKNOWN, REFUSED)
 
 

@@ -13,9 +13,9 @@ from typing import Any, TypeGuard
 from rarms_iac.manifest.text.positions import ManifestPlaces
 from rarms_iac.manifest.text.reading import ParsedText
 from rarms_iac.manifest.text.tree import Collection, Node, entries_by_key, is_null, place_of_node, plain
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 
-NOT_A_MAP = Finding(code="RARMS013", severity=Severity.ERROR, summary="The overlay is not a map")
+NOT_A_MAP = Finding.error("RARMS013", "The overlay is not a map")
 
 _WHOLE = (
     ("components", "*", "apt", "*"),

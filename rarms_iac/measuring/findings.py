@@ -7,7 +7,7 @@ from typing import assert_never
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
@@ -26,37 +26,25 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.errors import describe_extreme
 from rarms_iac.statistics.parallelism import usable_processors
 
-NOT_ACHIEVABLE = Finding(
-    code="RARMS110", severity=Severity.ERROR, summary="Threshold performance is not achievable on this platform."
-)
-NOT_RESOLVED = Finding(
-    code="RARMS111", severity=Severity.ERROR, summary="The samples cannot tell whether a threshold is met"
-)
-NO_STEADY_STATE = Finding(code="RARMS112", severity=Severity.ERROR, summary="A component reaches no steady state")
-FAILED_SAMPLES = Finding(code="RARMS113", severity=Severity.ERROR, summary="Too many samples failed")
-NOTHING_TO_RUN = Finding(code="RARMS114", severity=Severity.ERROR, summary="This host cannot run the component")
-BUSY_HOST = Finding(code="RARMS115", severity=Severity.ERROR, summary="Something runs on the host")
-RESERVED_HOST = Finding(
-    code="RARMS116", severity=Severity.ERROR, summary="The paper's procedure needs a host without other reservations"
-)
-NO_ROOM = Finding(code="RARMS117", severity=Severity.ERROR, summary="There is no room for the test partitions")
-MISSED = Finding(code="RARMS118", severity=Severity.ERROR, summary="A component misses its threshold in the layout")
-NOT_APPLIED = Finding(code="RARMS119", severity=Severity.ERROR, summary="The layout is not on the host")
-LEFT_BEHIND = Finding(code="RARMS261", severity=Severity.NOTE, summary="Test partitions of an earlier run were removed")
-STILL_STOPPED = Finding(
-    code="RARMS269", severity=Severity.WARNING, summary="Partitions that were stopped to measure do not run again"
-)
-CANNOT_MEASURE = Finding(code="RARMS262", severity=Severity.ERROR, summary="This version cannot measure on this host")
-MEASURED_BUSY = Finding(code="RARMS263", severity=Severity.WARNING, summary="Measured while something else ran")
-MEASURED_ELSEWHERE = Finding(code="RARMS265", severity=Severity.ERROR, summary="Another run measures the same")
-NO_THRESHOLD = Finding(code="RARMS264", severity=Severity.ERROR, summary="There is no threshold to search for")
-FIXED_ANYWAY = Finding(
-    code="RARMS266", severity=Severity.NOTE, summary="The manifest fixes a reservation that was measured"
-)
-LESS_UNKNOWN = Finding(
-    code="RARMS267", severity=Severity.WARNING, summary="Less may be enough: settings below have no steady state"
-)
-UNUSABLE_PROCESSORS = Finding(code="RARMS268", severity=Severity.NOTE, summary="Fewer virtual processors may be enough")
+NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
+NOT_RESOLVED = Finding.error("RARMS111", "The samples cannot tell whether a threshold is met")
+NO_STEADY_STATE = Finding.error("RARMS112", "A component reaches no steady state")
+FAILED_SAMPLES = Finding.error("RARMS113", "Too many samples failed")
+NOTHING_TO_RUN = Finding.error("RARMS114", "This host cannot run the component")
+BUSY_HOST = Finding.error("RARMS115", "Something runs on the host")
+RESERVED_HOST = Finding.error("RARMS116", "The paper's procedure needs a host without other reservations")
+NO_ROOM = Finding.error("RARMS117", "There is no room for the test partitions")
+MISSED = Finding.error("RARMS118", "A component misses its threshold in the layout")
+NOT_APPLIED = Finding.error("RARMS119", "The layout is not on the host")
+LEFT_BEHIND = Finding.note("RARMS261", "Test partitions of an earlier run were removed")
+STILL_STOPPED = Finding.warning("RARMS269", "Partitions that were stopped to measure do not run again")
+CANNOT_MEASURE = Finding.error("RARMS262", "This version cannot measure on this host")
+MEASURED_BUSY = Finding.warning("RARMS263", "Measured while something else ran")
+MEASURED_ELSEWHERE = Finding.error("RARMS265", "Another run measures the same")
+NO_THRESHOLD = Finding.error("RARMS264", "There is no threshold to search for")
+FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")
+LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
+UNUSABLE_PROCESSORS = Finding.note("RARMS268", "Fewer virtual processors may be enough")
 
 
 LONG = 2000

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, Self
 
 
 class Severity(StrEnum):
@@ -48,6 +48,21 @@ class Finding:
     code: str
     severity: Severity
     summary: str
+
+    @classmethod
+    def error(cls, code: str, summary: str) -> Self:
+        """A kind of problem that stops a command."""
+        return cls(code=code, severity=Severity.ERROR, summary=summary)
+
+    @classmethod
+    def warning(cls, code: str, summary: str) -> Self:
+        """A kind of problem that stops nothing and may be accepted."""
+        return cls(code=code, severity=Severity.WARNING, summary=summary)
+
+    @classmethod
+    def note(cls, code: str, summary: str) -> Self:
+        """What somebody may want to know."""
+        return cls(code=code, severity=Severity.NOTE, summary=summary)
 
     def at(
         self,

@@ -9,7 +9,7 @@ import json
 from dataclasses import replace
 from typing import ClassVar, cast
 
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
@@ -19,8 +19,8 @@ FORMAT = "rarms-plan/2"
 MAX_BYTES = 64 * 2**20
 
 
-EDITED = Finding(code="RARMS180", severity=Severity.ERROR, summary="The plan file was edited")
-UNREADABLE = Finding(code="RARMS188", severity=Severity.ERROR, summary="This is not a plan file")
+EDITED = Finding.error("RARMS180", "The plan file was edited")
+UNREADABLE = Finding.error("RARMS188", "This is not a plan file")
 
 
 class PlanFileError(Exception):

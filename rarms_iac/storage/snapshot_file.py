@@ -3,7 +3,7 @@
 import json
 from typing import ClassVar
 
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode
@@ -11,7 +11,7 @@ from rarms_iac.storage.digest import parse_json
 
 FORMAT = "rarms-snapshot/1"
 MAX_BYTES = 64 * 2**20
-UNREADABLE = Finding(code="RARMS175", severity=Severity.ERROR, summary="This is not a snapshot of a host")
+UNREADABLE = Finding.error("RARMS175", "This is not a snapshot of a host")
 
 
 class SnapshotUnreadable(Exception):

@@ -3,20 +3,16 @@
 from collections.abc import Iterator
 
 from rarms_iac.applying.doctor.examination import Examination, machine_title
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.state import RunState
 
-CPU_GROUP = Finding(code="RARMS235", severity=Severity.WARNING, summary="A machine is in a CPU group")
-DYNAMIC_MEMORY = Finding(code="RARMS237", severity=Severity.WARNING, summary="Dynamic memory turns virtual NUMA off")
-AUTOMATIC_CHECKPOINTS = Finding(
-    code="RARMS238", severity=Severity.WARNING, summary="A machine takes checkpoints by itself"
-)
-CLUSTERED = Finding(code="RARMS244", severity=Severity.WARNING, summary="A machine belongs to a cluster")
-MACHINE_STATE = Finding(code="RARMS245", severity=Severity.WARNING, summary="A machine is saved or in a critical state")
-MUTE_GUEST = Finding(code="RARMS322", severity=Severity.WARNING, summary="The guest of a running partition is mute")
-WIDE_MACHINE = Finding(
-    code="RARMS246", severity=Severity.WARNING, summary="A machine has more processors than the host"
-)
+CPU_GROUP = Finding.warning("RARMS235", "A machine is in a CPU group")
+DYNAMIC_MEMORY = Finding.warning("RARMS237", "Dynamic memory turns virtual NUMA off")
+AUTOMATIC_CHECKPOINTS = Finding.warning("RARMS238", "A machine takes checkpoints by itself")
+CLUSTERED = Finding.warning("RARMS244", "A machine belongs to a cluster")
+MACHINE_STATE = Finding.warning("RARMS245", "A machine is saved or in a critical state")
+MUTE_GUEST = Finding.warning("RARMS322", "The guest of a running partition is mute")
+WIDE_MACHINE = Finding.warning("RARMS246", "A machine has more processors than the host")
 
 
 def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:

@@ -5,45 +5,29 @@ from collections.abc import Iterator
 from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.applying.preconditions import no_rights, scheduler_findings
 from rarms_iac.model.condition import PolicyScope
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import RegistryValue, Rights, RunState, ValueKind
 from rarms_iac.model.wording import in_a_row, quoted
 
-RESPONSIVENESS_VALUE = Finding(
-    code="RARMS230",
-    severity=Severity.WARNING,
-    summary="SystemResponsiveness is not a value that Windows takes as it is",
-)
-NO_MODULE = Finding(code="RARMS233", severity=Severity.ERROR, summary="The Hyper-V module is not installed")
-CORE_SCHEDULER = Finding(
-    code="RARMS234",
-    severity=Severity.WARNING,
-    summary="Under the core scheduler a virtual processor may take two logical ones",
-)
-POWER_PLAN = Finding(code="RARMS236", severity=Severity.WARNING, summary="The power plan slows the processors down")
-PENDING_RESTART = Finding(code="RARMS239", severity=Severity.WARNING, summary="The host waits for a restart")
-OLD_POWERSHELL = Finding(code="RARMS240", severity=Severity.ERROR, summary="The host's PowerShell is too old")
-EXECUTION_POLICY = Finding(
-    code="RARMS241", severity=Severity.WARNING, summary="The execution policy keeps scripts from running"
-)
-NARROW_PROCESS = Finding(code="RARMS242", severity=Severity.ERROR, summary="The host was looked at by a 32-bit process")
-MINROOT = Finding(
-    code="RARMS243", severity=Severity.NOTE, summary="The host's own Windows has fewer processors than the hypervisor"
-)
-UNREAD_PROBE = Finding(code="RARMS249", severity=Severity.NOTE, summary="Something of the host could not be looked at")
+RESPONSIVENESS_VALUE = Finding.warning("RARMS230", "SystemResponsiveness is not a value that Windows takes as it is")
+NO_MODULE = Finding.error("RARMS233", "The Hyper-V module is not installed")
+CORE_SCHEDULER = Finding.warning("RARMS234", "Under the core scheduler a virtual processor may take two logical ones")
+POWER_PLAN = Finding.warning("RARMS236", "The power plan slows the processors down")
+PENDING_RESTART = Finding.warning("RARMS239", "The host waits for a restart")
+OLD_POWERSHELL = Finding.error("RARMS240", "The host's PowerShell is too old")
+EXECUTION_POLICY = Finding.warning("RARMS241", "The execution policy keeps scripts from running")
+NARROW_PROCESS = Finding.error("RARMS242", "The host was looked at by a 32-bit process")
+MINROOT = Finding.note("RARMS243", "The host's own Windows has fewer processors than the hypervisor")
+UNREAD_PROBE = Finding.note("RARMS249", "Something of the host could not be looked at")
 
-NO_HYPERVISOR = Finding(code="RARMS318", severity=Severity.ERROR, summary="No Hyper-V runs on the host")
-NOT_ELEVATED = Finding(
-    code="RARMS319", severity=Severity.WARNING, summary="Who looked at the host may not change anything there"
-)
-LITTLE_MEMORY = Finding(
-    code="RARMS320", severity=Severity.WARNING, summary="The host's free memory does not start its partitions"
-)
-NO_COUNTERS = Finding(code="RARMS321", severity=Severity.WARNING, summary="The hypervisor's counters are missing")
-SCRIPT_RUNNING = Finding(code="RARMS323", severity=Severity.WARNING, summary="A script of rarms is running on the host")
+NO_HYPERVISOR = Finding.error("RARMS318", "No Hyper-V runs on the host")
+NOT_ELEVATED = Finding.warning("RARMS319", "Who looked at the host may not change anything there")
+LITTLE_MEMORY = Finding.warning("RARMS320", "The host's free memory does not start its partitions")
+NO_COUNTERS = Finding.warning("RARMS321", "The hypervisor's counters are missing")
+SCRIPT_RUNNING = Finding.warning("RARMS323", "A script of rarms is running on the host")
 
 _SLOW_PLANS = {
     "381b4222-f694-41f0-9685-ff5bb260df2e": "Balanced",

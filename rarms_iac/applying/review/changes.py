@@ -7,7 +7,7 @@ from rarms_iac.applying.goals import disk_verdicts
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan, partition_after_change
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes
@@ -17,24 +17,18 @@ from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.headroom import limit_in_manifest
 
-RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts or stops a partition")
-MEMORY_SHRINKS = Finding(code="RARMS220", severity=Severity.WARNING, summary="A change takes memory from a partition")
-LIMIT_RAISED = Finding(code="RARMS221", severity=Severity.WARNING, summary="A limit is below what the reserve needs")
-LIMIT_WIDENS = Finding(code="RARMS222", severity=Severity.NOTE, summary="A change widens a limit")
-DISKS_STAY = Finding(code="RARMS224", severity=Severity.NOTE, summary="A removed machine leaves its disks behind")
-NOT_UNDONE = Finding(code="RARMS225", severity=Severity.WARNING, summary="A step cannot be taken back")
-NOT_ASKED = Finding(
-    code="RARMS255", severity=Severity.WARNING, summary="A guest is turned off without being asked to shut down"
-)
-DISK_REMOVED = Finding(code="RARMS253", severity=Severity.WARNING, summary="A virtual disk is deleted")
-DISK_STAYS = Finding(
-    code="RARMS254", severity=Severity.WARNING, summary="A virtual disk stays although its removal was asked for"
-)
-VHD = Finding(code="RARMS257", severity=Severity.ERROR, summary="A machine of generation 2 takes no .vhd disk")
-CHANGED_OUTSIDE = Finding(
-    code="RARMS311", severity=Severity.NOTE, summary="Somebody changed the host since rarms wrote it"
-)
-SWITCH = Finding(code="RARMS258", severity=Severity.ERROR, summary="The host has no virtual switch of this name")
+RESTART = Finding.warning("RARMS041", "A change restarts or stops a partition")
+MEMORY_SHRINKS = Finding.warning("RARMS220", "A change takes memory from a partition")
+LIMIT_RAISED = Finding.warning("RARMS221", "A limit is below what the reserve needs")
+LIMIT_WIDENS = Finding.note("RARMS222", "A change widens a limit")
+DISKS_STAY = Finding.note("RARMS224", "A removed machine leaves its disks behind")
+NOT_UNDONE = Finding.warning("RARMS225", "A step cannot be taken back")
+NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being asked to shut down")
+DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
+DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
+VHD = Finding.error("RARMS257", "A machine of generation 2 takes no .vhd disk")
+CHANGED_OUTSIDE = Finding.note("RARMS311", "Somebody changed the host since rarms wrote it")
+SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name")
 
 
 def review_changes_from_outside(part: ReviewedPlan) -> Iterator[Diagnostic]:

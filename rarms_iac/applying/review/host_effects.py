@@ -6,7 +6,7 @@ from fractions import Fraction
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
 from rarms_iac.model.claims import WHOLE
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Purpose
@@ -15,17 +15,11 @@ from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, V
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row
 
-UNMANAGED_GETS_LESS = Finding(
-    code="RARMS223", severity=Severity.WARNING, summary="A machine that is not managed gets less"
-)
-CLASSES_ABOVE = Finding(code="RARMS226", severity=Severity.NOTE, summary="Other task classes run above a robotic one")
-NO_SCRIPT_PLACEMENT = Finding(
-    code="RARMS259", severity=Severity.ERROR, summary="A script would find no place for its promises"
-)
+UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
+CLASSES_ABOVE = Finding.note("RARMS226", "Other task classes run above a robotic one")
+NO_SCRIPT_PLACEMENT = Finding.error("RARMS259", "A script would find no place for its promises")
 
-SMT_COSTS = Finding(
-    code="RARMS231", severity=Severity.NOTE, summary="Logical processors stand idle beside partitions with a reserve"
-)
+SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
 
 
 def review_smt(part: ReviewedPlan) -> Iterator[Diagnostic]:

@@ -4,27 +4,19 @@ import re
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.common import Violation, may_run_on
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import list_names, quoted
 
-NOTHING_KEPT_FOR_HOST = Finding(
-    code="RARMS058", severity=Severity.WARNING, summary="A host keeps too little for the components that run on it"
-)
-CONNECT_TO_SIMULATED = Finding(
-    code="RARMS084", severity=Severity.WARNING, summary="`connect` has no effect on a simulated host"
-)
-PLATFORM_OF_DIFFERENT_HOSTS = Finding(code="RARMS085", severity=Severity.ERROR, summary="Hosts of one platform differ")
-PATH_ON_WINDOWS = Finding(code="RARMS099", severity=Severity.ERROR, summary="A Windows host cannot use this path")
-SECURE_BOOT_OF_GENERATION_1 = Finding(
-    code="RARMS256", severity=Severity.ERROR, summary="Secure boot needs generation 2"
-)
-RESPONSIVENESS_NOT_AS_IS = Finding(
-    code="RARMS227", severity=Severity.ERROR, summary="The host cannot have this system_responsiveness"
-)
+NOTHING_KEPT_FOR_HOST = Finding.warning("RARMS058", "A host keeps too little for the components that run on it")
+CONNECT_TO_SIMULATED = Finding.warning("RARMS084", "`connect` has no effect on a simulated host")
+PLATFORM_OF_DIFFERENT_HOSTS = Finding.error("RARMS085", "Hosts of one platform differ")
+PATH_ON_WINDOWS = Finding.error("RARMS099", "A Windows host cannot use this path")
+SECURE_BOOT_OF_GENERATION_1 = Finding.error("RARMS256", "Secure boot needs generation 2")
+RESPONSIVENESS_NOT_AS_IS = Finding.error("RARMS227", "The host cannot have this system_responsiveness")
 
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
 _NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')

@@ -5,7 +5,7 @@ from fractions import Fraction
 from math import ceil
 
 from rarms_iac.manifest.checks.common import Violation
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Call, Elapsed, Periodic, Run, SampleCount, Samples
@@ -13,25 +13,15 @@ from rarms_iac.model.system import AtMost, Component, Measured, System
 from rarms_iac.model.wording import suggestion
 from rarms_iac.running.reading import compile_pattern
 
-NO_SAMPLE_IN_TIME = Finding(
-    code="RARMS068", severity=Severity.ERROR, summary="The measurement is shorter than one period"
-)
-TIMEOUT_BEFORE_THRESHOLD = Finding(
-    code="RARMS069", severity=Severity.WARNING, summary="The time-out comes before the threshold"
-)
-INDEX_WITHOUT_FIELD = Finding(
-    code="RARMS070", severity=Severity.ERROR, summary="The samples lack a field that a performance index needs"
-)
-MISS_RATE_WITHOUT_DEADLINE = Finding(
-    code="RARMS071", severity=Severity.ERROR, summary="A deadline-miss rate needs a deadline"
-)
-PATTERN_IS_NOT_RE2 = Finding(code="RARMS072", severity=Severity.ERROR, summary="The pattern is not a valid RE2 pattern")
-PATTERN_WITHOUT_GROUP = Finding(
-    code="RARMS073", severity=Severity.ERROR, summary="The pattern lacks a group that a field names"
-)
-TOO_FEW_SAMPLES = Finding(code="RARMS074", severity=Severity.WARNING, summary="Too few samples for the percentile")
-MEASURED_WITHOUT_APT = Finding(code="RARMS077", severity=Severity.ERROR, summary="A measured reserve needs an APT")
-NOTHING_TO_RUN = Finding(code="RARMS079", severity=Severity.ERROR, summary="A measured reserve needs something to run")
+NO_SAMPLE_IN_TIME = Finding.error("RARMS068", "The measurement is shorter than one period")
+TIMEOUT_BEFORE_THRESHOLD = Finding.warning("RARMS069", "The time-out comes before the threshold")
+INDEX_WITHOUT_FIELD = Finding.error("RARMS070", "The samples lack a field that a performance index needs")
+MISS_RATE_WITHOUT_DEADLINE = Finding.error("RARMS071", "A deadline-miss rate needs a deadline")
+PATTERN_IS_NOT_RE2 = Finding.error("RARMS072", "The pattern is not a valid RE2 pattern")
+PATTERN_WITHOUT_GROUP = Finding.error("RARMS073", "The pattern lacks a group that a field names")
+TOO_FEW_SAMPLES = Finding.warning("RARMS074", "Too few samples for the percentile")
+MEASURED_WITHOUT_APT = Finding.error("RARMS077", "A measured reserve needs an APT")
+NOTHING_TO_RUN = Finding.error("RARMS079", "A measured reserve needs something to run")
 
 
 def measured_without_apt(system: System) -> Iterator[Violation]:

@@ -10,17 +10,15 @@ from rarms_iac.manifest.checks.common import (
     members,
     partition_of_component,
 )
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import list_names
 
-BELOW_MEMBERS = Finding(
-    code="RARMS065", severity=Severity.WARNING, summary="A partition has less memory than its components"
-)
-MEMORY_OVER_HOST = Finding(code="RARMS066", severity=Severity.ERROR, summary="More memory than any host has")
-NOT_A_MACHINES = Finding(code="RARMS067", severity=Severity.ERROR, summary="Memory that Hyper-V does not take")
+BELOW_MEMBERS = Finding.warning("RARMS065", "A partition has less memory than its components")
+MEMORY_OVER_HOST = Finding.error("RARMS066", "More memory than any host has")
+NOT_A_MACHINES = Finding.error("RARMS067", "Memory that Hyper-V does not take")
 
 
 _MEBIBYTE = 2**20

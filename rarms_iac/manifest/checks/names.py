@@ -4,28 +4,22 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from rarms_iac import __version__
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import MOST_NAMES, in_a_row, suggestion
 
-UNKNOWN_NAME = Finding(code="RARMS042", severity=Severity.ERROR, summary="Unknown name")
-DEVICE_NAME = Finding(code="RARMS043", severity=Severity.ERROR, summary="Windows keeps this name for a device")
-POWERSHELL_NAME = Finding(code="RARMS167", severity=Severity.ERROR, summary="PowerShell keeps this name for itself")
-PARTITION_LIKE_HOST = Finding(code="RARMS044", severity=Severity.ERROR, summary="A partition has the name of a host")
-TEST_PARTITION_NAME = Finding(
-    code="RARMS260", severity=Severity.ERROR, summary="A partition has the name of a test partition"
-)
-MOVED_IN_A_CIRCLE = Finding(code="RARMS080", severity=Severity.ERROR, summary="Entries of `moved` form a circle")
-MOVED_FROM_EXISTING = Finding(
-    code="RARMS081", severity=Severity.ERROR, summary="A renamed partition is still in the manifest"
-)
-NO_COMPONENTS = Finding(code="RARMS089", severity=Severity.WARNING, summary="The manifest has no component")
-OLDER_THAN_REQUIRED = Finding(
-    code="RARMS312", severity=Severity.ERROR, summary="The manifest asks for a newer version of rarms"
-)
-UNUSED_INTERFERENCE = Finding(code="RARMS086", severity=Severity.NOTE, summary="An interference is not used")
+UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")
+DEVICE_NAME = Finding.error("RARMS043", "Windows keeps this name for a device")
+POWERSHELL_NAME = Finding.error("RARMS167", "PowerShell keeps this name for itself")
+PARTITION_LIKE_HOST = Finding.error("RARMS044", "A partition has the name of a host")
+TEST_PARTITION_NAME = Finding.error("RARMS260", "A partition has the name of a test partition")
+MOVED_IN_A_CIRCLE = Finding.error("RARMS080", "Entries of `moved` form a circle")
+MOVED_FROM_EXISTING = Finding.error("RARMS081", "A renamed partition is still in the manifest")
+NO_COMPONENTS = Finding.warning("RARMS089", "The manifest has no component")
+OLDER_THAN_REQUIRED = Finding.error("RARMS312", "The manifest asks for a newer version of rarms")
+UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
 
 MOST_SUGGESTIONS = 20
 """Unknown names for which a similar one is looked for: a file full of wrong names is refused at once all the same."""

@@ -11,35 +11,19 @@ from rarms_iac.manifest.checks.common import (
     members,
     partition_of_component,
 )
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.system import Component, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 
-SEVERAL_PARTITIONS = Finding(code="RARMS045", severity=Severity.ERROR, summary="A component is in several partitions")
-HOST_COMPONENT_IN_PARTITION = Finding(
-    code="RARMS046", severity=Severity.ERROR, summary="A component that runs on the host is in a partition"
-)
-PARTITION_OF_ANOTHER_NAME = Finding(
-    code="RARMS047", severity=Severity.ERROR, summary="A partition has the name of a component that is not in it"
-)
-TOGETHER_AND_APART = Finding(
-    code="RARMS049", severity=Severity.ERROR, summary="`together` and `apart` contradict each other"
-)
-DEDICATED_SHARES = Finding(
-    code="RARMS050", severity=Severity.ERROR, summary="A dedicated component shares its partition"
-)
-APART_IN_ONE_PARTITION = Finding(
-    code="RARMS051", severity=Severity.ERROR, summary="Components that must be apart share a partition"
-)
-TOGETHER_IS_SEPARATED = Finding(
-    code="RARMS052", severity=Severity.ERROR, summary="Components that must be together are in different partitions"
-)
-HOST_COMPONENT_WITH_CPU = Finding(
-    code="RARMS059", severity=Severity.ERROR, summary="A component that runs on the host has settings of a partition"
-)
-NO_COMMON_HOST = Finding(
-    code="RARMS093", severity=Severity.ERROR, summary="Components of one partition have no host in common"
-)
+SEVERAL_PARTITIONS = Finding.error("RARMS045", "A component is in several partitions")
+HOST_COMPONENT_IN_PARTITION = Finding.error("RARMS046", "A component that runs on the host is in a partition")
+PARTITION_OF_ANOTHER_NAME = Finding.error("RARMS047", "A partition has the name of a component that is not in it")
+TOGETHER_AND_APART = Finding.error("RARMS049", "`together` and `apart` contradict each other")
+DEDICATED_SHARES = Finding.error("RARMS050", "A dedicated component shares its partition")
+APART_IN_ONE_PARTITION = Finding.error("RARMS051", "Components that must be apart share a partition")
+TOGETHER_IS_SEPARATED = Finding.error("RARMS052", "Components that must be together are in different partitions")
+HOST_COMPONENT_WITH_CPU = Finding.error("RARMS059", "A component that runs on the host has settings of a partition")
+NO_COMMON_HOST = Finding.error("RARMS093", "Components of one partition have no host in common")
 
 
 def several_partitions(system: System) -> Iterator[Violation]:

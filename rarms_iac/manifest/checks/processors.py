@@ -14,7 +14,7 @@ from rarms_iac.manifest.checks.common import (
     members,
     on_every,
 )
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
     CpuAmount,
@@ -27,27 +27,15 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.system import Component, Measured, RunsOn, System
 from rarms_iac.model.wording import counted, list_names
 
-RESERVE_OVER_LIMIT = Finding(code="RARMS060", severity=Severity.ERROR, summary="The reserve is above the limit")
-RESERVE_OVER_HOST = Finding(
-    code="RARMS061", severity=Severity.ERROR, summary="The reserve is larger than any host can give"
-)
-RESERVE_BEYOND_PARALLELISM = Finding(
-    code="RARMS063", severity=Severity.WARNING, summary="A fixed reserve is more than the component's threads can use"
-)
-MORE_PROCESSORS_THAN_HOST = Finding(
-    code="RARMS064", severity=Severity.ERROR, summary="More virtual processors than any host can run"
-)
-RESERVE_OVER_PROCESSORS = Finding(
-    code="RARMS078", severity=Severity.ERROR, summary="The reserve is larger than its virtual processors can use"
-)
-DIFFERENT_CPU = Finding(
-    code="RARMS094", severity=Severity.ERROR, summary="A partition and its only component have different CPU settings"
-)
-HELD_BACK = Finding(
-    code="RARMS130", severity=Severity.NOTE, summary="A fixed limit or weight slows a component with an APT"
-)
+RESERVE_OVER_LIMIT = Finding.error("RARMS060", "The reserve is above the limit")
+RESERVE_OVER_HOST = Finding.error("RARMS061", "The reserve is larger than any host can give")
+RESERVE_BEYOND_PARALLELISM = Finding.warning("RARMS063", "A fixed reserve is more than the component's threads can use")
+MORE_PROCESSORS_THAN_HOST = Finding.error("RARMS064", "More virtual processors than any host can run")
+RESERVE_OVER_PROCESSORS = Finding.error("RARMS078", "The reserve is larger than its virtual processors can use")
+DIFFERENT_CPU = Finding.error("RARMS094", "A partition and its only component have different CPU settings")
+HELD_BACK = Finding.note("RARMS130", "A fixed limit or weight slows a component with an APT")
 
-WEIGHT_ON_LINUX = Finding(code="RARMS315", severity=Severity.WARNING, summary="A weight has no effect on a Linux host")
+WEIGHT_ON_LINUX = Finding.warning("RARMS315", "A weight has no effect on a Linux host")
 
 USUAL_WEIGHT = 100
 

@@ -4,13 +4,11 @@ import re
 from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.common import Violation
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.system import System
 
-SECRET_IN_CLEAR = Finding(code="RARMS090", severity=Severity.ERROR, summary="The manifest contains a secret")
-SECRET_IN_ENVIRONMENT = Finding(
-    code="RARMS091", severity=Severity.WARNING, summary="The manifest contains a variable that looks like a secret"
-)
+SECRET_IN_CLEAR = Finding.error("RARMS090", "The manifest contains a secret")
+SECRET_IN_ENVIRONMENT = Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret")
 
 _REFERENCE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,127}")
 _KEY = re.compile(r"(?=.*[a-z])(?=.*[A-Z])(?=.*[0-9])[A-Za-z0-9_-]{16,}")

@@ -5,27 +5,19 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from rarms_iac.manifest.checks.common import Path, Violation, known_tasks, operating_systems, task_entry
-from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
 from rarms_iac.model.names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.system import Component, System, TaskCategory, TaskRequest
 from rarms_iac.model.wording import suggestion
 
-SHIPPED_TASK = Finding(code="RARMS053", severity=Severity.ERROR, summary="A task class of Windows would be changed")
-UNKNOWN_TASK = Finding(code="RARMS054", severity=Severity.ERROR, summary="Unknown task class")
-TASK_DIFFERS_IN_CASE = Finding(
-    code="RARMS055", severity=Severity.ERROR, summary="Two task classes differ only in upper and lower case"
-)
-ORDER_NOT_EXPRESSED = Finding(
-    code="RARMS056", severity=Severity.WARNING, summary="Fixed priorities contradict the criticalities"
-)
-SHARED_TASK = Finding(
-    code="RARMS057", severity=Severity.WARNING, summary="Components of different criticality share a task class"
-)
-UNUSED_TASK = Finding(code="RARMS087", severity=Severity.NOTE, summary="A task class is not used")
-TASK_LIKE_A_VALUE = Finding(
-    code="RARMS229", severity=Severity.ERROR, summary="rarms keeps this name of a task class for itself"
-)
+SHIPPED_TASK = Finding.error("RARMS053", "A task class of Windows would be changed")
+UNKNOWN_TASK = Finding.error("RARMS054", "Unknown task class")
+TASK_DIFFERS_IN_CASE = Finding.error("RARMS055", "Two task classes differ only in upper and lower case")
+ORDER_NOT_EXPRESSED = Finding.warning("RARMS056", "Fixed priorities contradict the criticalities")
+SHARED_TASK = Finding.warning("RARMS057", "Components of different criticality share a task class")
+UNUSED_TASK = Finding.note("RARMS087", "A task class is not used")
+TASK_LIKE_A_VALUE = Finding.error("RARMS229", "rarms keeps this name of a task class for itself")
 
 
 def shipped_task(system: System) -> Iterator[Violation]:

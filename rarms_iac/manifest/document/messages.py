@@ -11,7 +11,7 @@ from rarms_iac.manifest.document.errors import StructureError, structure_errors
 from rarms_iac.manifest.document.fields import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
 from rarms_iac.manifest.text.positions import dotted
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
@@ -41,22 +41,22 @@ def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
     )
 
 
-UNKNOWN_KEY = Finding(code="RARMS015", severity=Severity.ERROR, summary="Unknown key")
-MISSING_KEY = Finding(code="RARMS016", severity=Severity.ERROR, summary="A key is missing")
-WRONG_KIND = Finding(code="RARMS017", severity=Severity.ERROR, summary="The wrong kind of value")
-NOT_A_CHOICE = Finding(code="RARMS018", severity=Severity.ERROR, summary="Not one of the values allowed here")
-NOT_A_QUANTITY = Finding(code="RARMS019", severity=Severity.ERROR, summary="Not a quantity with a unit that fits")
-NOT_A_NAME = Finding(code="RARMS020", severity=Severity.ERROR, summary="Not a valid name")
-OUT_OF_RANGE = Finding(code="RARMS021", severity=Severity.ERROR, summary="A number out of range")
-NOT_TOGETHER = Finding(code="RARMS022", severity=Severity.ERROR, summary="Keys that exclude each other")
-UNKNOWN_INDEX = Finding(code="RARMS023", severity=Severity.ERROR, summary="Unknown performance index")
-WRONG_WAY = Finding(code="RARMS024", severity=Severity.ERROR, summary="The threshold has the wrong direction")
-FOREIGN_BLOCK = Finding(code="RARMS025", severity=Severity.ERROR, summary="A block of another provider")
-NOTHING_THERE = Finding(code="RARMS026", severity=Severity.ERROR, summary="The value is empty")
-WRONG_FORM = Finding(code="RARMS027", severity=Severity.ERROR, summary="The text has the wrong form")
-NO_SUCH_DAY = Finding(code="RARMS028", severity=Severity.ERROR, summary="The day is not in the calendar")
-NOT_READ = Finding(code="RARMS029", severity=Severity.ERROR, summary="The value cannot be read")
-AND_MORE = Finding(code="RARMS030", severity=Severity.ERROR, summary="More errors than are shown")
+UNKNOWN_KEY = Finding.error("RARMS015", "Unknown key")
+MISSING_KEY = Finding.error("RARMS016", "A key is missing")
+WRONG_KIND = Finding.error("RARMS017", "The wrong kind of value")
+NOT_A_CHOICE = Finding.error("RARMS018", "Not one of the values allowed here")
+NOT_A_QUANTITY = Finding.error("RARMS019", "Not a quantity with a unit that fits")
+NOT_A_NAME = Finding.error("RARMS020", "Not a valid name")
+OUT_OF_RANGE = Finding.error("RARMS021", "A number out of range")
+NOT_TOGETHER = Finding.error("RARMS022", "Keys that exclude each other")
+UNKNOWN_INDEX = Finding.error("RARMS023", "Unknown performance index")
+WRONG_WAY = Finding.error("RARMS024", "The threshold has the wrong direction")
+FOREIGN_BLOCK = Finding.error("RARMS025", "A block of another provider")
+NOTHING_THERE = Finding.error("RARMS026", "The value is empty")
+WRONG_FORM = Finding.error("RARMS027", "The text has the wrong form")
+NO_SUCH_DAY = Finding.error("RARMS028", "The day is not in the calendar")
+NOT_READ = Finding.error("RARMS029", "The value cannot be read")
+AND_MORE = Finding.error("RARMS030", "More errors than are shown")
 
 _KINDS = {
     "string_type": "a text",

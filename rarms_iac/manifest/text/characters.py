@@ -3,12 +3,12 @@
 import re
 import unicodedata
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 
-NOT_UTF8 = Finding(code="RARMS004", severity=Severity.ERROR, summary="The file is not UTF-8 text")
-UNSEEN = Finding(code="RARMS005", severity=Severity.ERROR, summary="An invisible character")
-BYTE_ORDER_MARK = Finding(code="RARMS006", severity=Severity.NOTE, summary="The file starts with a byte order mark")
-EMPTY = Finding(code="RARMS012", severity=Severity.ERROR, summary="The file is empty")
+NOT_UTF8 = Finding.error("RARMS004", "The file is not UTF-8 text")
+UNSEEN = Finding.error("RARMS005", "An invisible character")
+BYTE_ORDER_MARK = Finding.note("RARMS006", "The file starts with a byte order mark")
+EMPTY = Finding.error("RARMS012", "The file is empty")
 
 _BOM = b"\xef\xbb\xbf"
 _UTF16_32 = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")

@@ -23,19 +23,17 @@ from yaml.events import (
 from rarms_iac.manifest.text.characters import HIDDEN, UnreadableText, hidden, place_of
 from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.manifest.text.syntax import explain_syntax
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 
 MAX_DEPTH = 32
 MAX_NODES = 400_000
 MAX_SCALAR = 64 * 2**10  # characters
 
-NOT_YAML = Finding(code="RARMS007", severity=Severity.ERROR, summary="Not valid YAML")
-NOT_ALLOWED = Finding(code="RARMS008", severity=Severity.ERROR, summary="A YAML feature that rarms does not read")
-SAME_KEY = Finding(code="RARMS009", severity=Severity.ERROR, summary="The same key occurs twice")
-TOO_MUCH = Finding(code="RARMS010", severity=Severity.ERROR, summary="The manifest exceeds a limit")
-NOT_REPRESENTABLE = Finding(
-    code="RARMS011", severity=Severity.ERROR, summary="A number that cannot be represented exactly"
-)
+NOT_YAML = Finding.error("RARMS007", "Not valid YAML")
+NOT_ALLOWED = Finding.error("RARMS008", "A YAML feature that rarms does not read")
+SAME_KEY = Finding.error("RARMS009", "The same key occurs twice")
+TOO_MUCH = Finding.error("RARMS010", "The manifest exceeds a limit")
+NOT_REPRESENTABLE = Finding.error("RARMS011", "A number that cannot be represented exactly")
 
 
 _NO_KEY: Final = object()

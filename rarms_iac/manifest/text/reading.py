@@ -11,13 +11,13 @@ from rarms_iac.manifest.text.characters import UnreadableText, check_text
 from rarms_iac.manifest.text.events import SAME_KEY, DuplicateKey, read_events
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.tree import Node, build_positions
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import STANDARD_INPUT, NotRegular, TooLarge, read_input
 
-NOT_READABLE = Finding(code="RARMS001", severity=Severity.ERROR, summary="The file cannot be read")
-NOT_REGULAR = Finding(code="RARMS002", severity=Severity.ERROR, summary="Not a regular file")
-TOO_LARGE = Finding(code="RARMS003", severity=Severity.ERROR, summary="The file is too large")
+NOT_READABLE = Finding.error("RARMS001", "The file cannot be read")
+NOT_REGULAR = Finding.error("RARMS002", "Not a regular file")
+TOO_LARGE = Finding.error("RARMS003", "The file is too large")
 
 MAX_BYTES = 8 * 2**20
 """The largest manifest or overlay."""

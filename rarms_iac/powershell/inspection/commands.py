@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.powershell import cmdlets
 from rarms_iac.powershell.cmdlets import Cmdlet, problems_of_call
 from rarms_iac.powershell.inspection.allowed import CHANGING, ScriptKind
@@ -11,10 +11,10 @@ from rarms_iac.powershell.literals import NotALiteral, read_literal
 from rarms_iac.powershell.tokens import NotTokens
 from rarms_iac.powershell.tree import text_of
 
-COMMAND = Finding(code="RARMS204", severity=Severity.ERROR, summary="A script calls a command that is not allowed")
-CALL = Finding(code="RARMS205", severity=Severity.ERROR, summary="A call in a script would not bind")
-WRITES = Finding(code="RARMS210", severity=Severity.ERROR, summary="A read-only script changes something")
-FORCE = Finding(code="RARMS218", severity=Severity.ERROR, summary="A registry key would be emptied")
+COMMAND = Finding.error("RARMS204", "A script calls a command that is not allowed")
+CALL = Finding.error("RARMS205", "A call in a script would not bind")
+WRITES = Finding.error("RARMS210", "A read-only script changes something")
+FORCE = Finding.error("RARMS218", "A registry key would be emptied")
 
 HYPERV = "Hyper-V"
 

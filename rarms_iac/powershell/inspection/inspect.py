@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import cache
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, in_order
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.commands import check_commands
 from rarms_iac.powershell.inspection.language import check_constructs, check_names
@@ -14,8 +14,8 @@ from rarms_iac.powershell.inspection.style import check_style
 from rarms_iac.powershell.templates import part_text, read, runtime
 from rarms_iac.powershell.tree import NotParsed, parse, sound, walk
 
-BYTES = Finding(code="RARMS200", severity=Severity.ERROR, summary="A script is not pure ASCII with CRLF")
-PARSE = Finding(code="RARMS201", severity=Severity.ERROR, summary="A script cannot be read as PowerShell")
+BYTES = Finding.error("RARMS200", "A script is not pure ASCII with CRLF")
+PARSE = Finding.error("RARMS201", "A script cannot be read as PowerShell")
 
 LARGEST = 16 * 1024 * 1024
 """Bytes of a script that is looked at; a plan of a thousand partitions makes a tenth of it."""

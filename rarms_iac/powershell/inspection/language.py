@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.inspection.allowed import ScriptKind, words
 from rarms_iac.powershell.inspection.script import Script
 from rarms_iac.powershell.tokens import TokenKind, tokens
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tree_sitter import Node
 
 
-CONSTRUCT = Finding(code="RARMS203", severity=Severity.ERROR, summary="A script uses a construct that is not allowed")
+CONSTRUCT = Finding.error("RARMS203", "A script uses a construct that is not allowed")
 _CONSTRUCT_ADVICE = "write it with assignments, calls of named cmdlets, tables and single-quoted text"
 
 
@@ -60,10 +60,10 @@ def _short(node: "Node") -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-TYPE = Finding(code="RARMS206", severity=Severity.ERROR, summary="A script uses a type that is not allowed")
-MEMBER = Finding(code="RARMS207", severity=Severity.ERROR, summary="A script uses a member that is not allowed")
-OPERATOR = Finding(code="RARMS208", severity=Severity.ERROR, summary="A script uses an operator that is not allowed")
-VARIABLE = Finding(code="RARMS209", severity=Severity.ERROR, summary="A script uses a variable that is not its own")
+TYPE = Finding.error("RARMS206", "A script uses a type that is not allowed")
+MEMBER = Finding.error("RARMS207", "A script uses a member that is not allowed")
+OPERATOR = Finding.error("RARMS208", "A script uses an operator that is not allowed")
+VARIABLE = Finding.error("RARMS209", "A script uses a variable that is not its own")
 
 _LOOKED_AT = words("type_spec member_name variable comparison_operator format_operator assignement_operator")
 _BRACKETS = words("{ } ( ) [ ] @( @{ ; : & $_") | {" ", '"'}

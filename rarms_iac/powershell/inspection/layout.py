@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.templates import (
     PARTS,
@@ -19,10 +19,8 @@ from rarms_iac.powershell.templates import (
 )
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 
-RUNTIME = Finding(code="RARMS202", severity=Severity.ERROR, summary="The fixed part of a script was changed")
-HEAD = Finding(
-    code="RARMS219", severity=Severity.ERROR, summary="The head or the end of a script is not as rarms writes it"
-)
+RUNTIME = Finding.error("RARMS202", "The fixed part of a script was changed")
+HEAD = Finding.error("RARMS219", "The head or the end of a script is not as rarms writes it")
 
 PARAMETERS = "[CmdletBinding("
 """Begins the first line that is no comment."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.inspection.allowed import words
 from rarms_iac.powershell.inspection.script import CommandCall, Script, call_of
 from rarms_iac.powershell.templates import FACTS, PLAN, STEP_CALL, TARGET, VM, StepText, fill, step_lines, target_line
@@ -18,9 +18,7 @@ from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, sha
 if TYPE_CHECKING:
     from tree_sitter import Node
 
-STEP = Finding(
-    code="RARMS211", severity=Severity.ERROR, summary="A step of a script has another form than rarms writes"
-)
+STEP = Finding.error("RARMS211", "A step of a script has another form than rarms writes")
 _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
 
 _RUN_KEYS = words("""

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.powershell import cmdlets
 from rarms_iac.powershell.inspection.allowed import words
 from rarms_iac.powershell.inspection.language import is_assigned
@@ -14,11 +14,11 @@ from rarms_iac.powershell.tree import text_of, walk
 if TYPE_CHECKING:
     from tree_sitter import Node
 
-NAME = Finding(code="RARMS212", severity=Severity.WARNING, summary="A function is not named as PowerShell's own are")
-PROCESS = Finding(code="RARMS214", severity=Severity.WARNING, summary="A changing function does not ask before it acts")
-UNUSED = Finding(code="RARMS215", severity=Severity.WARNING, summary="A variable is assigned and never read")
-EMPTY = Finding(code="RARMS216", severity=Severity.WARNING, summary="An error is caught and forgotten")
-NULL = Finding(code="RARMS217", severity=Severity.WARNING, summary="$null stands on the right of a comparison")
+NAME = Finding.warning("RARMS212", "A function is not named as PowerShell's own are")
+PROCESS = Finding.warning("RARMS214", "A changing function does not ask before it acts")
+UNUSED = Finding.warning("RARMS215", "A variable is assigned and never read")
+EMPTY = Finding.warning("RARMS216", "An error is caught and forgotten")
+NULL = Finding.warning("RARMS217", "$null stands on the right of a comparison")
 
 _CHANGING_VERBS = words("New Set Remove Start Stop Restart Reset Update")
 _VERBS = _CHANGING_VERBS | words("""

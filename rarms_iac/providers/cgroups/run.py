@@ -9,7 +9,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -60,15 +60,9 @@ from rarms_iac.storage.replace import replace as replace_file
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
 
-ORPHANS = Finding(
-    code="RARMS168", severity=Severity.NOTE, summary="Processes run in a partition that rarms did not start"
-)
-OFF_WITHOUT_STOP = Finding(
-    code="RARMS316", severity=Severity.WARNING, summary="Partitions are off that nobody stopped with rarms"
-)
-NOTHING_WITHHELD = Finding(
-    code="RARMS317", severity=Severity.NOTE, summary="A Linux host keeps no processor time for itself"
-)
+ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
+OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that nobody stopped with rarms")
+NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = "look at the host again: rarms plan"
 ASK_DOCTOR = "see what this kernel lacks: rarms doctor"

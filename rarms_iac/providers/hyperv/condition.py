@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.state import RegistryValue, Rights
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
@@ -154,8 +154,8 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
     return HostFailed(host, message, "see to it as an administrator of that Windows, then look again")
 
 
-NOT_WHOLE = Finding(code="RARMS161", severity=Severity.WARNING, summary="A reserve is no whole per cent")
-JOURNAL = Finding(code="RARMS163", severity=Severity.ERROR, summary="The journal of a Hyper-V host cannot be believed")
+NOT_WHOLE = Finding.warning("RARMS161", "A reserve is no whole per cent")
+JOURNAL = Finding.error("RARMS163", "The journal of a Hyper-V host cannot be believed")
 
 THOUSANDTHS = 1000
 """Of these a per cent has so many in WMI, while cmdlets show whole ones (windows.md 1.3)."""

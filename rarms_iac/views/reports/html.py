@@ -12,7 +12,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.statistics.errors import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.console import visible
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 FOLDER = "templates/report"
 
 
-LARGE = Finding(code="RARMS291", severity=Severity.WARNING, summary="The report is larger than a megabyte")
+LARGE = Finding.warning("RARMS291", "The report is larger than a megabyte")
 MEGABYTE = 1_000_000
 
 

@@ -14,7 +14,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.views.reports.summary import deciding_curves, platform_fits, reserved_for, verdict_of
 
@@ -208,7 +208,7 @@ SUMMARY = (
 CURVE = ("reserve (%)", "value", "safe side", "from", "to")
 
 
-TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet cannot hold so many rows")
+TOO_LONG = Finding.error("RARMS292", "A sheet cannot hold so many rows")
 
 
 class TooManyRows(Exception):
