@@ -28,7 +28,7 @@ from rarms_iac.planner.reservations import (
     to_be_measured,
 )
 from rarms_iac.statistics.curves import Curve, curve_of
-from rarms_iac.statistics.parallelism import usable_processors
+from rarms_iac.statistics.samples import usable_processors
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import Files, LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog

@@ -10,7 +10,7 @@ from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifest_edits import write_processors
 from rarms_iac.app.measure import MeasureOutcome
 from rarms_iac.model.outcomes import Sufficient
-from rarms_iac.statistics.parallelism import usable_processors
+from rarms_iac.statistics.samples import usable_processors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from rarms_iac.diff.partition_steps import (
 )
 from rarms_iac.diff.registry_steps import restore_registry, write_registry
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
-from rarms_iac.model.moves import BETWEEN
+from rarms_iac.model.names import BETWEEN
 from rarms_iac.model.operations import WriteMark
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Partition

@@ -24,7 +24,7 @@ from rarms_iac.model.quantities import show_amount, show_processors
 from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.errors import describe_extreme
-from rarms_iac.statistics.parallelism import usable_processors
+from rarms_iac.statistics.samples import usable_processors
 
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
 NOT_RESOLVED = Finding.error("RARMS111", "The samples cannot tell whether a threshold is met")

@@ -7,8 +7,7 @@ from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, Making, PlacedPartition
-from rarms_iac.model.moves import renaming
-from rarms_iac.model.names import is_shipped_task
+from rarms_iac.model.names import is_shipped_task, renaming
 from rarms_iac.model.state import (
     Checkpoints,
     Mark,

@@ -12,8 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from rarms_iac.model.moves import BETWEEN
-from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.names import BETWEEN, NAME_PATTERN
 from rarms_iac.model.state import Mark, StoppedBy
 
 ID_DIGITS = 8

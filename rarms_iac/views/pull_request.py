@@ -4,10 +4,8 @@ Everything in it may come from a stranger's manifest: each piece of text is esca
 holds 65,536 characters; each part has its share of that, and says what it leaves out.
 """
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from html import escape
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import UseCaseError
@@ -22,8 +20,9 @@ from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import attributes_of, describe_disruption, symbol
-from rarms_iac.views.console import UNLIMITED, render, visible
+from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
+from rarms_iac.views.markdown import code, finding_parts, fitting, folded, plain_line, safe
 from rarms_iac.views.plan import plan_text, summary
 from rarms_iac.views.plan_json import plan_json
 from rarms_iac.views.scripts import difference_text
@@ -34,11 +33,8 @@ if TYPE_CHECKING:
 LONGEST_COMMENT = 65_536
 """Characters that GitHub takes."""
 
-_LONGEST_TEXT = 500
-"""Characters that are shown of one name, message or title."""
-
-_RISKS, _FINDINGS, _TABLE, _SCRIPTS, _STEPS, _LOGS = 10_000, 8_000, 10_000, 10_000, 6_000, 3_000
-"""Characters of the parts; together with heads and ends they stay below the longest comment."""
+_RISKS, _TABLE, _SCRIPTS, _STEPS, _LOGS = 10_000, 10_000, 10_000, 6_000, 3_000
+"""Characters of the parts; together with findings, heads and ends they stay below the longest comment."""
 
 
 def plan_as(
@@ -78,7 +74,7 @@ def no_plan_as(form: OutputFormat, *, manifest: str, error: UseCaseError) -> "Re
 
 def marker(manifest: str) -> str:
     """The hidden first line by which a later run finds the comment of this manifest, to update it."""
-    return f"<!-- rarms plan: {_plain(manifest).replace('--', '- -')} -->"
+    return f"<!-- rarms plan: {plain_line(manifest).replace('--', '- -')} -->"
 
 
 def comment(review: PlanReview) -> str:
@@ -86,13 +82,13 @@ def comment(review: PlanReview) -> str:
     plan = review.plan
     parts = [
         marker(plan.manifest),
-        f"### rarms plan: {_text(plan.application)}\n\n**{_text(summary(plan))}**",
+        f"### rarms plan: {safe(plan.application)}\n\n**{safe(summary(plan))}**",
         *_risks(review),
-        *_findings(plan.findings),
+        *finding_parts(in_repository(plan.findings)),
         *_table(plan),
         *_logs(review),
         *_scripts(review),
-        f"<sub>Plan {plan.id} of {_code(plan.manifest)}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
+        f"<sub>Plan {plan.id} of {code(plan.manifest)}, by rarms {plan.rarms_version}. Nothing was applied.</sub>",
     ]
     text = "\n\n".join(parts) + "\n"
     assert len(text) < LONGEST_COMMENT, "each part has its share of it"
@@ -103,12 +99,7 @@ def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
     """The comment where there is no plan: why."""
     errors = sum(finding.severity is Severity.ERROR for finding in findings)
     head = f"### rarms plan: there is none\n\n**{counted(errors, 'error')} to correct first.**"
-    return "\n\n".join([marker(manifest), head, *_findings(findings)]) + "\n"
-
-
-def findings_markdown(findings: Sequence[Diagnostic]) -> str:
-    """Findings as a list."""
-    return "\n\n".join([*_findings(findings)] or ["No findings."]) + "\n"
+    return "\n\n".join([marker(manifest), head, *finding_parts(in_repository(findings))]) + "\n"
 
 
 _STAYS_OFF = "and stays off until somebody starts it"
@@ -145,11 +136,11 @@ def _risks(review: PlanReview) -> Iterator[str]:
     lines = [*_without_risk(plan, changes), *changes]
     if review.headrooms:
         lines.append(f"- **Least headroom:** {_headroom(review.headrooms[0])}")
-    yield "#### Risk\n\n" + "\n".join(_fitting(lines, _RISKS, "more"))
+    yield "#### Risk\n\n" + "\n".join(fitting(lines, _RISKS, "more"))
     if len(review.headrooms) > 1:
         rows = [f"- {_headroom(headroom)}" for headroom in review.headrooms]
-        yield _folded(f"Headroom of each APT ({len(rows)})", _fitting(rows, _LOGS, "more"))
-    yield "#### Taking it back\n\n" + "\n".join(_fitting(list(_undo(plan)), _LOGS, "more"))
+        yield folded(f"Headroom of each APT ({len(rows)})", fitting(rows, _LOGS, "more"))
+    yield "#### Taking it back\n\n" + "\n".join(fitting(list(_undo(plan)), _LOGS, "more"))
 
 
 def _without_risk(plan: Plan, changes: Sequence[str]) -> Iterator[str]:
@@ -166,16 +157,16 @@ def _stops(part: HostPlan) -> Iterator[str]:
     removed = {change.address.partition for change in part.changes if isinstance(change, Delete)}
     for partition, duration in _downtimes(part):
         if partition not in removed:
-            yield f"- **Stops:** {_name(partition, part)} on {_text(part.host.name)}, {duration}."
+            yield f"- **Stops:** {_name(partition, part)} on {safe(part.host.name)}, {duration}."
 
 
 def _removals(part: HostPlan) -> Iterator[str]:
     for change in part.changes:
         if isinstance(change, Delete) or symbol(change) == "-/+":
-            yield f"- **Removed:** {_place(change, part)}, {_text(describe_disruption(change) or 'removed')}."
+            yield f"- **Removed:** {_place(change, part)}, {safe(describe_disruption(change) or 'removed')}."
     for step in part.steps:
         if isinstance(step.operation, RemoveDisk):
-            yield f"- **Deletes a disk:** {_code(step.operation.path)} on {_text(part.host.name)}."
+            yield f"- **Deletes a disk:** {code(step.operation.path)} on {safe(part.host.name)}."
 
 
 def _shrinks(part: HostPlan) -> Iterator[str]:
@@ -190,11 +181,11 @@ def _later_effects(part: HostPlan) -> Iterator[str]:
         if change.disruption is Disruption.HOST_RESTART:
             yield f"- **Takes effect when the host starts again:** {_place(change, part)}."
     for held in part.held_back:
-        yield f"- **Held back, not in the plan:** {_place(held.change, part)}, {_text(held.why)}"
+        yield f"- **Held back, not in the plan:** {_place(held.change, part)}, {safe(held.why)}"
 
 
 def _place(change: Change, part: HostPlan) -> str:
-    return f"{_text(str(change.address))} on {_text(part.host.name)}"
+    return f"{safe(str(change.address))} on {safe(part.host.name)}"
 
 
 def _lower_settings(change: Change) -> Iterator[tuple[str, str, str]]:
@@ -216,8 +207,8 @@ def _headroom(headroom: AptHeadroom) -> str:
     index = index_named(headroom.index)
     share = "unbounded" if headroom.share == float("inf") else f"{100 * headroom.share:.0f} %"
     return (
-        f"{headroom.index} of {_text(headroom.component)} must be {_text(show_threshold(index, headroom.threshold))}; "
-        f"by its data log it is {_text(show_value(index, headroom.expected))} at worst with the reserve of this plan: "
+        f"{headroom.index} of {safe(headroom.component)} must be {safe(show_threshold(index, headroom.threshold))}; "
+        f"by its data log it is {safe(show_value(index, headroom.expected))} at worst with the reserve of this plan: "
         f"{share} of the threshold to spare."
     )
 
@@ -230,8 +221,8 @@ def _undo(plan: Plan) -> Iterator[str]:
     )
     for step in lasting:
         level = "in part" if step.undo.level is UndoLevel.PARTIAL else "not at all"
-        yield f"- {_text(str(step.address))}, {_text(step.title)}: {level}; {_text(step.undo.message)}"
-    again = [_text(name) for part in plan.hosts for name, duration in _downtimes(part) if duration != _STAYS_OFF]
+        yield f"- {safe(str(step.address))}, {safe(step.title)}: {level}; {safe(step.undo.message)}"
+    again = [safe(name) for part in plan.hosts for name, duration in _downtimes(part) if duration != _STAYS_OFF]
     if again:
         yield f"- The undo stops {in_a_row(again)} again, for as long as above."
 
@@ -243,15 +234,15 @@ def _table(plan: Plan) -> Iterator[str]:
             "| | partition | host | reserve before (of the host) | after | memory before | after | also |\n"
             "|---|---|---|--:|--:|--:|--:|---|"
         )
-        yield "#### Partitions before and after\n\n" + "\n".join([head, *_fitting(rows, _TABLE, "more partitions")])
+        yield "#### Partitions before and after\n\n" + "\n".join([head, *fitting(rows, _TABLE, "more partitions")])
     others = [
-        f"- `{symbol(change)}` {_text(str(change.address))} on {_text(part.host.name)}"
+        f"- `{symbol(change)}` {safe(str(change.address))} on {safe(part.host.name)}"
         for part in plan.hosts
         for change in part.changes
         if not _settings_of(change)
     ]
     if others:
-        yield _folded(f"{counted(len(others), 'other change')}", _fitting(others, _LOGS, "more"))
+        yield folded(f"{counted(len(others), 'other change')}", fitting(others, _LOGS, "more"))
 
 
 def _rows(part: HostPlan) -> Iterator[str]:
@@ -262,7 +253,7 @@ def _rows(part: HostPlan) -> Iterator[str]:
             cells = [
                 f"`{symbol(change)}`",
                 _name(change.address.partition, part),
-                _text(part.host.name),
+                safe(part.host.name),
                 *(_reserve(each, part) for each in (before, after)),
                 *("" if each is None else show_bytes(each.memory) for each in (before, after)),
                 ", ".join(_other_attributes(change, part)),
@@ -275,7 +266,7 @@ def _other_attributes(change: Change, part: HostPlan) -> Iterator[str]:
     if isinstance(change, Update):
         for attribute in attributes_of(change, part.facts):
             if attribute.differs and attribute.name not in {"reserve", "memory"}:
-                yield f"{_text(attribute.name)} {_text(attribute.before or '')} → {_text(attribute.after or '')}"
+                yield f"{safe(attribute.name)} {safe(attribute.before or '')} → {safe(attribute.after or '')}"
 
 
 def _settings_of(change: Change) -> tuple[PartitionSettings | None, PartitionSettings | None] | None:
@@ -299,100 +290,36 @@ def _reserve(settings: PartitionSettings | None, part: HostPlan) -> str:
 
 def _name(partition: str, part: HostPlan) -> str:
     members = part.components.get(partition, ())
-    inside = f" ({', '.join(map(_text, members))})" if members and members != (partition,) else ""
-    return f"{_text(partition)}{inside}"
+    inside = f" ({', '.join(map(safe, members))})" if members and members != (partition,) else ""
+    return f"{safe(partition)}{inside}"
 
 
 def _logs(review: PlanReview) -> Iterator[str]:
     if review.logs:
         head = "| data log | CR before (of each virtual processor) | after |\n|---|--:|--:|"
         uses = [[f"{use} %" if isinstance(use, int) else use for use in (log.before, log.after)] for log in review.logs]
-        rows = [f"| {_code(log.path)} | {' | '.join(use)} |" for log, use in zip(review.logs, uses, strict=True)]
-        yield "#### Data logs\n\n" + "\n".join([head, *_fitting(rows, _LOGS, "more data logs")])
-
-
-def _findings(findings: Sequence[Diagnostic]) -> Iterator[str]:
-    """Errors and warnings, and folded the notes."""
-    grouped = {
-        severity: [_finding(finding) for finding in in_repository(findings) if finding.severity is severity]
-        for severity in Severity
-    }
-    notes = grouped.pop(Severity.NOTE)
-    problems = [line for lines in grouped.values() for line in lines]
-    if problems:
-        yield "#### Findings\n\n" + "\n".join(_fitting(problems, _FINDINGS, "more findings"))
-    if notes:
-        yield _folded(counted(len(notes), "note"), _fitting(notes, _LOGS, "more notes"))
-
-
-def _finding(finding: Diagnostic) -> str:
-    place = f" {_code(str(finding.place))}" if finding.place else ""
-    detail = _text(" ".join((finding.detail, finding.advice)).strip())
-    return f"- **{finding.severity.value} {finding.code}** {_text(finding.summary)}{place}: {detail}"
+        rows = [f"| {code(log.path)} | {' | '.join(use)} |" for log, use in zip(review.logs, uses, strict=True)]
+        yield "#### Data logs\n\n" + "\n".join([head, *fitting(rows, _LOGS, "more data logs")])
 
 
 def _scripts(review: PlanReview) -> Iterator[str]:
     lines: list[str] = []
     for name, change in review.scripts.items():
         text = "" if change.is_empty else render(difference_text(change, "the base", name), UNLIMITED)
-        lines += [_plain(line, indent=True) for line in text.splitlines()]
-    lines += [f"{_plain(name)}: the base has no such script" for name in review.new_scripts]
+        lines += [plain_line(line, indent=True) for line in text.splitlines()]
+    lines += [f"{plain_line(name)}: the base has no such script" for name in review.new_scripts]
     if lines:
-        yield _folded("What changed in the scripts", ["```text", *_fitting(lines, _SCRIPTS, "more lines"), "```"])
+        yield folded("What changed in the scripts", ["```text", *fitting(lines, _SCRIPTS, "more lines"), "```"])
     steps = [line for part in review.plan.hosts for line in _steps(part)]
     if steps:
-        why = [f"Scripts are not compared: {_text(review.without_base)}.", ""] if review.without_base else []
-        body = [*why, "```text", *_fitting(steps, _STEPS, "more steps"), "```"]
+        why = [f"Scripts are not compared: {safe(review.without_base)}.", ""] if review.without_base else []
+        body = [*why, "```text", *fitting(steps, _STEPS, "more steps"), "```"]
         number = sum(len(part.steps) for part in review.plan.hosts)
-        yield _folded(counted(number, "step") + ", in order", body)
+        yield folded(counted(number, "step") + ", in order", body)
 
 
 def _steps(part: HostPlan) -> Iterator[str]:
     if part.steps:
-        yield f"Host {_plain(part.host.name)}"
+        yield f"Host {plain_line(part.host.name)}"
         for number, step in enumerate(part.steps, 1):
-            yield f"{number}. {_plain(f'{step.address}: {step.title}')}"
-
-
-def _fitting(lines: Sequence[str], room: int, more: str) -> list[str]:
-    """The first lines that have room, and how many there are more."""
-    used, shown = 0, []
-    for line in lines:
-        used += len(line) + 1
-        if used > room:
-            break
-        shown.append(line)
-    left_out = len(lines) - len(shown)
-    if not left_out:
-        return shown
-    row = lines[0].startswith("|")
-    note = f"{left_out} {more}: `rarms plan` shows all"
-    return [*shown, f"| | {note} |" if row else f"- {note}" if lines[0].startswith("-") else note]
-
-
-def _folded(title: str, lines: Iterable[str]) -> str:
-    return "\n".join([f"<details><summary>{title}</summary>", "", *lines, "", "</details>"])
-
-
-def _plain(text: str, *, indent: bool = False) -> str:
-    """The text on one line, for a block of code, which nothing in it can end."""
-    line = visible(text, keep="").replace("`", "'")
-    line = line if indent else line.strip()
-    return line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
-
-
-def _code(text: str) -> str:
-    """The text as code in a line; in a table, too."""
-    return f"`{_plain(text).replace('|', '/')}`"
-
-
-def _text(text: str) -> str:
-    """The text so that neither Markdown nor HTML, nor a mention of a person, begins in it; code of ours stays code."""
-    line = visible(text, keep="")
-    line = line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
-    pieces = re.split(r"((?<!`)`[^`]+`(?!`))", line)  # runs of two or more could open what one does not close
-    return "".join(piece if at % 2 else _escaped(piece) for at, piece in enumerate(pieces))
-
-
-def _escaped(text: str) -> str:
-    return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escape(text, quote=False)).replace("@", "&#64;")
+            yield f"{number}. {plain_line(f'{step.address}: {step.title}')}"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, ModelMachine, TracePiece, VirtualMachine
-from rarms_iac.providers.simulated.scheduling.shares import Entitlement, usable_weights
+from rarms_iac.providers.simulated.scheduling.processors import Entitlement, usable_weights
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from tests.effort import examples
 from tests.laws.test_scheduling_laws import machines

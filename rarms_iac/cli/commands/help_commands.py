@@ -56,7 +56,7 @@ def _component(session: Session, source: ManifestSource, name: str, *, as_json: 
 def _guide(source: ManifestSource, name: str) -> str:
     from rarms_iac.app.guide import guide_facts
     from rarms_iac.app.manifests import load_manifest
-    from rarms_iac.views.guide import guide
+    from rarms_iac.views.explain import guide
 
     return guide(guide_facts(load_manifest(source), name))
 

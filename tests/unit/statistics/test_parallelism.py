@@ -3,7 +3,7 @@
 import pytest
 
 from rarms_iac.model.measurement import Sample, Series, Setting
-from rarms_iac.statistics.parallelism import usable_processors
+from rarms_iac.statistics.samples import usable_processors
 
 
 def a_setting(reserve: int, used: float) -> Setting:

@@ -10,10 +10,11 @@ from rarms_iac.providers.simulated.scheduling.processors import (
     LATE,
     NOTHING,
     Agenda,
+    Entitlement,
     LogicalProcessor,
     VirtualProcessor,
+    usable_weights,
 )
-from rarms_iac.providers.simulated.scheduling.shares import Entitlement, usable_weights
 
 SHORTEST_SAVED_MS = 20.0
 """A waiting VP must have saved claim for this much time before it interrupts one without: VPs do not thrash."""

@@ -1,0 +1,87 @@
+"""Pieces of Markdown for a pull request: texts that can do nothing there, folded parts, and findings.
+
+Everything in them may come from a stranger's manifest: each piece of text is escaped for Markdown and HTML.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from html import escape
+
+from rarms_iac.model.diagnostics import Diagnostic, Severity
+from rarms_iac.model.wording import counted
+from rarms_iac.views.console import visible
+
+_LONGEST_TEXT = 500
+"""Characters that are shown of one name, message or title."""
+
+_FINDINGS, _NOTES = 8_000, 3_000
+"""Characters of errors and warnings, and of notes."""
+
+
+def findings_markdown(findings: Sequence[Diagnostic]) -> str:
+    """Findings as a list."""
+    return "\n\n".join([*finding_parts(findings)] or ["No findings."]) + "\n"
+
+
+def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
+    """Errors and warnings, and folded the notes."""
+    grouped = {
+        severity: [_finding(finding) for finding in findings if finding.severity is severity] for severity in Severity
+    }
+    notes = grouped.pop(Severity.NOTE)
+    problems = [line for lines in grouped.values() for line in lines]
+    if problems:
+        yield "#### Findings\n\n" + "\n".join(fitting(problems, _FINDINGS, "more findings"))
+    if notes:
+        yield folded(counted(len(notes), "note"), fitting(notes, _NOTES, "more notes"))
+
+
+def _finding(finding: Diagnostic) -> str:
+    place = f" {code(str(finding.place))}" if finding.place else ""
+    detail = safe(" ".join((finding.detail, finding.advice)).strip())
+    return f"- **{finding.severity.value} {finding.code}** {safe(finding.summary)}{place}: {detail}"
+
+
+def fitting(lines: Sequence[str], room: int, more: str) -> list[str]:
+    """The first lines that have room, and how many there are more."""
+    used, shown = 0, []
+    for line in lines:
+        used += len(line) + 1
+        if used > room:
+            break
+        shown.append(line)
+    left_out = len(lines) - len(shown)
+    if not left_out:
+        return shown
+    row = lines[0].startswith("|")
+    note = f"{left_out} {more}: `rarms plan` shows all"
+    return [*shown, f"| | {note} |" if row else f"- {note}" if lines[0].startswith("-") else note]
+
+
+def folded(title: str, lines: Iterable[str]) -> str:
+    """Lines below a title, which a reader opens."""
+    return "\n".join([f"<details><summary>{title}</summary>", "", *lines, "", "</details>"])
+
+
+def plain_line(text: str, *, indent: bool = False) -> str:
+    """The text on one line, for a block of code, which nothing in it can end."""
+    line = visible(text, keep="").replace("`", "'")
+    line = line if indent else line.strip()
+    return line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
+
+
+def code(text: str) -> str:
+    """The text as code in a line; in a table, too."""
+    return f"`{plain_line(text).replace('|', '/')}`"
+
+
+def safe(text: str) -> str:
+    """The text so that neither Markdown nor HTML, nor a mention of a person, begins in it; code of ours stays code."""
+    line = visible(text, keep="")
+    line = line if len(line) <= _LONGEST_TEXT else f"{line[:_LONGEST_TEXT]}..."
+    pieces = re.split(r"((?<!`)`[^`]+`(?!`))", line)  # runs of two or more could open what one does not close
+    return "".join(piece if at % 2 else _escaped(piece) for at, piece in enumerate(pieces))
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\`*_\[\]|~#])", r"\\\1", escape(text, quote=False)).replace("@", "&#64;")
