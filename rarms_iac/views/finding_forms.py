@@ -19,7 +19,6 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import visible
-from rarms_iac.views.markdown import findings_markdown
 from rarms_iac.views.output.common import FindingsOutput
 
 if TYPE_CHECKING:
@@ -103,6 +102,8 @@ def findings_as(
         case OutputFormat.GITHUB:
             return as_github(in_repository(diagnostics))
         case OutputFormat.MARKDOWN:
+            from rarms_iac.views.markdown import findings_markdown
+
             return findings_markdown(in_repository(diagnostics))
         case _:
             assert_never(form)
