@@ -118,7 +118,7 @@
     makeRoomSoon(plot);
   };
 
-  const saying = (card, reserve) => {
+  const levelSentence = (card, reserve) => {
     if (reserve === undefined) return "There is no APT yet: move a line.";
     const short = wanted(card).filter((plot) => leastReserve([plot]) === null);
     if (reserve === null && short.length === 0) return "No reserve at which all of it was measured is enough.";
@@ -159,7 +159,7 @@
     element(`${card.id}-reserve`).textContent =
       reserve === undefined ? "No reserve yet" : reserve === null ? "Not achieved" : `Reserve ${reserve} %`;
     element(`${card.id}-bandwidth`).textContent = reserve ? inProcessors(reserve * card.processors) : "";
-    element(`${card.id}-says`).textContent = saying(card, reserve);
+    element(`${card.id}-level`).textContent = levelSentence(card, reserve);
     element(`${card.id}-reset`).hidden = !plotsOf(card).some((plot) => plot.moved);
     fill(`${card.id}-manifest`, manifestLines(card));
     fill(`${card.id}-command`, commandLines(card));
@@ -175,15 +175,15 @@
         ? `Headroom of ${capacity.name}: ${share(headroom)} (${inProcessors(headroom)})`
         : `Over ${capacity.name} by ${share(-headroom)} (${inProcessors(-headroom)})`;
       const fit = element(`fit-${place + 1}`);
-      fit.querySelector(".says").textContent =
+      fit.querySelector(".sentence").textContent =
         `${share(total)} reserved of ${share(capacity.capacity)} (${inProcessors(total)} of ${inProcessors(capacity.capacity)}). ${message}.`;
-      fit.querySelector(".says").classList.toggle("over-full", !fits);
+      fit.querySelector(".sentence").classList.toggle("over-full", !fits);
       fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));
       fit.querySelector(".used").classList.toggle("over", !fits);
       for (const card of data.cards.filter((plotted) => plotted.platform === capacity.platform && plotted.plots.length > 0)) {
-        const room = element(`${card.id}-room`);
-        room.textContent = counts(card) ? `${message}.` : "";
-        room.classList.toggle("over-full", !fits);
+        const headroom = element(`${card.id}-headroom`);
+        headroom.textContent = counts(card) ? `${message}.` : "";
+        headroom.classList.toggle("over-full", !fits);
       }
     });
   };

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -34,6 +35,29 @@ def test_help_lists_every_command_and_imports_none() -> None:
 
     assert shown.splitlines()[-1] == "[]"
     assert all(f"  {name} " in shown for name in COMMANDS)
+
+
+def test_what_a_program_reads_imports_no_rich(tmp_path: Path) -> None:
+    commands = (
+        *(f"validate --output {form}" for form in ("json", "sarif", "junit", "github")),
+        *("plan --json", "plan --output sarif", "status --json", "drift --json", "history --json", "doctor --json"),
+        *("graph", "explain vision --json", "schema manifest", "completion bash", "fmt --check"),
+    )
+    (tmp_path / "rarms.yaml").write_text(
+        "schema: rarms/v1\napplication: { name: robot }\n"
+        "hosts: { onboard: { logical_processors: 2, memory: 4 GiB } }\n"
+        "components: { vision: { criticality: 1, memory: 512 MiB, cpu: { reserve: 40 % } } }\n",
+        encoding="utf-8",
+    )
+    script = (
+        "import sys; from rarms_iac.cli.main import main\n"
+        f"codes = [main(words.split()) for words in {commands}]\n"
+        "print(codes, [name for name in sys.modules if name.partition('.')[0] == 'rich'])\n"
+    )
+
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=tmp_path)
+
+    assert ran.stdout.splitlines()[-1] == "[0, 0, 0, 0, 2, 2, 0, 5, 0, 0, 0, 0, 0, 0, 0] []", ran.stderr
 
 
 INTERRUPTED_IN_AN_IMPORT = """
