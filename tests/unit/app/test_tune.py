@@ -127,21 +127,6 @@ def in_all_reports(trail: list[str]) -> None:
     assert rarms("export", "again.xlsx", "--trail").code == 64
 
 
-def test_what_is_recorded_is_not_run_again(here: Path) -> None:
-    rarms("tune", "--samples", "60", "--dry-run")
-    log = here / "measurements" / "onboard" / "paths+video" / "busy-loop.jsonl"
-    whole = log.read_bytes()
-    first_settings = b"".join(whole.splitlines(keepends=True)[:2])
-    log.write_bytes(first_settings)  # as if killed after the first setting
-    rarms("tune", "--samples", "60", "--dry-run")
-    again = log.read_bytes()
-    rarms("tune", "--samples", "60", "--dry-run")
-
-    assert again.startswith(first_settings)
-    assert again.count(b"\n") == whole.count(b"\n")
-    assert log.read_bytes() == again
-
-
 def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     """Jobs vary so much that a verdict at 1 % of error and the curve's band are two points apart."""
     manifest = (

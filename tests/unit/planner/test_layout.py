@@ -228,27 +228,6 @@ def test_hyperv_settings_come_from_the_partition_or_else_from_the_host() -> None
     assert (partition.generation, partition.making.switch, partition.making.image) == (1, "lan", "base.vhdx")
 
 
-def test_a_thousand_components_are_placed_and_none_is_lost() -> None:
-    hosts = [a_host(f"h{number}", logical_processors=16, memory="64 GiB") for number in range(20)]
-    system = a_system(
-        hosts=hosts,
-        components=[a_component(f"c{at}", reserve=f"0.{5 + at % 20:02} LP", memory="256 MiB") for at in range(1000)],
-    )
-
-    found = layout(system)
-
-    assert {partition.name for partition in found.partitions} == set(system.components)
-
-
-def test_nothing_changes_with_the_order_of_hosts_and_components() -> None:
-    hosts = [a_host("front"), a_host("rear", logical_processors=4)]
-    parts = [a_component(name, reserve="25 %") for name in "abcdef"]
-
-    assert layout(a_system(hosts=hosts, components=parts)) == layout(
-        a_system(hosts=hosts[::-1], components=parts[::-1])
-    )
-
-
 def test_an_open_reserve_of_a_partition_is_its_members() -> None:
     by_hand = replace(a_partition(), cpu=CpuRequest(reserve=None))
 
