@@ -160,7 +160,9 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
             for member in members
         )
     ]
-    able = [host for host in allowed if open_bench(host, hosts.folder, hosts.state_path(host.name)) is not None]
+    able = [
+        host for host in allowed if open_bench(system, host.name, hosts.folder, hosts.state_path(host.name)) is not None
+    ]
     if not able:
         names = ", ".join(host.name for host in allowed) or "none"
         raise UseCaseError(
@@ -168,7 +170,8 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
             [
                 findings.CANNOT_MEASURE.at(
                     None,
-                    f"{', '.join(members)} may run on: {names}. None of them is simulated or this Linux machine.",
+                    f"{', '.join(members)} may run on: {names}. None of them is simulated, this Linux machine, "
+                    "or a Hyper-V host whose `hyperv.credential` is named.",
                     "Name another with --host, or measure on a simulated host of the same platform.",
                     address=f"component/{members[0]}",
                 )

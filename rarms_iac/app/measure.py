@@ -11,6 +11,7 @@ from pathlib import Path
 from rarms_iac.app.configuration_log import record_choices
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measurements_of
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiment_logs import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiment_run import refuse_or_make_room, run_experiment
 from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, experiments_of_request
@@ -20,6 +21,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.report_measurements import fixed_on
 from rarms_iac.app.report_model import FixedReservation
+from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.stopping_to_measure import (
     PartitionStopper,
     StopConsent,
@@ -31,11 +33,12 @@ from rarms_iac.app.stopping_to_measure import (
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.partitions import remove_test_partitions
+from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
+from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
-from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.providers.measuring import MeasuringHost, ScriptedMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
 
 
@@ -234,7 +237,7 @@ def hold_benches(
     benches: dict[str, MeasuringHost] = {}
     with host_errors(), ExitStack() as locks:
         for name in sorted(set(names)):
-            bench = open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name))
+            bench = open_bench(hosts.system, name, hosts.folder, hosts.state_path(name))
             assert bench is not None, "only hosts that can be measured on are chosen"
             locks.enter_context(bench.lock(owner(), timeout_ms))
             finish_stop_or_start(bench, reporter)
@@ -244,3 +247,39 @@ def hold_benches(
                 reporter.findings([finding])
             benches[name] = bench
         yield benches
+
+
+def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tuple[PlanScript, ...]:
+    """Return the scripts that `measure_components` would run on Hyper-V hosts; they are looked at, and nothing is run.
+
+    One script measures an experiment: it makes P1 and P2, is told each setting, and removes them. A second one removes
+    what a killed one left.
+
+    Args:
+        hosts: Where it may be measured.
+        request: Which components, and how.
+
+    Returns:
+        `<host>.<experiment>.measure.ps1` and, once a host, `<host>.remove.measure.ps1`; inspected.
+
+    Raises:
+        RequestError: A name is not in the manifest, or no script would run, since rarms measures there itself.
+        UseCaseError: No host can be measured on, or one cannot be observed (failed).
+    """
+    scripts: dict[str, PlanScript] = {}
+    with host_errors():
+        for experiment in experiments_of_request(hosts, request):
+            name = experiment.host.name
+            bench = open_bench(hosts.system, name, hosts.folder, hosts.state_path(name))
+            if not isinstance(bench, ScriptedMeasuringHost):
+                message = f"{experiment.name} is measured on {name} without a script: only Hyper-V hosts run scripts."
+                raise RequestError(message)
+            budget = host_budget(experiment.host, bench.observe(), experiment.application)
+            shapes, work = shapes_for(experiment, budget), work_in_test_partitions(experiment)
+            for title, text in (
+                (experiment.name, bench.measuring_script(experiment.application, shapes, work)),
+                ("remove", bench.measuring_script(experiment.application, (), ())),
+            ):
+                file = f"{name}.{title}.measure.ps1"
+                scripts[file] = PlanScript(name=file, host=name, guest="", undo=False, text=text)
+    return tuple(scripts.values())

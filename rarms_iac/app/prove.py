@@ -276,7 +276,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
     measurable = tuple(
         name
         for name in hosts.chosen
-        if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None
+        if open_bench(hosts.system, name, hosts.folder, hosts.state_path(name)) is not None
     )
     if not measurable:
         message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."

@@ -29,6 +29,7 @@ NO_SCRIPT = Finding.error("RARMS164", "This is not a script of rarms")
 _KINDS = {
     "    rarms apply script:": ScriptKind.APPLY,
     "    rarms undo script:": ScriptKind.UNDO,
+    "    rarms measure script:": ScriptKind.MEASURE,
     "# rarms observe script:": ScriptKind.OBSERVE,
 }
 

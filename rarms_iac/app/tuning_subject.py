@@ -232,7 +232,7 @@ def bench_of(hosts: Hosts) -> Host:
         UseCaseError: There is none (failed).
     """
     for name in hosts.chosen:
-        if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
+        if open_bench(hosts.system, name, hosts.folder, hosts.state_path(name)) is not None:
             return hosts.system.hosts[name]
     message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen)}."
     raise UseCaseError(

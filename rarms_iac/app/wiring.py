@@ -5,14 +5,16 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import assert_never
 
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
+from rarms_iac.model.system import System
 from rarms_iac.providers.interface import HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.running.start import ProcessPlace
@@ -70,17 +72,19 @@ def shell_scripts(host_plan: HostPlan, plan: Plan) -> Mapping[str, str]:
     return render_shell_scripts(host_plan, plan, STATE_FOLDER)
 
 
-def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:
+def open_bench(system: System, name: str, folder: str, state_path: str) -> MeasuringHost | None:
     """Open a host to measure on.
 
     Args:
-        host: as the manifest describes it.
+        system: the manifest's.
+        name: of a host in it.
         folder: the folder of the manifest.
         state_path: where a simulated host's file lies below it (`state_path`).
 
     Returns:
         The host; None: this version cannot measure on hosts of its provider.
     """
+    host = system.hosts[name]
     match host.provider:
         case ProviderKind.SIMULATED:
             from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
@@ -91,8 +95,21 @@ def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None
             from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 
             return LinuxMeasuringHost(host, Path(folder).resolve())
-        case _:
+        case ProviderKind.HYPERV:
+            from rarms_iac.providers.hyperv.measuring import HypervMeasuringHost
+            from rarms_iac.providers.hyperv.run import transport_to
+
+            named = {name: request.guest.credential for name, request in system.partitions.items()}
+            credentials = {name: credential for name, credential in named.items() if credential}
+            if not credentials and not (isinstance(host.settings, HypervHost) and host.settings.credential):
+                return None  # nobody says how guests are entered
+            return HypervMeasuringHost(
+                host, transport_to(host), Path(folder) / SIGNED, Path(folder).resolve(), credentials
+            )
+        case ProviderKind.LINUX:
             return None
+        case _:
+            assert_never(host.provider)
 
 
 def place_on(host: Host, partition: PartitionWork, application: str) -> ProcessPlace:

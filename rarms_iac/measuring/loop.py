@@ -14,7 +14,6 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
-    PartitionShape,
     memory_for_load,
     reserve_for_load,
     running_test_partitions,
@@ -30,7 +29,7 @@ from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, Settin
 from rarms_iac.model.sample_columns import columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
-from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
+from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, RunningWork, Work
 from rarms_iac.statistics.errors import next_look
 from rarms_iac.storage.datalog.columns import as_recorded
 from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
@@ -309,11 +308,39 @@ class _TestBench:
 
 def _make_bench(experiment: Experiment, context: MeasuringContext, ends: ExitStack) -> _TestBench:
     budget = context.budget()
-    memory = memory_for_load(budget, experiment.setup)
-    shapes = shapes_of_test_partitions(experiment.setup, budget.capacity.logical_processors, memory)
+    shapes = shapes_for(experiment, budget)
     classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
     ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
     return _TestBench(budget=budget, shapes=shapes)
+
+
+def shapes_for(experiment: Experiment, budget: MeasuringBudget) -> tuple[PartitionShape, PartitionShape]:
+    """Shape the test partitions of an experiment.
+
+    Args:
+        experiment: what is measured.
+        budget: of its host.
+
+    Returns:
+        P1, then P2.
+    """
+    memory = memory_for_load(budget, experiment.setup)
+    return shapes_of_test_partitions(experiment.setup, budget.capacity.logical_processors, memory)
+
+
+def work_in_test_partitions(experiment: Experiment) -> tuple[PartitionWork, PartitionWork]:
+    """Say what runs in P1 and in P2.
+
+    Args:
+        experiment: what is measured.
+
+    Returns:
+        P1's work, then P2's.
+    """
+    return (
+        PartitionWork(partition=P1, components=experiment.members, classes=_task_classes(experiment)),
+        PartitionWork(partition=P2, load=experiment.load),
+    )
 
 
 def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
@@ -396,11 +423,7 @@ def _work(experiment: Experiment, context: MeasuringContext, reserve: int) -> Wo
     """
     return Work(
         application=experiment.application,
-        partitions=(
-            PartitionWork(partition=P1, components=experiment.members, classes=_task_classes(experiment)),
-            PartitionWork(partition=P2, load=experiment.load),
-            *context.others,
-        ),
+        partitions=(*work_in_test_partitions(experiment), *context.others),
         until={name: run.until for name, run in experiment.runs.items()},
         seed=context.seed * SEEDS_APART + reserve,
     )

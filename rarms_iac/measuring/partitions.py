@@ -30,6 +30,7 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, LogicalProcessors
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.measuring import PartitionShape, ScriptedMeasuringHost
 
 USUAL_LOAD_MEMORY = 512 * 2**20
 """Bytes that P2 has, as in the paper's Table 1; less where the host has less left."""
@@ -219,17 +220,6 @@ def _counts(partition: Partition, application: str) -> bool:
     return partition.claims_resources
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionShape:
-    """What a test partition is made as; its reserve is set for each setting."""
-
-    name: str
-    processors: int
-    memory: int  # bytes
-    limit: int
-    weight: int
-
-
 def shapes_of_test_partitions(
     setup: EnvironmentSetup, logical_processors: int, load_memory: int
 ) -> tuple[PartitionShape, PartitionShape]:
@@ -268,7 +258,10 @@ Classes = Mapping[str, Mapping[str, RegistryValue]]
 
 @contextmanager
 def running_test_partitions(
-    host: StepwiseHost, application: str, shapes: Sequence[PartitionShape], classes: Classes = MappingProxyType({})
+    host: StepwiseHost | ScriptedMeasuringHost,
+    application: str,
+    shapes: Sequence[PartitionShape],
+    classes: Classes = MappingProxyType({}),
 ) -> Iterator[None]:
     """Have the test partitions there and running while the context lasts; they are gone after it, however it ends.
 
@@ -286,6 +279,10 @@ def running_test_partitions(
     Raises:
         HostError: one cannot be made, started or removed.
     """
+    if isinstance(host, ScriptedMeasuringHost):
+        with host.test_partitions(shapes):
+            yield
+        return
     try:
         for shape in shapes:
             _make(host, shape, Scope(application=application, plan=MEASURING))
@@ -298,7 +295,10 @@ def running_test_partitions(
 
 
 def set_reserves(
-    host: StepwiseHost, application: str, shapes: Sequence[PartitionShape], reserves: Mapping[str, int]
+    host: StepwiseHost | ScriptedMeasuringHost,
+    application: str,
+    shapes: Sequence[PartitionShape],
+    reserves: Mapping[str, int],
 ) -> None:
     """Have each test partition reserve so many per cent; what gives back comes before what takes.
 
@@ -311,6 +311,9 @@ def set_reserves(
     Raises:
         HostError: the host did not do it.
     """
+    if isinstance(host, ScriptedMeasuringHost):
+        host.set_reserves(reserves)
+        return
     now = {
         partition.mark.name: partition.settings.reserve
         for partition in host.observe().of(application).partitions
@@ -323,7 +326,7 @@ def set_reserves(
             host.execute(cpu, Scope(application=application, plan=MEASURING))
 
 
-def remove_test_partitions(host: StepwiseHost) -> tuple[str, ...]:
+def remove_test_partitions(host: StepwiseHost | ScriptedMeasuringHost) -> tuple[str, ...]:
     """Remove every P1 and P2 that is on the host, whoever made it: who holds the lock knows that nobody measures.
 
     Args:
@@ -336,8 +339,11 @@ def remove_test_partitions(host: StepwiseHost) -> tuple[str, ...]:
         HostError: one cannot be removed.
     """
     partitions = [partition for partition in host.observe().partitions if is_test_partition(partition)]
-    for partition in partitions:
-        _remove(host, partition)
+    if not isinstance(host, ScriptedMeasuringHost):
+        for partition in partitions:
+            _remove(host, partition)
+    elif partitions:
+        host.remove_test_partitions()
     return tuple(sorted(partition_name(partition) for partition in partitions))
 
 

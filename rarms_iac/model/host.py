@@ -83,6 +83,8 @@ class HypervHost:
     vm_path: str | None = None
     generation: int = 2
     secure_boot: str | None = None
+    # Under which name the host keeps what guests are entered with.
+    credential: str | None = field(default=None, metadata={"sparse": True})
 
 
 class Mechanism(StrEnum):

@@ -63,6 +63,8 @@ class SettingEvidence:
     throttled_ms: Mapping[str, float] = field(default_factory=dict)  # how long its quota held a partition back
     stolen_ms: float = 0.0  # of all processors, by the machine below this one
     waiting_ms: float | None = None  # how long something waited for a processor (PSI); None: not counted
+    # By partition, how long a ready virtual processor waits for a logical one; None: not counted.
+    dispatch_wait_ns: Mapping[str, float] | None = field(default=None, metadata={"sparse": True})
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
 
     def since(self, before: "SettingEvidence") -> "SettingEvidence":

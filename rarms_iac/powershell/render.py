@@ -19,6 +19,7 @@ from rarms_iac.powershell.calls import DEVICE_READER, READER, ScriptPiece, creat
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.templates import (
+    ENTRY,
     StepText,
     as_script,
     fill,
@@ -205,6 +206,7 @@ def _fill(
         "name": script_name(host_plan, inside, undo=kind is RunKind.UNDO),
         **_head(kind, host_plan, plan, inside, steps),
         "run": run,
+        "entry": ENTRY,
         "plan": list(_plan_lines(kind, host_plan, steps)),
         "fixed": [runtime(), *map(part_text, parts)],
     }

@@ -53,6 +53,9 @@ def read(name: str) -> str:
 PLAN, FACTS, TARGET, STEP_CALL = "Add-Plan", "$script:Plan", "Use-Target", "Add-Step"
 """The function that holds a plan, the variable that gets the run's facts, and what the plan calls."""
 
+ENTRY, MEASURING_ENTRY = "Invoke-Run", "Invoke-Measuring"
+"""What calls the plan, at the end of a script: a plan's steps, or a measurement."""
+
 VM = "$script:Vm"
 """In a call: the machine that the step has read."""
 
@@ -141,6 +144,9 @@ PARTS = (
     "disks",
     "tasks",
     "unseen",
+    "bench",
+    "runner",
+    "measuring",
 )
 """Their names, in the order in which a script carries them."""
 

@@ -3,16 +3,17 @@
 A host that is measured on is also changed (`StepwiseHost`): lock, marks and removal are the same as everywhere.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.measurement import Bench, Sample, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Interference
 from rarms_iac.planner.task_classes import ClassValues
-from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.interface import ScriptedHost, StepwiseHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +84,18 @@ class RunningWork(Protocol):
         ...
 
 
-@runtime_checkable
-class MeasuringHost(StepwiseHost, Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionShape:
+    """What a test partition is made as; its reserve is set for each setting."""
+
+    name: str
+    processors: int
+    memory: int  # bytes
+    limit: int
+    weight: int
+
+
+class WorkHost(Protocol):
     """A host on which components can be run and looked at.
 
     What is measured must hold in service, where nothing but the reservation is promised. So P1 gets exactly CR as soon
@@ -94,6 +105,15 @@ class MeasuringHost(StepwiseHost, Protocol):
     keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the same about
     otherwise, and change that part for its logs.
     """
+
+    @property
+    def name(self) -> str:
+        """The host's name in the manifest."""
+        ...
+
+    def observe(self) -> State:
+        """Observe what is there now; the contract is that of `StepwiseHost.observe`."""
+        ...
 
     def bench(self) -> Bench:
         """Describe what of this machine can change what is measured on it, equal as long as that is equal.
@@ -135,3 +155,65 @@ class MeasuringHost(StepwiseHost, Protocol):
             HostError: it cannot be started.
         """
         ...
+
+    def lock(self, owner: str, timeout_ms: int = 0) -> AbstractContextManager[None]:
+        """Hold the host, as `StepwiseHost.lock`; where scripts change it, each script holds it while it runs."""
+        ...
+
+
+@runtime_checkable
+class StepwiseMeasuringHost(WorkHost, StepwiseHost, Protocol):
+    """A `WorkHost` whose test partitions are made by ordinary operations, one after another."""
+
+
+@runtime_checkable
+class ScriptedMeasuringHost(WorkHost, ScriptedHost, Protocol):
+    """A `WorkHost` whose test partitions are made by the script that measures, and are gone when it ends."""
+
+    def test_partitions(self, shapes: Sequence[PartitionShape]) -> AbstractContextManager[None]:
+        """Have these test partitions for every `run` in the context.
+
+        Args:
+            shapes: as they are made, with the first `run`; they are gone when the context has ended.
+
+        Raises:
+            HostError: they cannot be removed.
+        """
+        ...
+
+    def set_reserves(self, reserves: Mapping[str, int]) -> None:
+        """Have test partitions reserve so much from the next `run` on.
+
+        Args:
+            reserves: per cent of each processor, by name.
+        """
+        ...
+
+    def remove_test_partitions(self) -> None:
+        """Remove what a killed measurement left.
+
+        Raises:
+            HostError: one cannot be removed.
+        """
+        ...
+
+    def measuring_script(
+        self, application: str, shapes: Sequence[PartitionShape], partitions: Sequence[PartitionWork]
+    ) -> str:
+        """Make the script that measures this.
+
+        Args:
+            application: whose work it is.
+            shapes: of its test partitions.
+            partitions: what runs in them, and in others; without both it only removes what a killed one left.
+
+        Returns:
+            Its text, with CRLF.
+
+        Raises:
+            HostError: it cannot be observed, or something of the work cannot run there.
+        """
+        ...
+
+
+MeasuringHost = StepwiseMeasuringHost | ScriptedMeasuringHost

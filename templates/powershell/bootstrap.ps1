@@ -3,7 +3,8 @@
 # SHA-256, keeps them in a new folder that only its user can read, runs the first, passes its exit code on, and removes
 # them. Its bytes are always the same; without remarks and indentation they are what -EncodedCommand carries.
 # Input: 8 digits, the length of a table; the table, one line for the arguments and one `name length sha256` a file;
-# then the files' bytes. Any byte after that, or the end of the input, asks the script to stop before its next step.
+# then the files' bytes. Text with a dot after that, like `3 run 45 55.`, is laid beside the script, which reads it;
+# anything else, or the end of the input, asks the script to stop before its next step.
 $PSDefaultParameterValues = @{}
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
@@ -62,12 +63,14 @@ try {
     $start.RedirectStandardInput = $true
     $child = [System.Diagnostics.Process]::Start($start)
     $child.StandardInput.Close()
-    $more = $source.ReadAsync([byte[]]::new(1), 0, 1)
+    $data = [byte[]]::new(99)
+    $more = $source.ReadAsync($data, 0, 99)
     while (-not $child.WaitForExit(200)) {
-        if ($null -ne $more -and $more.IsCompleted) {
-            [System.IO.File]::WriteAllText($main + '.stop', 'stop')
-            $more = $null
-        }
+        if ($null -eq $more -or -not $more.IsCompleted) { continue }
+        $line = $ascii.GetString($data, 0, $more.Result)
+        $kind = if ($line -cmatch '\.') { '.next' } else { '.stop' }
+        [System.IO.File]::WriteAllText($main + $kind, $line)
+        $more = if ($line) { $source.ReadAsync($data, 0, 99) }
     }
     $code = $child.ExitCode
 } catch {

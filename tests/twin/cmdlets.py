@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from tests.twin import hyperv
+from tests.twin import guests, hyperv
 from tests.twin.commands import refused
 from tests.twin.dotnet import AccessList, content
 from tests.twin.host import ADMINISTRATORS, Entry, Interrupted, Key
@@ -323,6 +323,8 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
                 for vm in host.vms.values()
                 if vm.state == "Running"
             ]
+        case "Win32_PerfRawData_HvStats_HyperVHypervisorVirtualProcessor":
+            return guests.counters(host)
         case "Win32_PowerPlan":
             return [Record(InstanceID=plan, IsActive=True) for plan in host.power_plan]
         case _:
@@ -343,6 +345,9 @@ def _told(build: int) -> list[Value]:
 
 
 def start_sleep(scope: Scope, given: Given) -> Value:
+    if scope.session.runner is not None:
+        scope.session.runner.pass_time(number(given["milliseconds"]))
+        return EMPTY
     if scope.session.host.interrupt:
         raise Interrupted
     scope.session.host.clock += number(given["milliseconds"])
@@ -390,5 +395,10 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
         for where, policy in scope.session.host.execution_policy
     ],
     "get-content": get_content,
+    "new-pssession": guests.new_session,
+    "remove-pssession": guests.remove_session,
+    "invoke-command": guests.invoke_command,
+    "remove-job": guests.remove_job,
+    "convertto-securestring": lambda scope, given: Record(Secret=text(given["string"])),
     **hyperv.CMDLETS,
 }

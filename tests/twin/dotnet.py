@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from base64 import b64decode
 from collections.abc import Callable
 
+from tests.twin import guests
 from tests.twin.host import File, WindowsHost
 from tests.twin.operators import match_thing
 from tests.twin.scopes import Scope
@@ -325,6 +327,11 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("array", "sort"): _sort,
     ("hashtable", "new"): lambda scope, *given: Table(*(table.items() for table in given[:-1]), ordinal=True),
     ("string", "equals"): _equals,
+    ("management.automation.pscredential", "new"): lambda scope, user, password: Record(
+        UserName=text(user), Secret=password.get("Secret")
+    ),
+    ("convert", "frombase64string"): lambda scope, value: b64decode(text(value)),
+    **guests.CALLS,
     ("security.principal.windowsidentity", "getcurrent"): _identity,
     ("security.principal.securityidentifier", "new"): lambda scope, sid: text(sid),
     ("security.principal.windowsprincipal", "new"): lambda scope, identity: Principal(scope),

@@ -61,11 +61,36 @@ class Vm:
     shutdown_service: bool = True  # it answers while the machine runs
     services_at: int | None = None  # ms of the clock at which it begins to answer
     stop_fails: bool = False  # the job of Stop-VM does
+    started_at: int | None = None  # ms of the clock; None: long ago
+    counted_at: int = 0  # ms of the clock: until then the hypervisor's counters say what it did
+    ran: int = 0  # 100 ns, each of its virtual processors
+    waited: int = 0  # ns
+    dispatches: int = 0
 
     @property
     def active(self) -> bool:
         """Whether it holds memory and processor time."""
         return self.state not in ("Off", "Saved")
+
+
+@dataclass(slots=True, kw_only=True)
+class Program:
+    """What a program in a guest does: it takes so much processor time, then ends; or writes a line each time."""
+
+    work_ms: float = 0.0  # 0: it goes on for ever, and says nothing
+    line: str = ""  # with `{ms}` for how long it took
+    code: int = 0
+
+
+@dataclass(slots=True)
+class Process:
+    """A process inside a guest."""
+
+    program: str
+    arguments: str
+    parent: int
+    vm: str  # id
+    alive: bool = True
 
 
 @dataclass(slots=True, kw_only=True)
@@ -138,6 +163,11 @@ class WindowsHost:
     kill_before: int | None = None  # number of the effect, from 0
     kill_after: int | None = None
     fail_at: int | None = None
+    guest_user: str = "robot"
+    guest_secret: str = "0123456789abcdef"  # as ConvertFrom-SecureString writes it
+    guest_files: dict[str, bytes] = field(default_factory=dict)
+    programs: dict[str, Program] = field(default_factory=dict)  # of guests, by file name
+    processes: list[Process] = field(default_factory=list)  # in guests
     tear: bool = False  # a write that is killed leaves half of its bytes
     watch: Callable[[WindowsHost], None] | None = None  # called after every effect
 

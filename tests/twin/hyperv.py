@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from rarms_iac.providers.simulated.rules import packs
+from tests.twin import guests
 from tests.twin.host import Vm, WindowsHost
 from tests.twin.members import cast
 from tests.twin.scopes import Scope
@@ -250,7 +251,7 @@ def start_vm(scope: Scope, given: Given) -> Value:
     wide = vm.reserve and places_of(vm, smt=smt) > places
     if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, places))):
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
-    _set(scope, vm, "Start-VM", {"state": "Running"})
+    _set(scope, vm, "Start-VM", {"state": "Running", "started_at": host.clock})
     return EMPTY
 
 
@@ -284,6 +285,8 @@ def stop_vm(scope: Scope, given: Given) -> Value:
 
 
 def receive_job(scope: Scope, given: Given) -> Value:
+    if isinstance(given["job"], guests.Job):
+        return guests.receive(scope, given["job"])
     raise ScriptError("The guest refused to shut down. (0x80070015)", error_id="OperationFailed")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from rarms_iac.powershell.tree import sound
 from tests.twin.expressions import parameters_of
+from tests.twin.guests import drop_sessions
 from tests.twin.host import Interrupted, Killed, WindowsHost
 from tests.twin.scopes import Body, Cmdlet, Exit, Parameter, Scope, Session
 from tests.twin.statements import block_of
@@ -63,7 +64,7 @@ def _compiled(script: bytes) -> _Compiled:
     return _Compiled(tuple(parameter for piece in pieces for parameter in piece.parameters), body)
 
 
-_EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-Run )"
+_EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-(?:Run|Measuring) )"
 """Between what is fixed in scripts and what follows it: the tree of the whole is those of its pieces, one by one."""
 
 
@@ -116,8 +117,9 @@ def run(
     abandon: bool = False,
     unanswered: bool = False,
     lock_timeout: int = 0,
+    output: list[Value] | None = None,
 ) -> Ran:
-    """Runs the script of this name that lies on the host, as an elevated operator would."""
+    """Runs the script of this name that lies on the host, as an elevated operator would; its lines go to `output`."""
     file = host.file(f"{FOLDER}\\{name}")
     assert file is not None
     assert file.data is not None
@@ -125,6 +127,7 @@ def run(
         return Ran(code=1, lines=(), talk=(f"File {file.path} cannot be loaded. {refusal}",))
     session = Session(host, windows_powershell=windows_powershell, path=file.path, what_if=what_if, declined=declined)
     session.unanswered = unanswered
+    session.output = [] if output is None else output
     host.clock += BETWEEN_RUNS_MS
     code: int | None
     try:
@@ -134,6 +137,7 @@ def run(
         code = 0
     except Killed:
         code = None
+        drop_sessions(session)
         host.mutex = "abandoned" if host.mutex == "ours" else host.mutex
     assert host.mutex != "ours", "a process that ends gives the mutex back"
     return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk))

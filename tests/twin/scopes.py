@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from tests.twin.values import ScriptError, Thing, Value
 
 if TYPE_CHECKING:
+    from tests.twin.guests import Runner
     from tests.twin.host import WindowsHost
 
 
@@ -71,6 +72,8 @@ class Session:
     declined: frozenset[str] = frozenset()  # addresses, or actions, at which the person at the prompt says no
     unanswered: bool = False  # -Confirm, and nobody is at a console
     process: int = 4711
+    runner: Runner | None = None  # where the script runs inside a guest
+    runners: list[Runner] = field(default_factory=list)  # what it started inside guests
     functions: dict[str, Function] = field(default_factory=dict)
     output: list[Value] = field(default_factory=list)  # the end of the pipeline: lines on standard output
     talk: list[str] = field(default_factory=list)  # lines of the information stream

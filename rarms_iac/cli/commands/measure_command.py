@@ -8,9 +8,10 @@ from rarms_iac.app.combining import combine_if_wanted
 from rarms_iac.app.experiments import MeasureRequest, reserves_between
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.measure import MeasureOutcome, measure_components
+from rarms_iac.app.measure import MeasureOutcome, measure_components, measuring_scripts
 from rarms_iac.app.narrowing import NarrowingConsent, always_narrows, narrow
 from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.scripts import write_scripts
 from rarms_iac.app.stopping_to_measure import StopConsent
 from rarms_iac.app.tune import TuneRequest
 from rarms_iac.cli.codes import ExitCode
@@ -41,6 +42,7 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.measure import measure_json, summary_text
 from rarms_iac.views.questions import narrow_question
+from rarms_iac.views.scripts import script_text
 from rarms_iac.views.tune import manifest_changes, tuned_text
 
 STRATEGIES = ("default", "bisection", "paper")
@@ -124,6 +126,8 @@ def experiment_options(function: F) -> F:
 @manifest_options
 @host_options
 @click.option("--interactive", is_flag=True, help="Measure a coarse curve, and ask for the level that is good enough.")
+@click.option("--script", is_flag=True, help="Show the PowerShell that would run on Hyper-V hosts; nothing is run.")
+@click.option("--out", metavar="FOLDER", help="With --script: write the exact bytes there.")
 @stop_option
 @click.option(
     "--write-processors",
@@ -140,6 +144,8 @@ def measure_command(
     host_selection: HostSelection,
     request: MeasureRequest,
     interactive: bool,
+    script: bool,
+    out: str | None,
     stop_partitions: bool,
     write_processors: bool,
     as_json: bool,
@@ -152,6 +158,10 @@ def measure_command(
     Where partitions of the application run, they must be stopped: it asks at a terminal, or give --stop-partitions.
     They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`.
     """
+    if script:
+        return _show_scripts(session, select_hosts(load_manifest(source), host_selection), request, out)
+    if out is not None:
+        raise click.UsageError("--out is for scripts: add --script.", click.get_current_context())
     if interactive:
         refuse_without_terminal(session, source)
         request = replace(request, coarse=not (request.reserves or request.verify or request.strategy != "default"))
@@ -193,6 +203,18 @@ def _exit_code(session: Session, outcome: MeasureOutcome) -> ExitCode:
         session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
         return session.interrupts.exit_code or ExitCode.DONE
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
+
+
+def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: str | None) -> ExitCode:
+    scripts = measuring_scripts(hosts, request)
+    if out is not None:
+        for path in write_scripts(scripts, out):
+            session.terminal.talk(f"Wrote {path}.")
+        return ExitCode.DONE
+    for script in scripts:
+        session.terminal.data(f"# {script.name}\n")
+        session.terminal.data(script_text(script.text, colour=session.terminal.colour))
+    return ExitCode.DONE
 
 
 def _asking(session: Session) -> NarrowingConsent:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.common import Violation
 from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.host import HypervHost
 from rarms_iac.model.system import System
 
 SECRET_IN_CLEAR = Finding.error("RARMS090", "The manifest contains a secret")
@@ -17,12 +18,17 @@ _SECRET = re.compile(r"(?i)(password|passwd|passphrase|secret|api_?key|access_?k
 
 def secret_in_clear(system: System) -> Iterator[Violation]:
     """Credentials that do not look like the name of one."""
-    for partition in system.partitions.values():
-        credential = partition.guest.credential
+    named = [
+        (("partitions", name, "guest"), name, request.guest.credential) for name, request in system.partitions.items()
+    ]
+    for name, host in system.hosts.items():
+        if isinstance(host.settings, HypervHost):
+            named.append((("hosts", name, "hyperv"), name, host.settings.credential))
+    for path, name, credential in named:
         if credential is not None and not is_reference(credential):
             yield Violation(
-                path=("partitions", partition.name, "guest", "credential"),
-                detail=f'The credential of "{partition.name}" looks like the secret itself. The manifest lies in git, '
+                path=(*path, "credential"),
+                detail=f'The credential of "{name}" looks like the secret itself. The manifest lies in git, '
                 "where others can read it and nothing is deleted.",
                 advice="Write the name under which the credential is stored: letters, digits and . _ / - only, for "
                 "example `robot/guest`. Change the secret if it was committed.",

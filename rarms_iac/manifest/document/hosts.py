@@ -91,6 +91,9 @@ class HypervHostBlock(Block):
         "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets what the file name of its image "
         "suggests, and one that exists keeps what it has."
     )
+    credential: Maybe[Filled] = optional(
+        "The name under which the host keeps what guests are entered with, to measure in them; never the secret itself."
+    )
 
 
 MechanismName = Annotated[Mechanism, Field(strict=False)]

@@ -49,7 +49,7 @@ _HOST = _map(
         "windows_build guest_windows_build client scheduler smt administrator faults",
         faults=_named(_map("operation at effect delay times", delay=QUANTITY)),
     ),
-    hyperv=_map("generation switch image vm_path secure_boot"),
+    hyperv=_map("generation switch image vm_path secure_boot credential"),
     linux=_map("slice control_groups mechanism"),
 )
 

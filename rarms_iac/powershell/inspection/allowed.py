@@ -7,10 +7,11 @@ from rarms_iac.powershell.templates import VM
 
 
 class ScriptKind(StrEnum):
-    """Purposes of a script; only the first two may change anything. The bootstrap runs the others over ssh."""
+    """Purposes of a script; only the first three may change anything. The bootstrap runs the others over ssh."""
 
     APPLY = "apply"
     UNDO = "undo"
+    MEASURE = "measure"
     OBSERVE = "observe"
     BOOTSTRAP = "bootstrap"
 
@@ -173,6 +174,35 @@ CHANGING = Lists(
     pins=_PINS | {_NO_PROMPT},
     blocks=words("$read $set $fits $guard $Steps"),
 )
+MEASURING = Lists(
+    constructs=CHANGING.constructs,
+    qualified=CHANGING.qualified,
+    plain=CHANGING.plain
+    | words("ConvertTo-SecureString Get-CimInstance Invoke-Command New-PSSession Remove-Job Remove-PSSession"),
+    types=CHANGING.types
+    | words(
+        """
+        System.Convert System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
+        System.IO.Path System.Management.Automation.PSCredential
+        """
+    ),
+    members=CHANGING.members
+    | words(
+        """
+        CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables Exists ExitCode Folder
+        FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine Partition
+        PercentTotalRunTime ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
+        Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
+        Credential Generation SecureBoot arguments child environment exists files folder instances period_ticks program
+        timeout_ms used
+        """
+    ),
+    operators=CHANGING.operators | words("-ge"),
+    given_variables=CHANGING.given_variables,
+    pins=CHANGING.pins,
+    blocks=CHANGING.blocks,
+)
+"""A measuring script also reaches into guests, and reads what the hypervisor counts."""
 
 
 BOOTSTRAP = Lists(
@@ -190,12 +220,12 @@ BOOTSTRAP = Lists(
         """
         ASCII Arguments Close ComputeHash Count Create CreateDirectory CreateTempSubdirectory Delete Error Exception
         ExitCode FileName FullName GetCurrent GetCurrentProcess GetString GetTempPath IsCompleted Length MainModule
-        Message NewGuid OpenStandardInput Out Read ReadAsync RedirectStandardInput Replace
+        Message NewGuid OpenStandardInput Out Read ReadAsync RedirectStandardInput Replace Result
         SetSecurityDescriptorSddlForm StandardInput Start ToLowerInvariant ToString User UseShellExecute Value
         WaitForExit WriteAllBytes WriteAllText WriteLine new
         """
     ),
-    operators=words(", = += ++ -and -ceq -cne -cnotmatch -eq -f -lt -ne -not -replace -split + - . :: |"),
+    operators=words(", = += ++ -and -ceq -cmatch -cne -cnotmatch -eq -f -lt -ne -not -or -replace -split + - . :: |"),
     given_variables=words("$_ $false $null $true $env:OS"),
     pins=_PINS | {_SILENT_PROGRESS},
 )
@@ -210,3 +240,5 @@ def lists_of(kind: ScriptKind) -> Lists:
             return BOOTSTRAP
         case ScriptKind.APPLY | ScriptKind.UNDO:
             return CHANGING
+        case ScriptKind.MEASURE:
+            return MEASURING

@@ -39,7 +39,7 @@ def inspect(
     if problems:
         return problems
     whole = script.decode("ascii")
-    changes = kind in (ScriptKind.APPLY, ScriptKind.UNDO)
+    changes = kind not in (ScriptKind.OBSERVE, ScriptKind.BOOTSTRAP)
     text = without_fixed(whole) if changes and trusting else whole
     try:
         root = sound(text)
@@ -100,5 +100,5 @@ def _check(script: Script, whole: str) -> Iterator[Diagnostic]:
         yield from check_whole(script.name, script.text, read("bootstrap.ps1"))
     else:
         parts = split_script(whole)
-        yield from check_layout(script.name, parts)
+        yield from check_layout(script.name, parts, script.entry)
         yield from check_steps(script, [(piece.first, piece.last) for piece in parts.fixed])

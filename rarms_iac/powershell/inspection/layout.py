@@ -119,8 +119,17 @@ def _next_part(lines: list[str], at: int) -> FixedPiece | None:
     return None if name is None else _piece(lines, at, name, part_end(name))
 
 
-def check_layout(name: str, parts: ScriptParts) -> Iterator[Diagnostic]:
-    """The head holds comments only and asks for what the runtime needs; what is fixed is what rarms ships."""
+def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnostic]:
+    """The head holds comments only and asks for what the runtime needs; what is fixed is what rarms ships.
+
+    Args:
+        name: the script's, for the findings.
+        parts: of the script.
+        entry: the function that its last line calls.
+
+    Yields:
+        What is otherwise.
+    """
     top = Place(file=name, line=1, column=1)
     if not parts.fixed:
         yield RUNTIME.at(top, "it has no runtime", "render the script again")
@@ -132,7 +141,7 @@ def check_layout(name: str, parts: ScriptParts) -> Iterator[Diagnostic]:
             place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
     problems = [*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.plan + parts.end)]
-    opening, between, closing = _frame()
+    opening, between, closing = _frame(entry)
     if not parts.plan.startswith(opening):
         problems.append("before the plan stands something else than its parameters and settings")
     if parts.fixed and not (parts.plan.endswith(between) and parts.end == closing):
@@ -144,7 +153,7 @@ def check_layout(name: str, parts: ScriptParts) -> Iterator[Diagnostic]:
 def _carried_problems(parts: ScriptParts) -> Iterator[str]:
     """Each part that the steps need, once and in order, and no other."""
     try:
-        needed = parts_for(parts.plan)
+        needed = parts_for(parts.plan + parts.end)
     except NotTokens:
         return  # that is told of the steps
     carried = tuple(piece.name for piece in parts.fixed if piece.name)
@@ -228,10 +237,10 @@ def _help_problems(text: str) -> Iterator[str]:
             yield f"its help says {quoted(line, 40)}"
 
 
-def _frame() -> tuple[str, str, str]:
+def _frame(entry: str) -> tuple[str, str, str]:
     """What the template has before the run's facts, between plan and fixed parts, and behind these."""
     text = read("script.ps1.j2")
     opening = text[text.index(PARAMETERS) :].partition("{{")[0]
     plan, _, closing = text.partition("{{ text }}\n{% endfor %}\n")
     between = plan.rpartition("{{ line }}\n{% endfor %}\n")[2].partition("{%")[0]
-    return opening, between, closing
+    return opening, between, closing.replace("{{ entry }}", entry)

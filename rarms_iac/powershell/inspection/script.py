@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.inspection.allowed import Lists, ScriptKind, lists_of
+from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY
 from rarms_iac.powershell.tree import text_of, walk
 
 if TYPE_CHECKING:
@@ -58,6 +59,11 @@ class Script:
     def lists(self) -> Lists:
         """The lists of all that it may be made of."""
         return lists_of(self.kind)
+
+    @property
+    def entry(self) -> str:
+        """The function that its last line calls."""
+        return MEASURING_ENTRY if self.kind is ScriptKind.MEASURE else ENTRY
 
     def problem(self, finding: Finding, node: "Node", detail: str, advice: str) -> Diagnostic:
         """One case of a finding, where the node stands."""

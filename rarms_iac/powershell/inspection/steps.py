@@ -10,7 +10,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.powershell.inspection.allowed import words
+from rarms_iac.powershell.inspection.allowed import ScriptKind, words
 from rarms_iac.powershell.inspection.script import CommandCall, Script, call_of
 from rarms_iac.powershell.templates import FACTS, PLAN, STEP_CALL, TARGET, VM, StepText, fill, step_lines, target_line
 from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of
@@ -36,6 +36,7 @@ _WRITERS = words("""
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass
     Clear-DiskFile Add-PartitionDisk Clear-NetworkAdapter
     """)
+_MEASURES = words("Add-TestPartition Add-GuestWork")
 _VALUES = words("Get-PendingName Get-DiskPath Hyper-V\\Get-VMHardDiskDrive")
 _HARMLESS = "'x'"
 
@@ -94,7 +95,8 @@ def _filled_template(script: Script, roots: Sequence["Node"]) -> tuple[ShapeNode
             **dict.fromkeys(("synopsis", "name", "usage"), ""),
             **dict.fromkeys(("description", "notes", "requirements", "fixed"), ()),
             "run": _template_run(facts),
-            "plan": [line for call in calls for line in _template_call_lines(call)],
+            "entry": script.entry,
+            "plan": [line for call in calls for line in _template_call_lines(call, script.kind)],
         },
     )
     return shape_of(_top(parse(text.decode("ascii"))))
@@ -118,7 +120,9 @@ def plan_of(root: "Node") -> tuple["Node | None", tuple[CommandCall, ...]]:
     return assignment.children[-1], calls
 
 
-def _template_call_lines(call: CommandCall) -> list[str]:
+def _template_call_lines(call: CommandCall, kind: ScriptKind) -> list[str]:
+    if kind is ScriptKind.MEASURE:
+        return [f"    {_call_text(call, _MEASURES)}"]
     given = {parameter.name: parameter.value for parameter in call.given}
     if call.name == TARGET and given.keys() == {"Address", "Read"}:
         return [target_line(_HARMLESS, _template_call(_value_of(call, given, "Read"), _READERS))]

@@ -109,8 +109,10 @@ class LiveHypervHost:
         self, script: ScriptBundle, arguments: tuple[str, ...], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
         """Run the files, each as somebody signed it, where its signed copy says the same to the byte."""
-        files = {name: self._signed_copy(name, text) for name, text in script.files.items()}
-        return self._transport.run(replace(script, files=files), arguments, silence_s, listener)
+        return self._transport.run(self._as_signed(script), arguments, silence_s, listener)
+
+    def _as_signed(self, script: ScriptBundle) -> ScriptBundle:
+        return replace(script, files={name: self._signed_copy(name, text) for name, text in script.files.items()})
 
     def _signed_copy(self, name: str, text: str) -> str:
         if self._signed is None:
@@ -170,8 +172,12 @@ class LiveHypervHost:
 
 def open_hyperv(host: Host, signed: Path) -> LiveHypervHost:
     """The host that this describes: over ssh, or this computer; with the folder of what somebody signed for it."""
-    transport = LocalTransport(host.name) if host.connect is None else SshTransport(host.name, host.connect)
-    return LiveHypervHost(host, transport, signed)
+    return LiveHypervHost(host, transport_to(host), signed)
+
+
+def transport_to(host: Host) -> Transport:
+    """The way to a host: over ssh, or this computer's own PowerShell."""
+    return LocalTransport(host.name) if host.connect is None else SshTransport(host.name, host.connect)
 
 
 class _Events:

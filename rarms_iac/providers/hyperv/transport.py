@@ -6,7 +6,8 @@ Both are given the same bytes and say the same: lines, and an exit code.
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -23,6 +24,7 @@ from rarms_iac.providers.channel import (
 from rarms_iac.providers.hyperv import bootstrap
 from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
+STOPPING_SECONDS = 120.0  # for a script to remove what it made
 SHELLS = ("pwsh", "powershell")
 OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """Nobody but the owner, Administrators and SYSTEM, wherever `TEMP` points."""
@@ -40,8 +42,36 @@ class Listener(Protocol):
         ...
 
 
+class ScriptSession(Protocol):
+    """A script that runs, and is told things meanwhile."""
+
+    def next_line(self, silence_s: float) -> str | None:
+        """The next line of its standard output; None: it has ended.
+
+        Raises:
+            SilenceTimeout: nothing came for so long.
+        """
+        ...
+
+    def send(self, line: str) -> None:
+        """Have this text, which ends with a dot, in the file beside the script that ends with `.next`."""
+        ...
+
+    def ended(self) -> ScriptExited | ScriptLost:
+        """How it ended; waits for it for a while."""
+        ...
+
+
 class Transport(Protocol):
     """A way to a host."""
+
+    def session(self, script: ScriptBundle, arguments: Sequence[str]) -> AbstractContextManager[ScriptSession]:
+        """Run these bytes there, and talk with them. When the context ends, or rarms dies, the script is asked to stop.
+
+        Raises:
+            HostFailed: there was no way to it; nothing was run.
+        """
+        ...
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
@@ -76,6 +106,14 @@ class LocalTransport:
                 channel.close()
                 return _follow(channel, silence_s, listener, stop.touch)
 
+    @contextmanager
+    def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
+        """See the protocol; the bootstrap starts it here, too, since it notices when rarms is gone."""
+        words = (self._program(), *bootstrap.remote_words(SHELLS[0])[1:])
+        with _ready_channel(self._host, "this computer", words) as channel:
+            with _session(channel, script, arguments) as session:
+                yield session
+
     def _program(self) -> str:
         for shell in SHELLS:
             if found := shutil.which(bootstrap.program_of(shell)):
@@ -100,9 +138,7 @@ class SshTransport:
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
         """See the protocol; nothing is sent before the other end says that it is ready."""
-        words = ssh_words(self._connect.ssh, bootstrap.remote_words(self._connect.shell))
-        with open_channel(self._host, words) as channel:
-            self._await_ready(channel)
+        with self._ready() as channel:
             channel.send(bootstrap.frame(script, arguments))
             refusal = _RefusalListener(listener)
             ended = _follow(channel, silence_s, refusal, lambda: channel.send(bootstrap.STOP))
@@ -112,15 +148,50 @@ class SshTransport:
                 return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
             return ended
 
-    def _await_ready(self, channel: Channel) -> None:
-        target = self._connect.ssh
-        if await_line(channel, self._host, target, lambda line: line == bootstrap.READY) is None:
-            program, message = bootstrap.program_of(self._connect.shell), last_of(channel.error_lines)
-            raise HostFailed(
-                self._host,
-                f"{program} does not start on {target} (exit code {channel.code()}): {message}",
-                "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
-            )
+    @contextmanager
+    def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
+        """See the protocol."""
+        with self._ready() as channel, _session(channel, script, arguments) as session:
+            yield session
+
+    def _ready(self) -> AbstractContextManager[Channel]:
+        words = ssh_words(self._connect.ssh, bootstrap.remote_words(self._connect.shell))
+        return _ready_channel(self._host, self._connect.ssh, words)
+
+
+class _BootstrapSession:
+    """A `ScriptSession` behind the bootstrap, which asks the script to stop when its input ends: rarms may be dead."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+
+    def next_line(self, silence_s: float) -> str | None:
+        """See the protocol."""
+        return self._channel.next_line(silence_s, lambda: None)
+
+    def send(self, line: str) -> None:
+        """See the protocol."""
+        self._channel.send(line.encode("ascii"))
+
+    def ended(self) -> ScriptExited | ScriptLost:
+        """See the protocol."""
+        code = self._channel.code()
+        if code is None:
+            return ScriptLost(why="it closed its output and did not end")
+        return ScriptExited(code=code, last_lines=self._channel.error_lines)
+
+
+@contextmanager
+def _session(channel: Channel, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[_BootstrapSession]:
+    """Run a script behind a bootstrap that is ready, until it has removed what it made."""
+    channel.send(bootstrap.frame(script, arguments))
+    try:
+        yield _BootstrapSession(channel)
+    finally:
+        channel.send(bootstrap.STOP)
+        with suppress(SilenceTimeout):
+            while channel.next_line(STOPPING_SECONDS, lambda: None) is not None:
+                continue
 
 
 class _RefusalListener:
@@ -138,6 +209,24 @@ class _RefusalListener:
 
     def should_stop(self) -> bool:
         return self._listener.should_stop()
+
+
+@contextmanager
+def _ready_channel(host: str, target: str, words: Sequence[str]) -> Iterator[Channel]:
+    """Start what ends in a bootstrap, and wait until that is ready.
+
+    Raises:
+        HostFailed: ssh does not get through, or PowerShell does not start.
+    """
+    with open_channel(host, words) as channel:
+        if await_line(channel, host, target, lambda line: line == bootstrap.READY) is None:
+            message = f"PowerShell does not start on {target} (exit code {channel.code()}): "
+            raise HostFailed(
+                host,
+                message + last_of(channel.error_lines),
+                "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
+            )
+        yield channel
 
 
 def protect(path: str, descriptor: str) -> None:

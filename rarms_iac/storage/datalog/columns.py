@@ -106,6 +106,9 @@ def _rounded_evidence(evidence: SettingEvidence) -> SettingEvidence:
         throttled_ms={name: round(time, DIGITS) for name, time in sorted(evidence.throttled_ms.items())},
         stolen_ms=round(evidence.stolen_ms, DIGITS),
         waiting_ms=None if evidence.waiting_ms is None else round(evidence.waiting_ms, DIGITS),
+        dispatch_wait_ns=None
+        if evidence.dispatch_wait_ns is None
+        else {name: round(time, DIGITS) for name, time in sorted(evidence.dispatch_wait_ns.items())},
     )
 
 

@@ -1,0 +1,176 @@
+"""A measurement as a script: the test partitions that it makes, and what it runs inside guests meanwhile.
+
+One script an experiment. It holds the host, makes the test partitions, is told setting after setting what to reserve
+(docs/hyperv.md), passes on what guests say, and removes what it made, however it ends. Without partitions and work it
+only removes what a killed one left.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import floor
+
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.host import Host
+from rarms_iac.model.state import HostFacts
+from rarms_iac.model.wording import remark
+from rarms_iac.powershell.calls import call
+from rarms_iac.powershell.literals import Scalar, literal
+from rarms_iac.powershell.templates import MEASURING_ENTRY, fill, part_text, parts_for, runtime
+from rarms_iac.storage.digest import canonical
+
+UNPLANNED = "0" * 12
+"""Stands for a plan's id in pending names, marks and names of disks: test partitions belong to no plan."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestMachine:
+    """A test partition as the script makes it; its reserve is told for each setting."""
+
+    name: str
+    processors: int
+    memory: int  # bytes
+    limit: int
+    weight: int
+    generation: int
+    image: str
+    folder: str  # empty: the host's own
+    secure_boot: str  # a template, or off; empty: as the host makes it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuestWork:
+    """A program that runs inside the guest of a partition, and how it is heard."""
+
+    partition: str
+    credential: str  # under which name the host keeps it
+    name: str  # a component's; empty: a load's
+    kind: str  # lines, runs or load
+    words: tuple[str, ...]
+    folder: str = ""  # in the guest; empty: one of its own, with the files
+    environment: Mapping[str, str] | None = None
+    files: Mapping[str, str] | None = None  # by path below the folder: base64
+    period_ticks: int = 0  # 100 ns; 0: the next job starts when the last one ended
+    timeout_ms: int = 0
+    instances: int = 1
+
+
+def render_measuring(
+    host: Host, facts: HostFacts, application: str, machines: Sequence[TestMachine], works: Sequence[GuestWork]
+) -> bytes:
+    """Make the script.
+
+    Args:
+        host: as the manifest describes it.
+        facts: of the host as it was observed.
+        application: whose partitions they are.
+        machines: test partitions, in the order in which their reserves are told.
+        works: programs inside guests; none: the script only removes test partitions.
+
+    Returns:
+        ASCII text with CRLF.
+
+    Raises:
+        NoLiteral: a value cannot be written into a script.
+    """
+    lines = [
+        *(line for machine in machines for line in ("", f"    # === test partition {machine.name}", _machine(machine))),
+        *(line for work in works for line in ("", f"    # === in {work.partition}: {_title(work)}", _work(work))),
+    ]
+    name = script_name(host)
+    removal = "Remove the test partitions that a killed measurement left, with their disks."
+    values = {
+        "requirements": ("-Modules Hyper-V", "-RunAsAdministrator"),
+        "name": name,
+        "synopsis": remark(f"rarms measure script: application {application}, on {host.name}."),
+        "description": (
+            f"Computer {remark(facts.computer_name)}.",
+            *(f"Makes {machine.name} from {remark(machine.image)}." for machine in machines),
+            *(f"Runs {_title(work)} inside {work.partition}." for work in works),
+            "However it ends, it removes the test partitions and their disks." if works else removal,
+        ),
+        "usage": "Measure: rarms says beside it which setting is next." if works else removal,
+        "notes": (),
+        "run": _run(host, facts, application),
+        "entry": MEASURING_ENTRY,
+        "plan": lines,
+        "fixed": [runtime(), *map(part_text, parts_for("\n".join(["Assert-VmHost", MEASURING_ENTRY, *lines])))],
+    }
+    return fill("script.ps1.j2", values)
+
+
+def script_name(host: Host) -> str:
+    """Name the script of a host: `onboard.measure.ps1`."""
+    return f"{host.name}.measure.ps1"
+
+
+def _title(work: GuestWork) -> str:
+    return remark(work.name or f"the load {work.words[0]}")
+
+
+def _run(host: Host, facts: HostFacts, application: str) -> dict[str, str]:
+    capacity = capacity_of(host, facts)
+    values: dict[str, Scalar] = {
+        "kind": "measure",
+        "plan": UNPLANNED,
+        "application": application,
+        "serial": 0,
+        "undo": "",
+        "undo_digest": "",
+        "guest": "",
+        "computer": facts.computer_name,
+        "logical_processors": facts.logical_processors,
+        "cores": capacity.cores,
+        "threads_per_core": capacity.sharing.threads,
+        "percent": max(0, floor(100 * capacity.processors)),
+        "memory": capacity.memory,
+        "accept_scheduler": False,
+    }
+    return {**{name: literal(value) for name, value in values.items()}, "guard": "Assert-VmHost"}
+
+
+def _machine(machine: TestMachine) -> str:
+    return "    " + call(
+        "Add-TestPartition",
+        Name=literal(machine.name),
+        Processors=literal(machine.processors),
+        Memory=literal(machine.memory),
+        Limit=literal(machine.limit),
+        Weight=literal(machine.weight),
+        Generation=literal(machine.generation),
+        Image=literal(machine.image),
+        Type=literal("vhd" if machine.image.lower().endswith(".vhd") else "vhdx"),
+        Folder=literal(machine.folder),
+        SecureBoot=literal(machine.secure_boot),
+    )
+
+
+def _work(work: GuestWork) -> str:
+    return "    " + call(
+        "Add-GuestWork",
+        Partition=literal(work.partition),
+        Credential=literal(work.credential),
+        Name=literal(work.name),
+        Kind=literal(work.kind),
+        Program=literal(work.words[0]),
+        Arguments=literal(command_line(work.words[1:])),
+        Folder=literal(work.folder),
+        Environment=literal(canonical(dict(work.environment or {}))),
+        Files=literal(canonical(dict(work.files or {}))),
+        PeriodTicks=literal(work.period_ticks),
+        TimeoutMs=literal(work.timeout_ms),
+        Instances=literal(work.instances),
+    )
+
+
+def command_line(words: Sequence[str]) -> str:
+    """Join a program's arguments as Windows programs take them apart again (CommandLineToArgvW).
+
+    Args:
+        words: without the program itself.
+
+    Returns:
+        One line of text.
+    """
+    from subprocess import list2cmdline
+
+    return list2cmdline(words)

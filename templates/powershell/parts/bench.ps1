@@ -1,0 +1,76 @@
+# --- part bench: the same bytes in every script that carries it --------------------------------
+# Test partitions: machines that are there while a script measures, and are removed with their disks.
+
+$script:Tests = @()             # in the order in which their reserves are asked for
+$script:TestDisk = '[\\/]rarms-p[12]-0{12}\.vhdx?$'
+
+function Add-TestPartition {
+    param(
+        [string] $Name, [long] $Processors, [long] $Memory, [long] $Limit, [long] $Weight, [long] $Generation,
+        [string] $Image, [string] $Type, [string] $Folder, [string] $SecureBoot
+    )
+    $script:Tests += @{
+        Name = $Name; Processors = $Processors; Memory = $Memory; Limit = $Limit; Weight = $Weight; Image = $Image
+        Generation = $Generation; Type = $Type; Folder = $Folder; SecureBoot = $SecureBoot; Machine = ''
+    }
+}
+
+function Add-TestMachine {
+    # As a plan makes a partition: marked at once, named last; a killed run leaves what Clear-TestPartition knows.
+    param([System.Collections.IDictionary] $Test)
+    Write-Progressed -Partition $Test.Name -Status 'begun' -Detail 'make it'
+    $name = Get-PendingName -Name $Test.Name
+    $generation = $Test.Generation
+    $bytes = $Test.Memory
+    if ($Test.Folder) {
+        $vm = Hyper-V\New-VM -Name $name -Generation $generation -MemoryStartupBytes $bytes -NoVHD -Path $Test.Folder
+    } else {
+        $vm = Hyper-V\New-VM -Name $name -Generation $generation -MemoryStartupBytes $bytes -NoVHD
+    }
+    $script:Vm = $vm
+    Write-Mark
+    $disk = Get-DiskPath -Folder $Test.Folder -Name $Test.Name -Type $Test.Type
+    $old = Read-Disk -Path $disk -Parent $Test.Image -Everywhere
+    if ($old.exists -and (-not $old.child -or $old.used)) {
+        Exit-Refused -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
+    }
+    if ($old.exists) { Clear-DiskFile -Path $disk }
+    [void] (Hyper-V\New-VHD -Path $disk -ParentPath $Test.Image -Differencing)
+    Add-PartitionDisk -Path $disk
+    Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes $Test.Memory
+    Clear-NetworkAdapter
+    Hyper-V\Set-VMProcessor -VM $vm -Count $Test.Processors -Reserve 0
+    Hyper-V\Set-VMProcessor -VM $vm -Maximum $Test.Limit -RelativeWeight $Test.Weight
+    Hyper-V\Set-VM -VM $vm -AutomaticStartAction 'Nothing' -AutomaticStopAction 'TurnOff' -CheckpointType 'Disabled'
+    if ($Test.Generation -eq 2) {
+        if ($Test.SecureBoot -ceq 'off') { Hyper-V\Set-VMFirmware -VM $vm -EnableSecureBoot 'Off' }
+        elseif ($Test.SecureBoot) {
+            Hyper-V\Set-VMFirmware -VM $vm -EnableSecureBoot 'On' -SecureBootTemplate $Test.SecureBoot
+        }
+        Hyper-V\Set-VMFirmware -VM $vm -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $vm)
+    }
+    Hyper-V\Rename-VM -VM $vm -NewName $Test.Name
+    Hyper-V\Start-VM -VM $vm
+    $Test.Machine = [string] $vm.Id
+    Write-Progressed -Partition $Test.Name -Status 'changed' -Detail 'it runs'
+}
+
+function Clear-TestPartition {
+    # Removes every test partition with its disk, whoever made it: who holds this computer knows that nobody measures.
+    param([switch] $Tell)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $mark = Get-Mark -Vm $vm
+        $called = if ($mark.Name) { $mark.Name + '.rarms-000000000000' } else { [string] $vm.Name }
+        if (-not ($called -cmatch '^rarms-p[12]\.rarms-0{12}$')) { continue }
+        $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Where-Object -FilterScript {
+            [string] $_.Path -cmatch $script:TestDisk
+        })
+        if (@('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)) {
+            Hyper-V\Stop-VM -VM $vm -TurnOff -Force
+        }
+        Hyper-V\Remove-VM -VM $vm -Force
+        foreach ($disk in $disks) { Clear-DiskFile -Path $disk.Path }
+        if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
+    }
+}
+# --- end of the part bench ---------------------------------------------------------------------

@@ -1,0 +1,151 @@
+# --- part measuring: the same bytes in every script that carries it ----------------------------
+# Measuring: test partitions that are there while this script runs, and what runs inside guests meanwhile.
+# Which setting is next is asked of the file beside this script that ends with .next: `3 run 45 55.` or `4 rest.`
+
+$script:Jobs = @()              # what runs there now
+$script:Setting = ''            # what was asked for last
+$script:Clock = [System.Diagnostics.Stopwatch]::StartNew()  # of the setting
+$script:Due = [long] 0          # when on it the counters are read next, in ms
+
+function Invoke-Measuring {
+    # Everything that a measuring script does. However it ends, nothing of what it made stays.
+    param([scriptblock] $Steps)
+    $held = $false
+    try {
+        & $Steps
+        if ($WhatIfPreference) {
+            foreach ($test in $script:Tests) {
+                Write-Progressed -Partition $test.Name -Status 'skipped' -Detail 'would be made'
+            }
+            exit 0
+        }
+        $ConfirmPreference = 'None'
+        $guard = $script:Plan.Guard
+        Enter-Host
+        $held = $true
+        & $guard
+        Clear-TestPartition -Tell
+        foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
+        foreach ($work in $script:Works) { Connect-Guest -Work $work }
+        Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
+        while ($script:Works.Count -and -not (Test-Path -LiteralPath ($PSCommandPath + '.stop'))) { Step-Setting }
+        Write-RunEvent -Kind 'run' -Status 'done'
+    } catch {
+        $detail = [string] $_.Exception.Message
+        if ($script:Refusal) {
+            Write-RunEvent -Kind $script:Refusal -Status 'refused' -Detail $detail
+            exit 3
+        }
+        Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
+        exit 1
+    } finally {
+        try {
+            if ($held) {
+                # Whoever listened may be gone: nothing is written here.
+                Clear-Work
+                foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
+                Clear-TestPartition
+            }
+        } finally {
+            Exit-Host
+        }
+    }
+    exit 0
+}
+
+function Write-Progressed {
+    param([string] $Partition, [string] $Status, [string] $Detail)
+    $at = if ($Partition) { 'partition/' + $Partition } else { 'host' }
+    $script:Current = @{ Address = $at; Number = 0; After = @{
+        mark = '{0}/{1}' -f $script:Plan.Application, $Partition; set = $script:Plan.Plan
+    } }
+    Write-RunEvent -Kind 'step' -Step $script:Current -Status $Status -Detail $Detail
+}
+
+function Step-Setting {
+    # A tenth of a second: what is asked for, what guests say, and once a second what the hypervisor counts.
+    $next = Read-Setting
+    if ($next -cne $script:Setting) { Use-Setting -Next $next }
+    foreach ($job in $script:Jobs) {
+        foreach ($line in @(Receive-Job -Job $job.Job)) { Write-Seen -Name $job.Name -Seen ([string] $line) }
+        if (@('Completed', 'Failed', 'Stopped') -ccontains [string] $job.Job.State) {
+            throw ('{0} ended inside its guest: {1}' -f $job.Name, $job.Job.State)
+        }
+    }
+    if ($script:Jobs.Count -and $script:Clock.ElapsedMilliseconds -ge $script:Due) {
+        Write-Counter
+        $script:Due += 1000
+    }
+    Start-Sleep -Milliseconds 100
+}
+
+function Read-Setting {
+    # Another one is asked for once the whole line is there.
+    $path = $PSCommandPath + '.next'
+    try {
+        $text = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { '' }
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+        $text = ''
+    }
+    if ($text -cmatch '^[0-9]+ (rest|run( [0-9]{1,3})*)\.$') { $text } else { $script:Setting }
+}
+
+function Use-Setting {
+    # End what runs, set the reserves (who gives comes before who takes), begin anew.
+    param([string] $Next)
+    Clear-Work
+    $script:Setting = $Next
+    $words = @(($Next -creplace '\.$', '') -split ' ')
+    if ($words[1] -ceq 'rest') { return }
+    foreach ($grows in @($false, $true)) {
+        for ($at = 0; $at -lt $script:Tests.Count; $at++) {
+            $test = $script:Tests[$at]
+            $vm = Hyper-V\Get-VM -Id $test.Machine
+            $now = [long] (Hyper-V\Get-VMProcessor -VM $vm).Reserve
+            $wanted = [long] $words[$at + 2]
+            if ($now -eq $wanted -or ($now -lt $wanted) -ne $grows) { continue }
+            Hyper-V\Set-VMProcessor -VM $vm -Reserve $wanted
+        }
+    }
+    $script:Clock = [System.Diagnostics.Stopwatch]::StartNew()
+    $script:Due = [long] 0
+    foreach ($work in $script:Works) {
+        $session = $script:Sessions[[string] $work.number]
+        $told = ConvertTo-AsciiJson -Value $work.Told
+        $job = Invoke-Command -Session $session -ScriptBlock (Get-GuestRunner) -ArgumentList $told -AsJob
+        $script:Jobs += @{ Name = $work.Told.Name; Job = $job }
+    }
+    Write-Seen -Name '' -Seen 'begun'
+}
+
+function Clear-Work {
+    # Ends what runs inside guests: the runner there ends its processes.
+    foreach ($job in $script:Jobs) { Remove-Job -Job $job.Job -Force }
+    $script:Jobs = @()
+}
+
+function Write-Seen {
+    # A line for rarms: of which setting, when on this computer, and what it is about.
+    param([string] $Name, [string] $Seen)
+    ConvertTo-AsciiJson -Value ([ordered] @{
+        format = 'rarms-seen/1'; setting = $script:Setting; name = $Name; seen = $Seen
+        at_ms = $script:Clock.ElapsedMilliseconds
+    })
+}
+
+function Write-Counter {
+    # What the hypervisor counted: by machine the time that its virtual processors ran and waited, of 100 ns.
+    $seen = [hashtable]::new($script:Ordinal)
+    foreach ($one in @(Get-CimInstance -ClassName 'Win32_PerfRawData_HvStats_HyperVHypervisorVirtualProcessor')) {
+        $vm = [string] $one.Name -creplace ':Hv VP [0-9]+$', ''
+        if (-not $seen.Contains($vm)) { $seen[$vm] = @([long] 0, [long] 0, [long] 0) }
+        $sum = $seen[$vm]
+        $seen[$vm] = @(
+            ($sum[0] + [long] $one.PercentTotalRunTime), ($sum[1] + [long] $one.CPUWaitTimePerDispatch),
+            ($sum[2] + [long] $one.CPUWaitTimePerDispatch_Base)
+        )
+    }
+    foreach ($vm in @($seen.Keys | Sort-Object)) { Write-Seen -Name $vm -Seen ('counted ' + ($seen[$vm] -join ' ')) }
+}
+# --- end of the part measuring -----------------------------------------------------------------

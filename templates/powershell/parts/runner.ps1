@@ -1,0 +1,147 @@
+# --- part runner: the same bytes in every script that carries it -------------------------------
+# What runs inside guests: programs, each in a session of its own, and the runner there that starts and hears it.
+
+$script:Works = @()             # components and loads
+$script:Sessions = [hashtable]::new($script:Ordinal)  # by number of a work: the session into its guest
+
+function Add-GuestWork {
+    # Something that runs inside a guest. Kind: lines (its output is passed on), runs (a process a job), load.
+    param(
+        [string] $Partition, [string] $Credential, [string] $Name, [string] $Kind, [string] $Program,
+        [string] $Arguments, [string] $Folder, [string] $Environment, [string] $Files, [long] $PeriodTicks,
+        [long] $TimeoutMs, [long] $Instances
+    )
+    $script:Works += @{
+        number = $script:Works.Count; Partition = $Partition; Credential = $Credential; Told = [ordered] @{
+            Name = $Name; kind = $Kind; program = $Program; arguments = $Arguments; folder = $Folder
+            environment = $Environment; files = $Files; period_ticks = $PeriodTicks; timeout_ms = $TimeoutMs
+            instances = $Instances
+        }
+    }
+}
+
+function Connect-Guest {
+    # A session into the guest of a partition by PowerShell Direct, as soon as its Windows answers.
+    param([System.Collections.IDictionary] $Work)
+    $at = $Work.Partition
+    $secret = Get-GuestSecret -Name $Work.Credential
+    $until = [DateTime]::UtcNow.AddMilliseconds(600000)
+    while ($true) {
+        try {
+            $session = New-PSSession -VMId (Find-WorkMachine -Partition $at).Id -Credential $secret
+            $script:Sessions[[string] $Work.number] = $session
+            return
+        } catch {
+            # A guest that boots refuses like one with another password.
+            $problem = [string] $_.Exception.Message
+            $late = -not ([DateTime]::UtcNow -lt $until) -or (Test-Path -LiteralPath ($PSCommandPath + '.stop'))
+            if ($script:Refusal -or $late) { throw $problem }
+            Write-Progressed -Partition $at -Status 'reading' -Detail $problem
+        }
+        Start-Sleep -Milliseconds 3000
+    }
+}
+
+function Find-WorkMachine {
+    # The running machine of a partition of this application, by its mark.
+    param([string] $Partition)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $mark = Get-Mark -Vm $vm
+        if ($mark.Name -cne $Partition -or $mark.Application -cne $script:Plan.Application) { continue }
+        if ((ConvertTo-RunState -State $vm.State) -ceq 'running') { return $vm }
+    }
+    Exit-Refused -Detail ('no partition {0} of {1} runs' -f $Partition, $script:Plan.Application)
+}
+
+function Get-GuestSecret {
+    # What was stored for guests on this computer, for this account: a line with the user, and one with the password
+    # as ConvertFrom-SecureString writes it.
+    param([string] $Name)
+    $path = '{0}\credentials\{1}.txt' -f $script:Folder, ($Name -creplace '/', '_')
+    if (-not (Test-Path -LiteralPath $path)) { Exit-Refused -Detail ('there is no credential {0}' -f $path) }
+    Assert-Owner -Path $path
+    $lines = @([System.IO.File]::ReadAllText($path) -split '\r?\n')
+    $password = ConvertTo-SecureString -String $lines[1]
+    [System.Management.Automation.PSCredential]::new($lines[0], $password)
+}
+
+function Get-GuestRunner {
+    # A block for Invoke-Command.
+    {
+        # Runs inside a guest. Times are of its own clock since it began, in 100 ns.
+        param([string] $Told)
+        Set-StrictMode -Version 3.0
+        $ErrorActionPreference = 'Stop'
+        $work = ConvertFrom-Json -InputObject $Told
+        $clock = [System.Diagnostics.Stopwatch]::StartNew()
+        $running = @()
+        try {
+            # When this session is gone, whatever it started is ended: its guard waits for that.
+            $guard = '-NoProfile -Command Wait-Process -Id {0}; ' -f $PID
+            $guard += 'Get-CimInstance Win32_Process -Filter ParentProcessId={0}' -f $PID
+            $guard += ' | ForEach-Object { Stop-Process -Id $_.ProcessId -Force }'
+            $start = [System.Diagnostics.ProcessStartInfo]::new('powershell.exe', $guard)
+            $start.UseShellExecute = $false
+            $running += [System.Diagnostics.Process]::Start($start)
+            $folder = $work.folder
+            if (-not $folder) {
+                $folder = [System.IO.Path]::GetTempPath() + 'rarms-work'
+                [void] [System.IO.Directory]::CreateDirectory($folder)
+            }
+            foreach ($file in (ConvertFrom-Json -InputObject $work.files).PSObject.Properties) {
+                $path = [System.IO.Path]::Combine($folder, $file.Name)
+                [void] [System.IO.Directory]::CreateDirectory([System.IO.Path]::GetDirectoryName($path))
+                [System.IO.File]::WriteAllBytes($path, [System.Convert]::FromBase64String($file.Value))
+            }
+            $program = [System.IO.Path]::Combine($folder, $work.program)
+            if (-not [System.IO.File]::Exists($program)) { $program = $work.program }
+            $start = [System.Diagnostics.ProcessStartInfo]::new($program, $work.arguments)
+            $start.UseShellExecute = $false
+            $start.WorkingDirectory = $folder
+            $start.RedirectStandardOutput = $work.kind -cne 'load'
+            foreach ($one in (ConvertFrom-Json -InputObject $work.environment).PSObject.Properties) {
+                $start.EnvironmentVariables[$one.Name] = [string] $one.Value
+            }
+            if ($work.kind -ceq 'load') {
+                for ($number = 0; $number -lt $work.instances; $number++) {
+                    $running += [System.Diagnostics.Process]::Start($start)
+                }
+                'loaded {0}' -f $clock.Elapsed.Ticks
+                while ($true) {
+                    Start-Sleep -Milliseconds 500
+                    foreach ($process in $running) { if ($process.HasExited) { throw 'a process of the load ended' } }
+                }
+            }
+            $due = [long] 0
+            while ($true) {
+                while ($work.kind -ceq 'runs' -and $clock.Elapsed.Ticks -lt $due) { Start-Sleep -Milliseconds 1 }
+                if (-not $work.period_ticks -or $due -eq 0) { $due = $clock.Elapsed.Ticks }
+                $process = [System.Diagnostics.Process]::Start($start)
+                $running = @($running[0], $process)
+                'started {0}' -f $due
+                $limit = $clock.Elapsed.Ticks + 10000 * $work.timeout_ms
+                $late = $false
+                $line = ''
+                while ($null -ne $line -and -not $late) {
+                    # In pieces, so that an end that is asked for is heard.
+                    $read = $process.StandardOutput.ReadLineAsync()
+                    while (-not $late -and -not $read.Wait(250)) { $late = $clock.Elapsed.Ticks -gt $limit }
+                    $line = if ($late) { $null } else { $read.Result }
+                    if ($null -ne $line -and $work.kind -ceq 'lines') {
+                        'line {0} {1}' -f $clock.Elapsed.Ticks, $line
+                        $limit = $clock.Elapsed.Ticks + 10000 * $work.timeout_ms
+                    }
+                }
+                if ($late) { $process.Kill() }
+                while (-not $process.WaitForExit(250)) { $late = $late -or $clock.Elapsed.Ticks -gt $limit }
+                $now = $clock.Elapsed.Ticks
+                if ($late) { 'late {0} {1}' -f $due, $now }
+                else { 'ended {0} {1} {2}' -f $due, $now, $process.ExitCode }
+                $due += [long] $work.period_ticks
+            }
+        } finally {
+            foreach ($process in $running) { if (-not $process.HasExited) { $process.Kill() } }
+        }
+    }
+}
+# --- end of the part runner --------------------------------------------------------------------

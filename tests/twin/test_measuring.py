@@ -1,0 +1,153 @@
+"""Measuring on the stand-in for Hyper-V: what it finds, what it records, and that nothing of it stays."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.app import hosts as app_hosts
+from rarms_iac.app import measure
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.model.outcomes import Sufficient
+from rarms_iac.powershell.inspection.allowed import ScriptKind
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.providers.hyperv import run as provider
+from tests.twin.host import Program, WindowsHost
+from tests.twin.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
+from tests.twin.transport import TwinTransport
+
+Measured = Callable[..., measure.MeasureOutcome]
+
+
+@pytest.fixture
+def measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
+    """`rarms measure` with this manifest, on this host."""
+
+    def run(host: WindowsHost, manifest: str = MANIFEST, **asked: object) -> measure.MeasureOutcome:
+        (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8")
+        monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(host))
+        request = MeasureRequest(**asked)  # type: ignore[arg-type]  # fields, said by tests
+        return measure.measure_components(app_hosts.load(str(tmp_path)), request)
+
+    return run
+
+
+def leftovers(host: WindowsHost) -> list[str]:
+    """What a measurement must not leave."""
+    disks = [path for path in host.files if "rarms-p" in path]
+    alive = [process.program for process in host.processes if process.alive]
+    return [*(vm.name for vm in host.vms.values()), *disks, *alive]
+
+
+def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    (result,) = measured(host).results
+
+    assert isinstance(result.conclusion, Sufficient)
+    assert 20 < result.conclusion.reserve <= 25  # 20 ms of work in 100 ms
+    assert leftovers(host) == []
+    assert host.mutex == ""
+
+
+def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> None:
+    (result,) = measured(a_measurable_windows(), reserves=(40,)).results
+
+    (setting,) = result.settings
+    evidence = setting.evidence
+    assert evidence is not None
+    assert evidence.dispatch_wait_ns is not None
+    assert evidence.dispatch_wait_ns["rarms-p1"] > evidence.dispatch_wait_ns["rarms-p2"] > 0
+    assert evidence.cpu_ms["rarms-p1"] / evidence.elapsed_ms == pytest.approx(0.4, rel=0.05)
+    (series,) = setting.series
+    assert series.cpu_ms == pytest.approx(0.4 * series.elapsed_ms, rel=0.05)
+    assert all(sample.response_ms == pytest.approx(50, rel=0.05) for sample in series.samples)
+
+
+def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
+    host = a_measurable_windows(vision=Program(work_ms=20, line='{{"took": {ms:.3f}}}'))
+    fields = "samples: { from: json_lines, response_time: { field: took, unit: ms } }, until"
+
+    (result,) = measured(host, MANIFEST.replace("until", fields), reserves=(50,)).results
+
+    (series,) = result.settings[0].series
+    assert len(series.samples) >= 60
+    assert all(sample.response_ms == pytest.approx(40, rel=0.05) for sample in series.samples)
+
+
+@pytest.mark.parametrize("step", [1, 9, 14, 20, 28, 31])
+def test_what_a_killed_measurement_left_the_next_one_removes(measured: Measured, step: int) -> None:
+    host = a_measurable_windows()
+    host.kill_before = step
+
+    with pytest.raises(UseCaseError):
+        measured(host, reserves=(40,))
+
+    host.kill_before, host.effects = None, []
+    (result,) = measured(host, reserves=(40,)).results
+    assert [setting.reserve for setting in result.settings] == [40]
+    assert leftovers(host) == []
+
+
+def test_the_guard_in_a_guest_ends_what_a_dead_session_started(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    def kill_while_it_runs(changed: WindowsHost) -> None:
+        changed.kill_before = len(changed.effects) if any(process.alive for process in changed.processes) else None
+
+    host.watch = kill_while_it_runs
+    with pytest.raises(UseCaseError):
+        measured(host, reserves=(40, 50))
+
+    assert host.vms != {}  # nobody has removed the test partitions yet
+    assert [process.program for process in host.processes if process.alive] == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda host: setattr(host, "guest_secret", "changed"), "The credential is invalid."),
+        (lambda host: host.files.pop(CREDENTIAL.lower()), "there is no credential"),
+        (lambda host: setattr(host.file(CREDENTIAL), "owner", "S-1-5-21-1"), "not to Administrators or SYSTEM"),
+        (lambda host: host.programs.pop("vision.exe"), "The system cannot find the file specified."),
+        (lambda host: setattr(host, "scheduler", 4), "root scheduler"),
+        (lambda host: setattr(host, "mutex", "held"), "it is held by"),
+    ],
+    ids=["wrong password", "no credential", "planted credential", "no program", "root scheduler", "held"],
+)
+def test_what_windows_refuses_is_told_and_nothing_stays(
+    measured: Measured, spoil: Callable[[WindowsHost], object], words: str
+) -> None:
+    host = a_measurable_windows()
+    spoil(host)
+
+    with pytest.raises(UseCaseError) as raised:
+        measured(host, reserves=(40,))
+
+    assert words in str([finding.detail for finding in raised.value.diagnostics])
+    assert leftovers(host) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Add-GuestWork -Partition 'rarms-p1'", "Get-GuestSecret -Name 'rarms-p1'"),
+        ("-Program 'vision.exe'", "-Program (Get-PendingName -Name 'x' | Sort-Object)"),
+        ("Invoke-Measuring -Steps { Add-Plan }", "Invoke-Run -Steps { Add-Plan }"),
+        ("Stop-Process -Id $_.ProcessId -Force", "Stop-Computer -Force"),
+        ("    Add-TestPartition", "    Hyper-V\\Remove-VM -Name '*'\r\n    Add-TestPartition"),
+    ],
+)
+def test_a_script_that_somebody_edited_must_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
+) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(a_measurable_windows()))
+    script, removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
+
+    assert [made.name for made in (script, removal)] == ["cell.vision.measure.ps1", "cell.remove.measure.ps1"]
+    assert old in script.text
+    for made in (script, removal):
+        assert inspect(made.text.encode("ascii"), ScriptKind.MEASURE, trusting=False) == ()
+    assert inspect(script.text.replace(old, new, 1).encode("ascii"), ScriptKind.MEASURE) != ()
