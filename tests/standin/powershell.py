@@ -28,6 +28,7 @@ from pathlib import Path
 from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
+from tests.twin.guests import drop_sessions
 from tests.twin.host import Killed, WindowsHost
 from tests.twin.run import FOLDER, _compiled, _walk, why_unsigned
 from tests.twin.scopes import Session
@@ -121,7 +122,13 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
             if free:
                 save(folder, changed)
 
-        host.watch = watch
+        def slept(waiting: WindowsHost) -> None:
+            time.sleep(0.002)
+            for suffix in (".stop", ".next"):
+                if (beside := script.with_name(f"{script.name}{suffix}")).exists():
+                    waiting.write_file(f"{FOLDER}\\{beside.name}", beside.read_bytes())
+
+        host.watch, host.slept = watch, slept
         path_there, what_if = f"{FOLDER}\\{script.name}", "-WhatIf" in given
         session = Session(host, windows_powershell=False, path=path_there, what_if=what_if)
         session.output = Predictions(how.step_ms)
@@ -138,6 +145,8 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
                 {"asjson": "-AsJson" in given, "abandon": "-Abandon" in given, "locktimeout": _lock_timeout(given)},
             )
         except Killed:
+            drop_sessions(session)
+            save(folder, host)
             return 137
         for line in session.talk:
             print(line, file=sys.stderr)
@@ -195,8 +204,10 @@ def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
     more = True
     while child.poll() is None:
         if more and select.select([sys.stdin.buffer], [], [], 0.05)[0]:
-            script.with_name(f"{script.name}.stop").write_text("stop", encoding="utf-8")
-            more = False
+            line = os.read(0, 99).decode("ascii")
+            suffix = ".next" if "." in line else ".stop"
+            script.with_name(f"{script.name}{suffix}").write_text(line, encoding="utf-8")
+            more = bool(line)
         elif not more:
             time.sleep(0.05)
     return child.returncode

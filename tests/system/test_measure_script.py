@@ -1,14 +1,19 @@
-"""`rarms measure --script` on the stand-in: every script that measuring would run, shown and inspected, and none run."""
+"""`rarms measure --script` on the stand-in: the scripts that measuring would run are shown, and none is run."""
 
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.cli.main import main
+from tests.needs import CHECKOUT
 from tests.standin import powershell
 from tests.standin.remote import pwsh
-from tests.twin.cells import a_windows
-from tests.twin.measuring import MANIFEST
+from tests.twin.measuring import MANIFEST, a_measurable_windows
 
 __all__ = ["pwsh"]
 
@@ -20,8 +25,7 @@ def test_the_scripts_are_shown_and_pass_the_inspection(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
-    host = a_windows()
-    powershell.save(tmp_path, host)
+    powershell.save(tmp_path, a_measurable_windows())
 
     assert main(["measure", "--script"]) == 0
     shown = capsys.readouterr().out
@@ -34,3 +38,39 @@ def test_the_scripts_are_shown_and_pass_the_inspection(
     for name in names:
         assert main(["show", "--check", f"scripts/{name}"]) == 0
     assert powershell.load(tmp_path).vms == {}
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.usefixtures("pwsh")
+def test_a_measurement_whose_rarms_is_killed_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    powershell.save(tmp_path, a_measurable_windows())
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    words = [
+        sys.executable,
+        "-m",
+        "rarms_iac.cli.main",
+        "measure",
+        "--samples",
+        "100000",
+        "--from",
+        "40%",
+        "--to",
+        "40%",
+    ]
+    rarms = subprocess.Popen(words, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+    wait_until(lambda: any(vm.reserve == 40 for vm in powershell.load(tmp_path).vms.values()))
+    rarms.kill()
+    rarms.communicate()
+
+    wait_until(lambda: powershell.load(tmp_path).vms == {})
+    assert not any("rarms-p" in path for path in powershell.load(tmp_path).files)
+
+
+def wait_until(happened: Callable[[], bool]) -> None:
+    for _ in range(2000):
+        if happened():
+            return
+        time.sleep(0.05)
+    raise AssertionError("it did not happen")

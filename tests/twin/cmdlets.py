@@ -350,7 +350,10 @@ def start_sleep(scope: Scope, given: Given) -> Value:
         return EMPTY
     if scope.session.host.interrupt:
         raise Interrupted
-    scope.session.host.clock += number(given["milliseconds"])
+    host = scope.session.host
+    host.clock += number(given["milliseconds"])
+    if host.slept:
+        host.slept(host)
     return EMPTY
 
 

@@ -9,6 +9,7 @@ import random
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from itertools import count
 
 from tests.twin.host import Interrupted, Process, Vm, WindowsHost
 from tests.twin.scopes import Block, Scope, Session
@@ -28,6 +29,7 @@ from tests.twin.values import (
 
 Given = Mapping[str, Value]
 BOOT_MS = 20_000
+_NUMBERS = count(1000, 4)  # of processes that run blocks in guests
 GUARD = "-NoProfile -Command Wait-Process -Id "
 
 
@@ -74,7 +76,7 @@ class Runner:
         self.said: deque[tuple[float, str]] = deque()
         self.state = "Running"
         self.error = ""
-        self.process = 1000 + len(host.processes)
+        self.process = next(_NUMBERS)
         self.chance = random.Random(f"{vm.name} {told}")
         self._ending = False
         self._go, self._rest = threading.Semaphore(0), threading.Semaphore(0)
@@ -347,7 +349,7 @@ def start_process(scope: Scope, info: StartInfo) -> Started:
 
 
 CALLS: dict[tuple[str, str], Callable[..., Value]] = {
-    ("diagnostics.stopwatch", "startnew"): lambda scope: Stopwatch(scope),
+    ("diagnostics.stopwatch", "startnew"): Stopwatch,
     ("diagnostics.processstartinfo", "new"): lambda scope, program, arguments: StartInfo(
         text(program), text(arguments)
     ),

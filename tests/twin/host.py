@@ -170,6 +170,7 @@ class WindowsHost:
     processes: list[Process] = field(default_factory=list)  # in guests
     tear: bool = False  # a write that is killed leaves half of its bytes
     watch: Callable[[WindowsHost], None] | None = None  # called after every effect
+    slept: Callable[[WindowsHost], None] | None = None  # called whenever a script has waited
 
     def effect(self, says: str, do: Callable[[], object]) -> None:
         """Change something, unless the process is to die or the call to fail here."""
@@ -188,7 +189,7 @@ class WindowsHost:
     def copy(self, **changed: object) -> WindowsHost:
         """The same host, calm: nothing is to be killed or to fail, unless it is said."""
         twin = copy.deepcopy(self)
-        twin.effects, twin.tear, twin.interrupt = [], False, False
+        twin.effects, twin.tear, twin.interrupt, twin.slept = [], False, False, None
         twin.kill_before = twin.kill_after = twin.fail_at = None
         for name, value in changed.items():
             setattr(twin, name, value)

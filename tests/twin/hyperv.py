@@ -268,6 +268,8 @@ def stop_vm(scope: Scope, given: Given) -> Value:
         return EMPTY
     if given.get("turnoff"):
         _set(scope, vm, "Stop-VM", {"state": "Off", "stopping": None})
+        for process in host.processes:
+            process.alive &= process.vm != vm.id
     elif vm.state != "Running":
         raise refuse(f"'{vm.name}' cannot shut down: it is {vm.state}.", "StopVM")
     elif not given.get("asjob"):

@@ -189,7 +189,8 @@ MEASURING = Lists(
     members=CHANGING.members
     | words(
         """
-        CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables Exists ExitCode Folder
+        CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
+        Exists ExitCode Folder
         FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine Partition
         PercentTotalRunTime ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
         Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
