@@ -109,10 +109,13 @@ class LocalTransport:
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
         """See the protocol; the bootstrap starts it here, too, since it notices when rarms is gone."""
-        words = (self._program(), *bootstrap.remote_words(SHELLS[0])[1:])
-        with _ready_channel(self._host, "this computer", words) as channel:
-            with _session(channel, script, arguments) as session:
-                yield session
+        program = self._program()
+        words = (program, *bootstrap.remote_words(SHELLS[0])[1:])
+        with (
+            _ready_channel(self._host, "this computer", program, words) as channel,
+            _session(channel, script, arguments) as session,
+        ):
+            yield session
 
     def _program(self) -> str:
         for shell in SHELLS:
@@ -156,7 +159,7 @@ class SshTransport:
 
     def _ready(self) -> AbstractContextManager[Channel]:
         words = ssh_words(self._connect.ssh, bootstrap.remote_words(self._connect.shell))
-        return _ready_channel(self._host, self._connect.ssh, words)
+        return _ready_channel(self._host, self._connect.ssh, bootstrap.program_of(self._connect.shell), words)
 
 
 class _BootstrapSession:
@@ -212,7 +215,7 @@ class _RefusalListener:
 
 
 @contextmanager
-def _ready_channel(host: str, target: str, words: Sequence[str]) -> Iterator[Channel]:
+def _ready_channel(host: str, target: str, program: str, words: Sequence[str]) -> Iterator[Channel]:
     """Start what ends in a bootstrap, and wait until that is ready.
 
     Raises:
@@ -220,7 +223,7 @@ def _ready_channel(host: str, target: str, words: Sequence[str]) -> Iterator[Cha
     """
     with open_channel(host, words) as channel:
         if await_line(channel, host, target, lambda line: line == bootstrap.READY) is None:
-            message = f"PowerShell does not start on {target} (exit code {channel.code()}): "
+            message = f"{program} does not start on {target} (exit code {channel.code()}): "
             raise HostFailed(
                 host,
                 message + last_of(channel.error_lines),
