@@ -32,6 +32,7 @@ from tests.twin.guests import drop_sessions
 from tests.twin.host import Killed, WindowsHost
 from tests.twin.run import FOLDER, _compiled, _walk, why_unsigned
 from tests.twin.scopes import Session
+from tests.twin.values import ScriptError
 
 STAND_IN = "This is a stand-in of rarms' tests and no PowerShell."
 STATE, HOW, LOCK = "host.pickle", "how.json", "mutex"
@@ -84,7 +85,10 @@ class Predictions(list[str]):
 
     def append(self, line: str) -> None:
         super().append(line)
-        print(line, flush=True)
+        try:
+            print(line, flush=True)
+        except BrokenPipeError:  # who listened is gone; taken for an error of the script, whose `finally` then runs
+            raise ScriptError("The pipe is being closed.", error_id="IOException") from None
         if self.delay_ms and '"rarms-event/1"' in line:
             time.sleep(self.delay_ms / 1000)
 

@@ -60,7 +60,8 @@ def test_a_measurement_whose_rarms_is_killed_leaves_nothing(tmp_path: Path) -> N
     ]
     rarms = subprocess.Popen(words, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
-    wait_until(lambda: any(vm.reserve == 40 for vm in powershell.load(tmp_path).vms.values()))
+    wait_until(lambda: rarms.poll() is not None or 40 in [vm.reserve for vm in powershell.load(tmp_path).vms.values()])
+    assert rarms.poll() is None, rarms.communicate()[1]
     rarms.kill()
     rarms.communicate()
 

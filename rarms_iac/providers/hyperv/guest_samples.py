@@ -1,0 +1,219 @@
+"""What a measuring script says, as samples: lines of guests on their own clocks, and what the hypervisor counted."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from rarms_iac.model.measurement import Sample, SettingEvidence, run_of
+from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.providers.measuring import Work
+from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader
+from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.digest import parse_json
+
+FORMAT = "rarms-seen/1"
+TICKS_MS = 10_000.0
+"""Of 100 ns, in which runners and the hypervisor count, to a millisecond."""
+
+
+@dataclass(slots=True, kw_only=True)
+class GuestRun:
+    """A `RunningWork` inside guests; times are milliseconds of the host's clock since the setting began."""
+
+    next_line: Callable[[], str]  # of the script; raises a `HostError` where it does not go on
+    setting: str
+    work: Work
+    _now: float = 0.0
+    _counts_from: float = 0.0
+    _missing: dict[str, int] = field(default_factory=dict)
+    _counters: list["_Counters"] = field(default_factory=list)  # the first one, and those since `count_from_now`
+
+    def samples(self) -> Iterator[tuple[str, Sample]]:
+        """See the interface."""
+        times = [float(until.time) for until in self.work.until.values() if isinstance(until, Elapsed)]
+        least = max(self.work.least_ms, *times, 0.0)
+        readers = {
+            component.name: _GuestReader(run_of(component))
+            for part in self.work.partitions
+            for component in part.components
+        }
+        self.count_from_now()
+        while True:
+            name, seen = self._next_seen()
+            words = seen.split(" ")
+            if words[0] == "counted":
+                self._count(name, tuple(map(int, words[1:])))
+            elif name in readers and (sample := readers[name].sample(seen, self._now)) is not None:
+                if name in self._missing:
+                    self._missing[name] -= 1
+                yield name, sample
+                if all(missing <= 0 for missing in self._missing.values()) and self._now >= self._counts_from + least:
+                    return
+
+    def _next_seen(self) -> tuple[str, str]:
+        """Return the next line about this setting: a component or machine, and what was seen of it."""
+        while True:
+            seen = read_seen(self.next_line())
+            if seen is not None and seen.setting == self.setting:
+                self._now = max(self._now, float(seen.at_ms))
+                return seen.name, seen.seen
+
+    def _count(self, machine: str, ticks: tuple[int, ...]) -> None:
+        if not self._counters or self._counters[-1].at_ms != self._now:
+            del self._counters[3:-1]  # the first two, and the newest
+            self._counters.append(_Counters(at_ms=self._now))
+        self._counters[-1].ticks[machine] = ticks
+
+    def count_from_now(self) -> None:
+        """See the interface: from the newest counters on."""
+        self._counts_from = self._now
+        del self._counters[1:-1]
+        self._missing = {
+            name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
+        }
+
+    def elapsed_ms(self) -> float:
+        """See the interface."""
+        return self._now
+
+    def cpu_ms(self, component: str) -> float | None:
+        """See the interface: of its machine, where it is alone there, drawn on from the last two counters."""
+        alone = [
+            part.partition
+            for part in self.work.partitions
+            if [member.name for member in part.components] == [component] and part.load is None
+        ]
+        counted = [counters for counters in self._counters if alone and alone[0] in counters.ticks]
+        if len(counted) < 2:
+            return None
+        first, before, last = (
+            (counters.at_ms, counters.ticks[alone[0]][0] / TICKS_MS) for counters in (counted[0], *counted[-2:])
+        )
+        rate = (last[1] - before[1]) / max(1.0, last[0] - before[0])
+        return last[1] - first[1] + rate * (self._now - last[0])
+
+    def evidence(self) -> SettingEvidence | None:
+        """See the interface: what the hypervisor counted of each machine (FACTS 8)."""
+        if len(self._counters) < 2:
+            return None
+        before, last = self._counters[-2 if len(self._counters) == 2 else 1], self._counters[-1]
+        names = sorted(before.ticks.keys() & last.ticks.keys() & {part.partition for part in self.work.partitions})
+        gone = {
+            name: [new - old for new, old in zip(last.ticks[name], before.ticks[name], strict=True)] for name in names
+        }
+        return SettingEvidence(
+            elapsed_ms=last.at_ms - before.at_ms,
+            cpu_ms={name: ran / TICKS_MS for name, (ran, _, _) in gone.items()},
+            dispatch_wait_ns={
+                name: waited / dispatches for name, (_, waited, dispatches) in gone.items() if dispatches
+            },
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class _Counters:
+    """What the hypervisor had counted at a time, by machine: ran, waited (100 ns), dispatches."""
+
+    at_ms: float
+    ticks: dict[str, tuple[int, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """A line of a measuring script about what it saw."""
+
+    setting: str
+    name: str
+    seen: str
+    at_ms: int
+
+
+def read_seen(line: str) -> Seen | None:
+    """Read a line of a measuring script.
+
+    Args:
+        line: of its output.
+
+    Returns:
+        None where it is an event, or noise of the host.
+    """
+    if not line.startswith("{"):
+        return None
+    try:
+        document = parse_json(line)
+    except NotDecodable:
+        return None
+    match document:
+        case {"format": str(kind), "setting": str(setting), "name": str(name), "seen": str(seen), "at_ms": int(at_ms)}:
+            return Seen(setting=setting, name=name, seen=seen, at_ms=at_ms) if kind == FORMAT else None
+        case _:
+            return None
+
+
+class _GuestReader:
+    """Makes samples of what the runner inside a guest says of one component."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._read = answer_reader(run)
+        self._offset: float | None = None  # of the guest's clock, on the host's, in ms
+        self._last = 0.0  # ms of the guest's clock: when the process began, or its last sample came
+        self._samples = 0  # of this process
+
+    def sample(self, seen: str, now: float) -> Sample | None:
+        """Return the sample that a line is, if any.
+
+        Args:
+            seen: what the runner said.
+            now: of the host's clock, in ms.
+        """
+        kind, _, rest = seen.partition(" ")
+        first, _, text = rest.partition(" ")
+        at = int(first) / TICKS_MS
+        if self._offset is None:
+            self._offset = now - at
+        match kind:
+            case "started":
+                self._last, self._samples = at, 0
+                return None
+            case "line":
+                return self._of_answer(self._read(text), at)
+            case "late":
+                shown = show_milliseconds(self._run.timeout)
+                is_process = self._run.samples.source == "per_run"
+                return self._failed(
+                    at if is_process else self._last, f"no {'exit' if is_process else 'sample'} within {shown}"
+                )
+            case _:
+                return self._of_end(at, *map(int, text.split(" ")))
+
+    def _of_end(self, due: float, ended_ticks: int, code: int) -> Sample | None:
+        if self._run.samples.source == "per_run":
+            return self._answered(due, ended_ticks / TICKS_MS - due, successful=code == 0)
+        if code == 0 and self._samples:
+            return None
+        return self._failed(self._last, f"it ended with exit code {code}")
+
+    def _of_answer(self, answer: JobAnswer | Unreadable | None, at: float) -> Sample | None:
+        if answer is None:
+            return None
+        began, self._last = self._last, at
+        if isinstance(answer, Unreadable):
+            return self._failed(began, answer.message)
+        self._samples += 1
+        reading = answer.reading
+        return self._answered(
+            at - (reading.response_ms or 0.0),
+            reading.response_ms,
+            successful=reading.successful,
+            count=reading.count,
+        )
+
+    def _answered(self, began: float, response_ms: float | None, *, successful: bool, count: float = 1.0) -> Sample:
+        return Sample(began_ms=self._on_host(began), response_ms=response_ms, successful=successful, count=count)
+
+    def _failed(self, began: float, message: str) -> Sample:
+        return Sample(began_ms=self._on_host(began), response_ms=None, successful=False, failure=message)
+
+    def _on_host(self, at: float) -> float:
+        return max(0.0, at + (self._offset or 0.0))
