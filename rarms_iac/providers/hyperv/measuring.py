@@ -4,9 +4,10 @@ rarms tells it the next setting (`3 run 45 55.`) and hears lines: what guests sa
 guest's lines carry the times of its own clock, in which durations are; where they lie on the host's is known to 0.1 s.
 """
 
+import sys
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import assert_never
 
@@ -217,10 +218,19 @@ class HypervMeasuringHost(LiveHypervHost):
     @contextmanager
     def _started(self, script: ScriptBundle, is_ready: Callable[[RunEvent], bool]) -> Iterator[ScriptSession]:
         """Run a script, from when it says a certain thing."""
-        with self._transport.session(self._as_signed(script), arguments_of(self._waits, abandoning=False)) as session:
+        arguments = arguments_of(self._waits, abandoning=False)
+        with self._credential_files(), self._transport.session(self._as_signed(script), arguments) as session:
             while (event := read_event(self._next_line(session))) is None or not is_ready(event):
                 continue
             yield session
+
+    def _credential_files(self) -> AbstractContextManager[None]:
+        """Have the host keep what Credential Manager of this computer keeps, where this is the host."""
+        if sys.platform == "win32" and self._host.connect is None:
+            from rarms_iac.providers.hyperv.local_windows import credential_files
+
+            return credential_files(filter(None, (self._settings.credential, *self._credentials.values())))
+        return nullcontext()
 
     def _end_session(self) -> None:
         self._session = None
