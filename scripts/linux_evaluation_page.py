@@ -84,7 +84,7 @@ FIGURE_4 = """\
 FDP in P1 without its class, and headless Chromium in P2, each browser playing a video of its own. The paper: 88 to
 100 ms without browsers, up to 184 to 194 ms with one or two, and back down to 150 to 175 ms with ten. Mean response
 times. On Linux a browser works in threads of P2, which its weight holds back, so a rise like the paper's is not
-expected with one or two; the runs at 50/50 come first, while the browsers may still start."""
+expected with one or two; the runs at 50/50 come first, when the browsers have just begun to play."""
 TODAY = f"""\
 Reservations are often taken from what a component consumes: its 95th or 99th percentile over windows of a second
 (usage-based recommenders), or its mean and 20 %; or all get the same. Use was seen without interference. Each

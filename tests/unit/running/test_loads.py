@@ -87,7 +87,7 @@ def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) ->
 
 
 @pytest.mark.needs("linux", "stress-ng")
-@pytest.mark.parametrize("stressor", ["timer", "switch"])
+@pytest.mark.parametrize("stressor", ["timer", "switch", *(("hdd", "stream", "sock") if LONG else ())])
 def test_stress_workers_run_until_they_are_ended_and_nothing_of_them_stays(tmp_path: Path, stressor: str) -> None:
     with InterferingLoad("stress", Stress(stressor=stressor, workers=2), StartContext(base=tmp_path)) as load:
         until = time.perf_counter() + 20
