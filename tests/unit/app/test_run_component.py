@@ -234,6 +234,16 @@ def on_linux(folder: Path, component: str = "", settings: str = "") -> Path:
     return folder / "where.json"
 
 
+@pytest.mark.needs("linux")
+def test_what_runs_here_has_no_reservation_of_another_machine(linux_folder: Path) -> None:
+    on_linux(linux_folder, settings=" }, connect: { ssh: cell")
+
+    ran = rarms("run", "-f", str(linux_folder), "--samples", "2")
+
+    assert ran.code == 0, ran.err
+    assert "vision runs here, without a reservation: its host is another machine." in " ".join(ran.err.split())
+
+
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
 def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(linux_folder: Path) -> None:
