@@ -15,7 +15,16 @@ answer() { # FUNCTION ARGUMENT...: does it in a shell of its own; what it says i
 
 # What rarms reads: `d FOLDER`, `f FILE` with its lines behind a blank, and facts, `v NAME VALUE`.
 
-show() { # FILE...: those that are there
+show_whole() { # FILE...: those that are there
+    for file; do
+        [ -f "$file" ] || continue
+        echo "f $file"
+        sed 's/^/ /' "$file"
+        echo # the file may have no line end
+    done
+}
+
+show() { # FILE...: the same without a process for each, which files below /proc/sys do not allow
     for file; do
         [ -f "$file" ] || continue
         echo "f $file"
@@ -47,12 +56,7 @@ show_kept_files() {
     [ -d "$FOLDER" ] || return 0
     echo "d $FOLDER"
     [ -z "$(find "$FOLDER" -prune \( ! -user 0 -o -perm -020 -o -perm -002 \))" ] || echo 'v open yes'
-    for file in "$FOLDER"/*.json "$JOURNAL"; do
-        [ -f "$file" ] || continue
-        echo "f $file"
-        sed 's/^/ /' "$file"
-        echo # the file may have no line end
-    done
+    show_whole "$FOLDER"/*.json "$JOURNAL"
     [ ! -s "$JOURNAL" ] || [ -z "$(tail -c 1 "$JOURNAL")" ] || echo 'v torn yes'
 }
 
@@ -61,7 +65,7 @@ look() {
     echo "v processors $(getconf _NPROCESSORS_ONLN)"
     echo "v pages $(getconf _PHYS_PAGES)"
     echo "v page $(getconf PAGE_SIZE)"
-    show /etc/machine-id /proc/sys/kernel/random/boot_id /proc/sys/kernel/sched_rt_runtime_us \
+    show_whole /etc/machine-id /proc/sys/kernel/random/boot_id /proc/sys/kernel/sched_rt_runtime_us \
         /proc/sys/kernel/sched_rt_period_us /sys/devices/system/cpu/smt/active
     show_controllers
     show_kept_files

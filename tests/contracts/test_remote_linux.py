@@ -15,7 +15,7 @@ from rarms_iac.model.operations import CreatePartition, RenamePartition, StartPa
 from rarms_iac.model.plan import Scope
 from rarms_iac.providers.cgroups import remote
 from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
-from rarms_iac.providers.cgroups.run import ORPHANS
+from rarms_iac.providers.cgroups.run import ORPHANS, LinuxHostProvider
 from rarms_iac.providers.channel import Channel
 from rarms_iac.providers.interface import HostDamaged, HostError, HostFailed, HostLocked, HostRefused
 from tests import builders
@@ -51,6 +51,14 @@ def answering(lines: str) -> RemoteLinuxHost:
     """A host of root that answers every call with these lines."""
     answer = f"echo 'rarms: user 0'; while read -r word; do [ \"$word\" != look ] || printf '{lines}\\nend 0\\n'; done"
     return behind("sh", "-c", answer)
+
+
+@pytest.mark.needs("control-groups")
+def test_a_machine_is_the_same_from_here_and_from_there() -> None:
+    described = on_linux(builders.a_host())
+
+    assert behind("sh").observe() == LinuxHostProvider(described).observe()
+    assert behind("sh").machine == LinuxHostProvider(described).machine
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,10 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert run(folder, "plan").code == 2
     assert apply(folder).code == 0
     assert run(folder, "plan").code == 0
+    (folder / "here").mkdir()
+    text = (folder / "rarms.yaml").read_text(encoding="utf-8").replace("connect: { ssh: cell }", "")
+    (folder / "here" / "rarms.yaml").write_text(text, encoding="utf-8")
+    assert run(folder / "here", "plan").code == 0, "rarms on the host sees the same"
     tree = groups_of(folder)
     assert tree.names() == ("face-detection", "speech")
     assert tree.read("face-detection").quota_percent == pytest.approx(80, abs=0.1)

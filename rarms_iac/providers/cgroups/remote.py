@@ -305,6 +305,8 @@ class RemoteLinuxHost(LinuxHostProvider):
         return found
 
     def _read_machine(self) -> LinuxMachine:
+        if not self._facts:
+            self._refresh()
         memory = self._fact("pages") * self._fact("page")
         return read_machine(self._copy, self._facts["computer"], self._fact("processors"), memory)
 
