@@ -59,8 +59,7 @@ class Curve:
                 at_an_end = reserve in (below.reserve, above.reserve)
                 crosses = any(below.reserve < measured < above.reserve for measured in self.inconclusive)
                 return _unbounded(point, self.index) if crosses and not at_an_end else point
-        lone = [point for point in self.points if point.reserve == reserve]
-        return lone[0] if lone else None
+        return next((point for point in self.points if point.reserve == reserve), None)
 
     def safe_value_at(self, reserve: float) -> float | None:
         """Look up the safe side of the band, which a reservation rests on.

@@ -205,7 +205,7 @@ def test_headroom_follows_the_lines_and_reset_brings_them_back(page: "WebDriver"
 
     assert "Headroom of onboard: 14 % (0.28 LP)" in text(page, "fit-1")
     line(page, FACES).send_keys(Keys.END)
-    assert text(page, "m1-room") == "Headroom of onboard: 64 % (1.28 LP)."
+    assert text(page, "m1-headroom") == "Headroom of onboard: 64 % (1.28 LP)."
     line(page, SUCCESS).send_keys(Keys.END)
     reset = page.find_element("id", "m1-reset")
     reset.click()
