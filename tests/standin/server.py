@@ -51,7 +51,21 @@ def _install_role(host: WindowsHost) -> None:
     host.module, host.scheduler, host.hypervisor_running, host.counters = ["2.0.0.0"], 3, True, True
 
 
+def _keep_credential(host: WindowsHost) -> None:
+    text = f"{host.guest_user}\r\n{host.guest_secret}\r\n"
+    host.write_file("C:\\ProgramData\\rarms\\credentials\\cell_guests.txt", text.encode("ascii"))
+
+
+def _nothing(host: WindowsHost) -> None:
+    """Only what comes after it does something."""
+
+
+FOLDER = "$env:ProgramData\\rarms\\credentials"
+SECRET = "$guest.UserName, (ConvertFrom-SecureString $guest.Password)"
 TYPED: dict[str, Callable[[WindowsHost], None]] = {
+    f"New-Item -ItemType Directory -Path {FOLDER}": _nothing,
+    "$guest = Get-Credential": _nothing,
+    f"Set-Content -Path {FOLDER}\\cell_guests.txt -Value {SECRET}": _keep_credential,
     "Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart": _install_role,
     "New-VMSwitch -Name cell -SwitchType Internal": lambda host: host.switches.append("cell"),
     "New-VMSwitch -Name office -SwitchType Internal": lambda host: host.switches.append("office"),

@@ -23,6 +23,7 @@ from tests.recorded_hosts import document
 from tests.standin import powershell
 from tests.standin.remote import pwsh
 from tests.standin.server import a_bare_server, typed
+from tests.twin.host import Program
 from tests.twin.observing import host_from
 from tests.unit.cli.running import rarms
 
@@ -32,6 +33,7 @@ DOCS = CHECKOUT / "docs"
 PAGES = [CHECKOUT / "README.md", *sorted(DOCS.glob("*.md"))]
 FINDING_PAGES = sorted((DOCS / "findings").glob("*.md"))
 BLOCK = re.compile(r"^ *```console\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+YAML = re.compile(r"^```yaml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SHOWN = re.compile(
     r"^ *(?P<prompt>\$|(?:\[(?P<guest>[\w-]+)\]: )?PS>) (?P<typed>.*?)(?:\s+# (?:ends with (?P<code>\d+))?.*)?$",
     re.MULTILINE,
@@ -75,14 +77,13 @@ def beside_a_cell() -> None:
 
 
 def on_a_bare_server() -> None:
-    """rarms runs on the host itself, so its manifest has no `connect`."""
-    copy_files(CHECKOUT / "manifests" / "hyperv-cell", Path())
-    manifest = Path("rarms.yaml").read_text(encoding="utf-8")
-    here = manifest.replace("    connect: { ssh: rarms@cell-4, shell: pwsh }\n", "")
-    assert here != manifest
-    Path("rarms.yaml").write_text(here, encoding="utf-8", newline="\n")
-    powershell.save(Path(), a_bare_server(Path("host.json"), "D:\\images\\windows-iot.vhdx"))
-    Path("host.json").unlink()
+    """The page's own manifest, and a server whose guests will have its program."""
+    copy_files(CHECKOUT / "manifests" / "hyperv-cell", Path("manifests", "hyperv-cell"))
+    (manifest,) = YAML.findall((DOCS / "hyperv.md").read_text(encoding="utf-8"))
+    Path("rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    server = a_bare_server(Path("manifests", "hyperv-cell", "host.json"), "D:\\images\\windows-iot.vhdx")
+    server.programs = {"track.exe": Program(work_ms=20), "powershell.exe": Program()}
+    powershell.save(Path(), server)
 
 
 def beside_a_hyperv_host() -> None:
