@@ -9,6 +9,7 @@ from rarms_iac.app import hosts as app_hosts
 from rarms_iac.app import measure
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.cli.main import main
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
@@ -151,3 +152,19 @@ def test_a_script_that_somebody_edited_must_not_run(
     for made in (script, removal):
         assert inspect(made.text.encode("ascii"), ScriptKind.MEASURE, trusting=False) == ()
     assert inspect(script.text.replace(old, new, 1).encode("ascii"), ScriptKind.MEASURE) != ()
+
+
+def test_what_was_measured_is_applied_and_proven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    host = a_measurable_windows()
+    monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(host))
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+    routes = (["measure"], ["apply", "--auto-approve"], ["prove", "--interference", "busy-loop"])
+    assert [main(words) for words in routes] == [0, 0, 0], capsys.readouterr()
+
+    assert "80 ms     met" in capsys.readouterr().out  # 20 ms of work on 25 % of a processor
+    assert [(vm.name, vm.reserve) for vm in host.vms.values()] == [("vision", 25)]
+    assert not any(process.alive for process in host.processes)
