@@ -148,21 +148,20 @@ write_unit() { # of the group, where it has none
     [ ! -f "$UNITS/$group" ] || return 0
     printf '%s\n' '[Unit]' 'Description=Partition of rarms' '' '[Slice]' 'CPUAccounting=yes' 'MemoryAccounting=yes' |
         replace_file "$UNITS/$group"
-    systemctl daemon-reload
 }
 
 start_with_machine() { # or not, as the definition says; without systemd nothing does
     [ "$VERSION" = systemd ] || return 0
     write_unit # somebody else may have made the group without one
     case $(get start_action) in
-    start) systemctl add-wants --quiet multi-user.target "$group" ;;
-    *) systemctl disable --quiet "$group" ;;
+    start) systemctl add-wants --no-reload --quiet multi-user.target "$group" ;;
+    *) systemctl disable --no-reload --quiet "$group" ;;
     esac
 }
 
 forget_unit() { # UNIT: stop the slice, with its properties and what starts it with the machine
     systemctl stop "$1" 2>/dev/null || true # it does not run
-    [ ! -f "$UNITS/$1" ] || systemctl disable --quiet "$1"
+    [ ! -f "$UNITS/$1" ] || systemctl disable --no-reload --quiet "$1"
     rm -f "$UNITS/$1"
     systemctl revert --quiet "$1" # this reads all units anew
 }

@@ -75,7 +75,8 @@ class GroupTreeSystemd(GroupTreeV2):
     def start_with_machine(self, name: str, starts: bool) -> None:
         """See `GroupTree.start_with_machine`."""
         _write_unit(name)  # somebody else may have made the group without one
-        _systemctl(*(("add-wants", _TARGET) if starts else ("disable",)), "--quiet", name)
+        words = ("add-wants", _TARGET) if starts else ("disable",)
+        _systemctl(*words, "--no-reload", "--quiet", name)
 
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
@@ -128,7 +129,6 @@ def _rounded_down(percent: float | None, period_us: int) -> float | None:
 def _write_unit(name: str) -> None:
     if not (UNITS / name).is_file():
         replace_file(UNITS / name, _UNIT)
-        _systemctl("daemon-reload")
 
 
 def _forget(unit: str) -> None:
@@ -136,7 +136,7 @@ def _forget(unit: str) -> None:
     with suppress(OSError):  # it does not run
         _systemctl("stop", unit)
     if (UNITS / unit).is_file():
-        _systemctl("disable", "--quiet", unit)
+        _systemctl("disable", "--no-reload", "--quiet", unit)
         (UNITS / unit).unlink()
     _systemctl("revert", unit)  # this reads all units anew
 

@@ -54,8 +54,8 @@ set-property)
     done
     ;;
 stop) rm -rf "kernel/rarms.slice/$unit" "kernel/$unit" ;;
-add-wants) touch "units/wants-$4" ;;
-disable) rm -f "units/wants-$3" ;;
+add-wants) touch "units/wants-$5" ;;
+disable) rm -f "units/wants-$4" ;;
 esac
 """
 
@@ -104,7 +104,7 @@ def test_a_partition_is_a_unit_with_properties(lab: Lab) -> None:
 
     lab.tree.make(name)
     assert (name, lab.units()) == (VISION, [VISION])
-    assert lab.asked() == ["daemon-reload", f"start {VISION}", "set-property rarms.slice CPUWeight=10000"]
+    assert lab.asked() == [f"start {VISION}", "set-property rarms.slice CPUWeight=10000"]
 
     lab.tree.write(name, values)
     assert lab.asked() == [
@@ -129,14 +129,14 @@ def test_with_the_last_unit_the_slice_goes_and_no_file_stays(lab: Lab) -> None:
     lab.tree.remove(VISION)
 
     stopped, slice_stopped = (f"stop {VISION}", f"revert {VISION}"), ["stop rarms.slice", "revert rarms.slice"]
-    assert lab.asked() == [stopped[0], f"disable --quiet {VISION}", stopped[1], *slice_stopped]
+    assert lab.asked() == [stopped[0], f"disable --no-reload --quiet {VISION}", stopped[1], *slice_stopped]
     assert (lab.tree.names(), lab.units()) == ((), [])
 
 
 def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
     (lab.folder / "systemctl").write_text("#!/bin/sh\necho 'Access denied' >&2\nexit 4\n")
 
-    with pytest.raises(OSError, match="systemctl daemon-reload: Access denied"):
+    with pytest.raises(OSError, match=f"systemctl start {VISION}: Access denied"):
         lab.tree.make(VISION)
 
 
