@@ -324,7 +324,9 @@ class Bench:
             if len(samples) < min(look, ALLOWED):
                 continue
             series = self._series(samples, consumed, step.reserve)
-            clear = step.until_clear and is_clear({NAME: series}, self.goal, precision=step.precision)
+            clear = step.until_clear and is_clear(
+                {NAME: series}, self.goal, precision=step.precision, patient=step.patient
+            )
             if len(samples) >= ALLOWED or clear:
                 return Setting(reserve=step.reserve, series=(series,), seed=1)
             look = next_look(len(samples))

@@ -177,7 +177,7 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, ben
         if not member.apt:
             place = hosts.manifest.places.key("components", member.name)
             message = f"{member.name} has no `apt`."
-            advice = f"Give it one, or measure chosen settings: rarms measure {member.name} --from 10% --to 100%."
+            advice = f"Give it one, or measure chosen settings: `rarms measure {member.name} --from 10% --to 100%`."
             raise UseCaseError(
                 Outcome.NEGATIVE,
                 [findings.NO_THRESHOLD.at(place, message, advice, address=f"component/{member.name}")],
@@ -215,7 +215,7 @@ def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: Measuri
                 hosts.manifest.places.key(section, name),
                 f"{bench.name} cannot run {name}: {obstacle}.",
                 "On a simulated host a component needs its demand: `simulation: { work: 20 ms }`. On a real one, see "
-                "whether `rarms run` runs it, and install what its program or the load needs.",
+                "whether `rarms run COMPONENT` runs it, and install what its program or the load needs.",
                 address=f"{section.removesuffix('s')}/{name}",
             )
             raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)

@@ -174,7 +174,10 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."
-        advice = "Relax an APT (`rarms select`), lift an `apart`, `dedicated` or `protect`, or add a logical processor."
+        advice = (
+            "Relax an APT (`rarms select COMPONENT --at LEVEL`), lift an `apart`, `dedicated` or `protect`, or add a "
+            "logical processor."
+        )
         if not end.subject.cois:
             message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
             advice = "Lower a reserve (`rarms plan` names ways out), or have it measured: `cpu: { reserve: measured }`."

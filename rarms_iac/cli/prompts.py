@@ -34,7 +34,10 @@ def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
         click.UsageError: There is no terminal, or the manifest is standard input.
     """
     if not session.terminal.answers:
-        message = "There is no terminal to ask at. Leave --interactive out, and choose with `rarms select`."
+        message = (
+            "There is no terminal to ask at. Leave --interactive out, and choose with "
+            "`rarms select COMPONENT --at LEVEL`."
+        )
         raise click.UsageError(message, click.get_current_context())
     refuse_standard_input(source)
 

@@ -170,7 +170,7 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
                 f"Machine {quoted(partition.settings.name)} ({partition.id}) carries a line that looks "
                 "like a mark of rarms, but "
                 f"{partition.foreign_mark}. It counts as unmanaged.",
-                "Take the line out of its notes, or adopt the right machine with `rarms import`.",
+                "Take the line out of its notes, or adopt the right machine with `rarms import PARTITION --id ID`.",
                 address=f"machine/{partition.id}",
             )
 

@@ -125,7 +125,7 @@ def _not_achievable(
                 places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
                 f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
-                advice.format(f" (`rarms select {measured.component} --at ...` says which level holds)"),
+                advice.format(f" (`rarms select {measured.component} --at LEVEL` says which level holds)"),
                 address=f"component/{measured.component}",
             )
 

@@ -381,7 +381,7 @@ def _try_setting(
             return False
         recorded = _setting(step.reserve, beside, context.seed, seen)
         by_component = {series.component: series for series in recorded.series}
-        return is_clear(by_component, goal_of(experiment), precision=step.precision)
+        return is_clear(by_component, goal_of(experiment), precision=step.precision, patient=step.patient)
 
     settling = Settling(
         memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, bench.budget, step.reserve)

@@ -80,7 +80,10 @@ class Searching:
                 return not_sufficient(known[-1])
         # Once a setting had no steady state, an early look may see but a part of what changes.
         to_its_end = any(trial.inconclusive for trial in trials)
-        return replace(step, reserve=min(step.reserve, self.most), until_clear=step.until_clear and not to_its_end)
+        reserve = min(step.reserve, self.most)
+        # Within the noise at the highest reserve is no answer at all, and no other setting can give one.
+        is_last_chance = reserve == self.most
+        return replace(step, reserve=reserve, until_clear=step.until_clear and not to_its_end, patient=is_last_chance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -98,6 +98,7 @@ class Measure:
     reserve: int
     until_clear: bool = False  # it may end as soon as the verdicts are clear; otherwise as `run.until` says
     precision: float | None = None  # with `until_clear`: not before the mean is known within this part of it
+    patient: bool = False  # with `until_clear`: not because more samples would hardly tell, either
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

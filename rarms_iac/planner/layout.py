@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import takewhile
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
-from rarms_iac.model.host import Mechanism
+from rarms_iac.model.host import Host, Mechanism
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
@@ -180,32 +180,39 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
 
 
 def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
-    """Report, once a host, the thresholds on late jobs that a share over the scheduler's window does not promise.
+    """Refuse the thresholds on late jobs that a share over the scheduler's window does not promise.
 
     Beside neighbours that pause and save what they reserve, a share comes in bursts: means stay, percentiles and maxima
     of jobs shorter than the window may grow (docs/measuring.md, "what a reservation does not promise"; decision 0028).
+    A deadline of Linux is kept within a tenth of the threshold.
     """
     groups = {group.name: group for group in problem.groups}
     for host in by_name(problem.system.hosts):
         here = [partition for partition in answer.partitions if partition.host == host.name and partition.reserve]
-        late = [
-            (member.name, index)
-            for partition in here
-            for member in groups[partition.name].members
-            for index, threshold in member.apt.items()
-            if _is_about_late_jobs(index, threshold, member)
-        ]
-        if late and len(here) > 1:
-            yield findings.LATE_JOBS.at(
-                places.key("components", late[0][0], "apt", late[0][1]),
-                f"A reservation promises a share over {SCHEDULER_WINDOW_MS} ms, not when in them it comes: beside "
-                f"{counted(len(here) - 1, 'other partition')} on {host.name}, "
-                f"{in_a_row([f'{index} of {name}' for name, index in late])} may be exceeded although the mean "
-                "stays as measured.",
-                "After applying, look with `rarms prove --interference busy-loop`. Give a threshold that fails room, "
-                "or reserve more.",
-                address=f"host/{host.name}",
-            )
+        if len(here) < 2:
+            continue
+        for partition in here:
+            if mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE:
+                continue
+            for member in groups[partition.name].members:
+                late = [
+                    index for index, threshold in member.apt.items() if _is_about_late_jobs(index, threshold, member)
+                ]
+                if late:
+                    yield _late_finding(member, late, host, len(here) - 1, places)
+
+
+def _late_finding(member: Component, late: Sequence[str], host: Host, others: int, places: Places) -> Diagnostic:
+    return findings.LATE_JOBS.at(
+        places.key("components", member.name, "apt", late[0]),
+        f"A reservation promises a share over {SCHEDULER_WINDOW_MS} ms, not when in them it comes: beside "
+        f"{counted(others, 'other partition')} on {host.name}, {in_a_row(late)} of {member.name} may be exceeded "
+        "although the mean stays as measured.",
+        f"Set a mean, or a threshold of at least {SCHEDULER_WINDOW_MS} ms, or place {member.name} alone on a host. To "
+        "apply it all the same, accept the finding; afterwards `rarms prove --interference busy-loop` shows whether it "
+        "holds.",
+        address=f"component/{member.name}",
+    )
 
 
 def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:

@@ -281,7 +281,7 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
     """
     names = to_be_measured(members)
     indexes = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
-    relax = f"Relax the APT (`rarms select {names[0]} --at ...` says which level holds)"
+    relax = f"Relax the APT (`rarms select {names[0]} --at LEVEL` says which level holds)"
     if not log.measured:
         message, advice = f"{log.path} holds no setting yet.", f"Measure it: `{log.again}`."
     elif log.measured[-1] < 100:

@@ -91,7 +91,7 @@ def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
             None,
             f"Machines on {part.host} that {part.application} does not manage stay as they are, and get less while all "
             f"are busy: {'; '.join(losers)}.",
-            "If one has to answer in time, give it a reserve first, or take it in: `rarms import`.",
+            "If one has to answer in time, give it a reserve first, or take it in: `rarms import PARTITION --id ID`.",
             address=f"host/{part.host}",
         )
 

@@ -109,7 +109,9 @@ def trial_of(setting: Setting, goal: Goal) -> SearchTrial:
     )
 
 
-def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | None = None) -> bool:
+def is_clear(
+    series: Mapping[str, Series], goal: Goal, *, precision: float | None = None, patient: bool = False
+) -> bool:
     """Tell whether a setting that is being measured may end now (`Measure.until_clear`).
 
     More samples would hardly turn what it passes by then (`trial_of`). One member that misses makes it clear;
@@ -119,6 +121,7 @@ def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | Non
         series: By component, as they will be recorded.
         goal: What is searched.
         precision: As `Measure.precision`.
+        patient: As `Measure.patient`.
 
     Returns:
         Whether it may end.
@@ -130,7 +133,9 @@ def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | Non
     verdicts = [
         judge_early(series[member.name], member.apt, member.run, members=len(goal.members)) for member in goal.members
     ]
-    return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
+    if any(isinstance(verdict, Missed) for verdict in verdicts):
+        return True
+    return not any(verdict is None or (patient and isinstance(verdict, WithinNoise)) for verdict in verdicts)
 
 
 def _is_precise(series: Series, member: Member, precision: float) -> bool:

@@ -127,7 +127,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         try:
             yield
         except CannotStart as problem:
-            raise HostRefused(self.name, f"{problem}", "try it alone: rarms run") from problem
+            raise HostRefused(self.name, f"{problem}", "try it alone: `rarms run COMPONENT`") from problem
         except RunningError as problem:
             raise HostFailed(self.name, f"{problem}", "measure again: what is recorded is kept") from problem
 
@@ -154,7 +154,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             raise HostRefused(
                 self.name,
                 message,
-                "somebody changed cpuset.cpus of its group: rarms plan shows it, rarms apply takes it back",
+                "somebody changed cpuset.cpus of its group: `rarms plan` shows it, `rarms apply` takes it back",
             )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 
@@ -193,7 +193,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         if len(running) != 1:
             message = f"no partition {partition} of {application} runs"
             raise HostRefused(
-                self.name, message, "see what is missing with rarms plan, and bring it there with rarms apply"
+                self.name, message, "see what is missing with `rarms plan`, and bring it there with `rarms apply`"
             )
         group = definitions[running[0].id].group
         if real_time:

@@ -64,8 +64,8 @@ ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did 
 OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that nobody stopped with rarms")
 NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 STATE_FOLDER = Path("/var/lib/rarms")
-PLAN_AGAIN = "look at the host again: rarms plan"
-ASK_DOCTOR = "see what this kernel lacks: rarms doctor"
+PLAN_AGAIN = "look at the host again: `rarms plan`"
+ASK_DOCTOR = "see what this kernel lacks: `rarms doctor`"
 _DEFINITION_LIMIT = 2**20
 
 

@@ -169,7 +169,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         partitions = resolve(state.partitions, partition, Scope(application=application, plan=""))
         if len(partitions) != 1 or not partitions[0].settings.running:
             raise HostRefused(
-                self.name, f"no partition {partition} of {application} runs", "rarms plan shows what is wanted"
+                self.name, f"no partition {partition} of {application} runs", "`rarms plan` shows what is wanted"
             )
         return content.machines[partitions[0].id]
 

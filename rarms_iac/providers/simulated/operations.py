@@ -85,7 +85,7 @@ def refuse_disk_removal(content: Content, operation: operations.RemoveDisk) -> R
     """Why this disk cannot be deleted, None where it can."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
-        return Refusal(message=f"there is no disk {operation.path}", advice="look at the host again: rarms plan")
+        return Refusal(message=f"there is no disk {operation.path}", advice="look at the host again: `rarms plan`")
     if live["used"]:
         return Refusal(message=f"{operation.path} is in use", advice="remove what has it first")
     return None
@@ -138,7 +138,7 @@ def refuse_task_change(registry: Registry, operation: operations.TaskOperation) 
             problem = _impossible_key(task) or _impossible_values(wanted)
             return Refusal(message=f"{_described(task)}: {problem}", advice="correct it") if problem else None
         case operations.RemoveTaskClass() if values is None:
-            return Refusal(message=f"there is no {_described(task)}", advice="look at the host again: rarms plan")
+            return Refusal(message=f"there is no {_described(task)}", advice="look at the host again: `rarms plan`")
         case operations.WriteTaskRecord(record=TaskRecord(application=application)):
             return _refuse_record_of_others(task, record, application)
         case operations.EraseTaskRecord(application=application):

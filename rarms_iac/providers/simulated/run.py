@@ -40,7 +40,7 @@ from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.replace import remove_leftovers
 from rarms_iac.storage.replace import replace as replace_file
 
-PARTITION_AGAIN = "look at the host again: rarms plan"
+PARTITION_AGAIN = "look at the host again: `rarms plan`"
 
 
 class SimulatedHostProvider(JournaledHost):

@@ -112,7 +112,7 @@ def _fixed(name: str, amount: Fraction) -> SummaryRow:
 
 
 def _unmeasured(names: tuple[str, ...]) -> SummaryRow:
-    message = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
+    message = f"not measured: run `rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}`"
     return SummaryRow(component=" + ".join(names), verdict=message)
 
 
@@ -270,14 +270,14 @@ def _compounds(report: Report) -> list[Node]:
 def status_text(status: HostStatus) -> str:
     """Whether what the manifest asks for is on the host, and what brings it there."""
     if not status.is_planned:
-        return "Nothing can be applied as it is: rarms plan tells why."
+        return "Nothing can be applied as it is: `rarms plan` tells why."
     if not status.differs:
         return "Applied: the host is as the manifest wants it."
     addresses_of: dict[str, list[str]] = {}
     for address, message in status.differs:
         addresses_of.setdefault(message, []).append(address)
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
-    return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."
+    return f"{parts[:1].upper()}{parts[1:]}. `rarms plan` shows what is to be done, `rarms apply` does it."
 
 
 def _figure(value: Fraction) -> str:

@@ -165,7 +165,8 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     assert never.startswith("onboard: Not applied yet: partition/vision")
     assert applied == "onboard: Applied: the host is as the manifest wants it."
     assert chosen == (
-        "onboard: Not applied yet: partition/vision. rarms plan shows what is to be done, rarms apply does it."
+        f"onboard: Not applied yet: partition/vision. `rarms plan -f {robot}` shows what is to be done, "
+        f"`rarms apply -f {robot}` does it."
     )
     assert "Not applied yet: partition/vision" in rarms("report", "-f", str(robot), "-o", "-").out
     document = rarms("report", "-f", str(robot), "--json").out

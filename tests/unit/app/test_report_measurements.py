@@ -174,7 +174,7 @@ def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> N
         ("path-planning", "", "", ""),
         ("speech-recognition", "", "", ""),
     ]
-    assert rows[-1].verdict == "not measured: run rarms measure speech-recognition"
+    assert rows[-1].verdict == "not measured: run `rarms measure speech-recognition`"
 
 
 def empty(report: Report) -> bool:

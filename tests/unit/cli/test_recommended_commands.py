@@ -4,17 +4,19 @@ A situation is a folder, made by commands and files, and one command more, whose
 stands there between backticks and begins with `rarms` is run as it is printed, each in a copy of that folder.
 """
 
+import ast
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+import rarms_iac
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.storage.datalog.files import append_setting
 from rarms_iac.storage.datalog.log import Recorded
@@ -52,6 +54,14 @@ PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
     memory: 512 MiB
     simulation: {{ work: 1 ms, varies: 2 % }}
 """
+
+READ_OFF = MEASURED.replace("50 ms", "35 ms")
+
+THIRD = PAIR[PAIR.index("  speech") :].replace("speech", "video")
+
+LOG = "measurements/onboard/vision/busy-loop.jsonl"
+
+LATE = MANIFEST.replace("mean_response_time", "p95_response_time").replace("45 %", "70 %")
 
 PROGRAM = ALONE.replace("command: [vision]", "command: [python3, -c, pass]").replace("samples: 60", "samples: 2")
 PROGRAM = PROGRAM[: PROGRAM.index("    simulation")]
@@ -140,8 +150,9 @@ class Situation:
 
     steps: tuple[Callable[[], None], ...]
     words: tuple[str, ...]
-    says: str  # a finding's id, or words of the message
+    messages: tuple[str, ...]  # words of each message that recommends something
     recommends: tuple[str, ...]
+    first: tuple[Callable[[], None], ...] = ()  # what the message says is to be done before the command
     asked: bool = False  # the message comes from a question at a terminal
     may_answer: ExitCode = (
         ExitCode.DONE
@@ -150,42 +161,45 @@ class Situation:
 
 SITUATIONS = {
     "nothing is measured": Situation(
-        steps=(write(MEASURED),), words=("plan",), says="RARMS100", recommends=("rarms measure vision",)
+        steps=(write(MEASURED),), words=("plan",), messages=("Or fix it for now",), recommends=("rarms measure vision",)
     ),
     "nothing is measured that a page could show": Situation(
-        steps=(write(MEASURED),), words=("report",), says="no data log", recommends=("rarms measure",)
+        steps=(write(MEASURED),), words=("report",), messages=("Measure first: ",), recommends=("rarms measure",)
     ),
     "partitions run where it is measured": Situation(
         steps=(write(MANIFEST), APPLY),
         words=("measure", "vision", "--from", "50%", "--to", "50%"),
-        says="RARMS115",
+        messages=("stop them and start them again afterwards",),
         recommends=("rarms measure --stop-partitions", "rarms stop", "rarms start"),
     ),
     "a partition was stopped": Situation(
         steps=(write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
         words=("plan",),
-        says="stays stopped",
+        messages=("stays stopped",),
         recommends=("rarms start vision",),
     ),
     "a stopped partition would be proven": Situation(
         steps=(write(MANIFEST), APPLY, do("stop", "--auto-approve")),
         words=("prove",),
-        says="stopped by rarms",
+        messages=("Start them, and prove again",),
         recommends=("rarms start speech vision",),
     ),
     "nothing is applied that could be proven": Situation(
-        steps=(write(MANIFEST),), words=("prove",), says="on no host", recommends=("rarms plan", "rarms apply")
+        steps=(write(MANIFEST),),
+        words=("prove",),
+        messages=("See what is missing with",),
+        recommends=("rarms plan", "rarms apply"),
     ),
     "an APT is missed in the layout": Situation(
         steps=(write(ALONE.replace("45 %", "10 %")), APPLY),
         words=("prove", "--interference", "busy-loop"),
-        says="its threshold is",
+        messages=("--again --stop-partitions`",),
         recommends=("rarms measure vision --again --stop-partitions",),
     ),
     "an apply was killed": Situation(
         steps=(write(MANIFEST), killed("apply", "--auto-approve", at=20)),
         words=("plan",),
-        says="RARMS183",
+        messages=("or `rarms apply --abandon` to leave it as it is",),
         recommends=("rarms apply", "rarms undo", "rarms apply --abandon"),
     ),
     "a measurement was killed that had stopped partitions": Situation(
@@ -195,52 +209,56 @@ SITUATIONS = {
             killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
         ),
         words=("drift",),
-        says="A run is unfinished on onboard",
+        messages=("A run is unfinished on ",),
         recommends=("rarms apply",),
     ),
     "a plan was used": Situation(
         steps=(write(MANIFEST), do("plan", "--out", "a.plan"), APPLY, do("destroy", "--auto-approve")),
         words=("apply", "a.plan"),
-        says="was applied to onboard, or another",
+        messages=("Make a new plan: `rarms plan --out FILE`",),
         recommends=("rarms plan --out FILE",),
     ),
     "a partition is no longer wanted": Situation(
         steps=(write(MANIFEST), APPLY, write(ALONE), APPLY),
         words=("plan",),
-        says="is unused and stopped",
+        messages=("is unused and stopped",),
         recommends=("rarms destroy --target partition/speech",),
     ),
     "a machine that is not managed has a wanted name": Situation(
         steps=(write(MANIFEST), APPLY, do("release", "vision", "--auto-approve")),
         words=("plan",),
-        says="RARMS150",
+        messages=(" to take it over, or give the partition another name",),
         recommends=("rarms import vision --id",),
     ),
     "there is no terminal to ask at": Situation(
         steps=(write(MANIFEST),),
         words=("apply",),
-        says="no terminal",
+        messages=("no terminal",),
         recommends=("rarms plan --out FILE", "rarms apply FILE"),
     ),
     "a question was answered with no": Situation(
-        steps=(write(MANIFEST),), words=("apply",), says="Nothing was changed", recommends=("rarms plan",), asked=True
+        steps=(write(MANIFEST),),
+        words=("apply",),
+        messages=("Run it again to be asked again",),
+        recommends=("rarms plan",),
+        asked=True,
     ),
     "the host is not as the manifest wants it": Situation(
         steps=(write(MANIFEST), APPLY, write(MANIFEST.replace("45 %", "40 %"))),
         words=("drift",),
-        says="as the manifest wants",
+        messages=("as the manifest wants",),
         recommends=("rarms plan",),
     ),
     "no measured setting is enough": Situation(
         steps=(write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
         words=("plan",),
-        says="RARMS10",
+        messages=("says which level holds), or measure higher settings",),
         recommends=("rarms measure vision",),
     ),
     "a level needs more than was measured": Situation(
         steps=(write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
         words=("select", "vision", "--at", "60 ms"),
-        says="measure higher settings",
+        messages=("measure higher settings",),
         recommends=("rarms measure vision --from 21% --to 100%",),
     ),
     "reservations exceed the host": Situation(
@@ -249,19 +267,19 @@ SITUATIONS = {
             logs(vision=85),
         ),
         words=("plan",),
-        says="RARMS014",
+        messages=("RARMS014",),
         recommends=("rarms measure",),
     ),
     "a pair would fit": Situation(
         steps=(write(PAIR), logs(vision=60, speech=60)),
         words=("plan",),
-        says="RARMS014",
+        messages=("RARMS014",),
         recommends=("rarms tune",),
     ),
     "a component cannot use its processors": Situation(
         steps=(write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
         words=("measure", "vision"),
-        says="and measures again",
+        messages=("and measures again",),
         recommends=("rarms measure vision --write-processors",),
     ),
     "settings below have no steady state": Situation(
@@ -271,15 +289,23 @@ SITUATIONS = {
             drifting("vision", range(11, 60)),
         ),
         words=("measure", "vision"),
-        says="RARMS267",
+        messages=("To find out whether less is enough, measure longer",),
         recommends=("rarms measure vision --again --samples 2000",),
     ),
-    "there is no manifest": Situation(steps=(), words=("plan",), says="with `-f PATH`", recommends=("rarms init",)),
+    "there is no manifest": Situation(
+        steps=(), words=("plan",), messages=("with `-f PATH`",), recommends=("rarms init",)
+    ),
     "the manifest is empty": Situation(
-        steps=(write("\n  \n"),), words=("validate",), says="The file has no content", recommends=("rarms init",)
+        steps=(write("\n  \n"),),
+        words=("validate",),
+        messages=("Write a manifest, or let `rarms init` write one",),
+        recommends=("rarms init",),
     ),
     "the manifest begins with a byte order mark": Situation(
-        steps=(write("\ufeff" + MANIFEST),), words=("validate",), says="RARMS006", recommends=("rarms fmt",)
+        steps=(write("\ufeff" + MANIFEST),),
+        words=("validate",),
+        messages=("or let `rarms fmt` do it",),
+        recommends=("rarms fmt",),
     ),
     "an error is accepted that cannot be": Situation(
         steps=(
@@ -289,13 +315,13 @@ SITUATIONS = {
             ),
         ),
         words=("plan",),
-        says="acceptance",
+        messages=("acceptance",),
         recommends=("rarms explain RARMS014",),
     ),
     "somebody changed a partition": Situation(
         steps=(write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
         words=("plan", "--verbose"),
-        says="This plan makes it as the manifest wants it",
+        messages=("Find out who did it",),
         recommends=("rarms drift", "rarms history"),
     ),
     "the host moved since the plan was made": Situation(
@@ -308,77 +334,84 @@ SITUATIONS = {
             do("simulate", "change", "vision", "--reserve", "30"),
         ),
         words=("apply", "a.plan"),
-        says="no longer as the plan saw it",
+        messages=("Nothing was changed. Look with `rarms drift`",),
         recommends=("rarms drift",),
     ),
     "a plan was edited": Situation(
         steps=(write(MANIFEST), do("plan", "--out", "a.plan"), edit("a.plan", "vision", "Vision")),
         words=("apply", "a.plan"),
-        says="it was edited",
+        messages=("Make the plan again: `rarms plan --out FILE`",),
         recommends=("rarms plan --out FILE",),
     ),
     "a file is no plan": Situation(
         steps=(write(MANIFEST),),
         words=("apply", "rarms.yaml"),
-        says="not a plan",
+        messages=("Give a file that `rarms plan --out FILE` wrote",),
         recommends=("rarms plan --out FILE",),
     ),
     "the manifest changed since the plan was made": Situation(
         steps=(write(MANIFEST), do("plan", "--out", "a.plan"), write(MANIFEST.replace("45 %", "40 %"))),
         words=("apply", "a.plan"),
-        says="has changed since plan",
+        messages=("has changed since plan",),
         recommends=("rarms plan",),
     ),
     "a plan is applied elsewhere": Situation(
         steps=(write(MANIFEST), do("plan", "--out", "a.plan"), move("rarms.yaml", "robot")),
         words=("apply", "a.plan"),
-        says="which is not here",
+        messages=("Apply the plan in the folder where it was made",),
         recommends=("rarms apply PLAN -f MANIFEST",),
     ),
     "a target is not in the plan": Situation(
         steps=(write(MANIFEST),),
         words=("plan", "--target", "partition/sight"),
-        says="no change has this address",
+        messages=("(`rarms plan --verbose` lists them)",),
         recommends=("rarms plan --verbose",),
     ),
     "a component cannot run on its host": Situation(
-        steps=(write(PROGRAM),), words=("measure", "vision"), says="cannot run vision", recommends=("rarms run",)
+        steps=(write(PROGRAM),),
+        words=("measure", "vision"),
+        messages=("On a real one, see whether `rarms run COMPONENT` runs it",),
+        recommends=("rarms run",),
     ),
     "a snapshot cannot be read": Situation(
         steps=(write(MANIFEST), lambda: put("host.json", "nothing")),
         words=("plan", "--snapshot", "host.json"),
-        says="Make one with",
+        messages=("Make one with",),
         recommends=("rarms snapshot --host NAME --out FILE", "rarms snapshot --script"),
     ),
     "late jobs may be later beside other partitions": Situation(
-        steps=(write(MANIFEST.replace("mean_response_time", "p95_response_time").replace("45 %", "70 %")), APPLY),
-        words=("plan", "--verbose"),
-        says="RARMS313",
+        steps=(write(LATE),),
+        words=("plan",),
+        messages=("shows whether it holds",),
         recommends=("rarms prove --interference busy-loop",),
+        first=(
+            write(f"{LATE}policy: {{ accept: {{ RARMS313: {{ at: [component/vision], reason: known }} }} }}\n"),
+            APPLY,
+        ),
     ),
     "nothing was tuned": Situation(
         steps=(write(PAIR), logs(vision=30, speech=30)),
         words=("explain", "vision"),
-        says="has measured nothing",
+        messages=("has measured nothing",),
         recommends=("rarms tune",),
     ),
     "fixed reserves exceed the host": Situation(
         steps=(write(MANIFEST.replace("45 %", "90 %")),),
         words=("tune",),
-        says="The manifest fixes all reserves",
+        messages=("Lower a reserve (`rarms plan` names ways out)",),
         recommends=("rarms plan",),
         may_answer=ExitCode.NO,
     ),
     "no component is wanted any more": Situation(
         steps=(write(MANIFEST), APPLY, write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
         words=("plan",),
-        says="describes no component",
+        messages=("To remove everything, use",),
         recommends=("rarms destroy",),
     ),
     "the application is looked at after a stop": Situation(
         steps=(write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
         words=("status",),
-        says="stopped by",
+        messages=("stopped by",),
         recommends=("rarms stop", "rarms start vision"),
     ),
     "both names of a move are on the host": Situation(
@@ -390,10 +423,407 @@ SITUATIONS = {
             write(MANIFEST.replace("  speech:", "  sight:") + "moved: { speech: sight }\n"),
         ),
         words=("plan",),
-        says="RARMS156",
+        messages=("Remove one of them (",),
         recommends=("rarms destroy --target partition/speech",),
     ),
+    "a data log is damaged": Situation(
+        steps=(write(MEASURED), logs(vision=45), lambda: put(LOG, '{"a": 1}\n{"b": 1}\n')),
+        words=("plan",),
+        messages=("Bring it back from git, or remove it and measure again",),
+        recommends=("rarms measure vision",),
+        first=(Path(LOG).unlink,),
+    ),
+    "what was measured is not what the manifest says now": Situation(
+        steps=(write(MEASURED), logs(vision=45), edit("rarms.yaml", "work: 20 ms", "work: 21 ms")),
+        words=("plan",),
+        messages=("Or take the change back.",),
+        recommends=("rarms measure vision",),
+    ),
+    "it was measured beside what runs on the host": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            write(MEASURED),
+            do("measure", "vision", "--on-busy-host", "--from", "40%", "--to", "60%", "--step", "20%"),
+        ),
+        words=("plan",),
+        messages=("Measure it once more with the host to itself",),
+        recommends=("rarms measure vision --again",),
+        first=(do("stop", "--auto-approve"),),
+    ),
+    "fixed reserves exceed the host that is declared": Situation(
+        steps=(write(MANIFEST.replace("45 %", "90 %")),),
+        words=("validate",),
+        messages=("`rarms plan` tries which change would be enough",),
+        recommends=("rarms plan",),
+        may_answer=ExitCode.NO,
+    ),
+    "nothing is measured, and the manifest is checked": Situation(
+        steps=(write(MEASURED),),
+        words=("validate",),
+        messages=("`rarms measure` finds what it needs",),
+        recommends=("rarms measure",),
+    ),
+    "a component is not in the manifest": Situation(
+        steps=(write(MANIFEST),),
+        words=("measure", "nobody"),
+        messages=("--help` lists what it takes",),
+        recommends=("rarms measure --help",),
+    ),
+    "an option does not exist": Situation(
+        steps=(write(MANIFEST),),
+        words=("plan", "--nothing"),
+        messages=("--help` lists what it takes",),
+        recommends=("rarms plan --help",),
+    ),
+    "a plan file is not there": Situation(
+        steps=(write(MANIFEST),),
+        words=("apply", "a.plan"),
+        messages=("Look at the path and its rights",),
+        recommends=("rarms plan --out FILE",),
+    ),
+    "a script is none": Situation(
+        steps=(write(MANIFEST), lambda: put("a.ps1", "exit")),
+        words=("show", "--check", "a.ps1"),
+        messages=("Give a script that",),
+        recommends=("rarms show --script --out FOLDER", "rarms snapshot --script"),
+    ),
+    "no pair may be combined": Situation(
+        steps=(
+            write(PAIR.replace("    memory", "    apart: [vision]\n    memory", 2).replace("    apart", "#", 1)),
+            logs(vision=60, speech=60),
+        ),
+        words=("tune",),
+        messages=("Relax an APT (",),
+        recommends=("rarms select COMPONENT --at LEVEL",),
+    ),
+    "a log has no setting": Situation(
+        steps=(
+            write(MEASURED),
+            logs(vision=45),
+            lambda: put(LOG, Path(LOG).read_text(encoding="utf-8").split("\n")[0] + "\n"),
+        ),
+        words=("plan",),
+        messages=("Measure it: ",),
+        recommends=("rarms measure vision",),
+    ),
+    "a reservation is read off the curve": Situation(
+        steps=(
+            write(MEASURED),
+            do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"),
+            write(READ_OFF),
+        ),
+        words=("plan",),
+        messages=("Measure it: ",),
+        recommends=("rarms measure vision --verify",),
+    ),
+    "an explained reservation is read off the curve": Situation(
+        steps=(
+            write(MEASURED),
+            do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"),
+            write(READ_OFF),
+        ),
+        words=("explain", "vision"),
+        messages=("--verify` measures it",),
+        recommends=("rarms measure vision --verify",),
+    ),
+    "somebody plays an intruder": Situation(
+        steps=(write(MANIFEST), APPLY),
+        words=("simulate", "change", "vision", "--reserve", "30"),
+        messages=("as somebody else would",),
+        recommends=("rarms drift",),
+    ),
+    "there is no manifest, and no command": Situation(
+        steps=(), words=(), messages=("`rarms --help` lists the commands",), recommends=("rarms init",)
+    ),
+    "an interactive session has no terminal": Situation(
+        steps=(write(MEASURED), logs(vision=45)),
+        words=("measure", "--interactive"),
+        messages=("Leave --interactive out, and choose with",),
+        recommends=("rarms select COMPONENT --at LEVEL",),
+    ),
+    "the manifest has only comments": Situation(
+        steps=(write("# nothing\n"),),
+        words=("validate",),
+        messages=("Write a manifest, or move the file away",),
+        recommends=("rarms init",),
+        first=(Path("rarms.yaml").unlink,),
+    ),
+    "what is formatted has only comments": Situation(
+        steps=(write("# nothing\n"),),
+        words=("fmt",),
+        messages=("Write a manifest, or move the file away",),
+        recommends=("rarms init",),
+        first=(Path("rarms.yaml").unlink,),
+    ),
+    "samples cannot tell whether a threshold is met": Situation(
+        steps=(write(ALONE.replace("45 %", "measured").replace("50 ms", "20.5 ms")),),
+        words=("measure", "vision"),
+        messages=("or allow more samples", " --again --samples "),
+        recommends=("rarms measure vision --again --samples 2000",),
+        may_answer=ExitCode.NO,
+    ),
+    "a component without a threshold is to be measured": Situation(
+        steps=(write(MANIFEST),),
+        words=("measure", "speech"),
+        messages=("Give it one, or measure chosen settings",),
+        recommends=("rarms measure speech --from 10% --to 100%",),
+    ),
+    "no setting can be enough": Situation(
+        steps=(write(MEASURED.replace("50 ms", "5 ms")),),
+        words=("measure", "vision"),
+        messages=("says which level holds)",),
+        recommends=("rarms select vision --at LEVEL",),
+    ),
+    "a plan is of another format": Situation(
+        steps=(
+            write(MANIFEST),
+            do("plan", "--out", "a.plan"),
+            edit("a.plan", '"format_version":', '"format_version": "of old", "was":'),
+        ),
+        words=("apply", "a.plan"),
+        messages=("Make the plan again with this version of rarms",),
+        recommends=("rarms plan --out FILE",),
+    ),
+    "a file of another kind is no plan": Situation(
+        steps=(write(MANIFEST), lambda: put("a.plan", "{}")),
+        words=("apply", "a.plan"),
+        messages=("Give a file that `rarms plan --out FILE` wrote",),
+        recommends=("rarms plan --out FILE",),
+    ),
+    "drift is looked for, and the manifest has errors": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            write(MANIFEST.replace("45 %", "90 %")),
+            do("simulate", "change", "vision", "--reserve", "30"),
+        ),
+        words=("drift",),
+        messages=("The manifest was not compared",),
+        recommends=("rarms plan",),
+        may_answer=ExitCode.NO,
+    ),
+    "a host moved while a run was unfinished": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            write(MANIFEST.replace("45 %", "40 %").replace("20 %", "10 %")),
+            killed("apply", "--auto-approve", at=8),
+            do("simulate", "change", "vision", "--reserve", "30"),
+        ),
+        words=("apply",),
+        messages=("Nothing more was changed. Look with `rarms drift`.",),
+        recommends=("rarms drift", "rarms undo", "rarms apply --abandon"),
+        may_answer=ExitCode.REFUSED,
+    ),
+    "an apply cannot be taken back wholly": Situation(
+        steps=(write(MANIFEST), APPLY, do("destroy", "--auto-approve")),
+        words=("undo", "--auto-approve"),
+        messages=("Look at it with `rarms drift` afterwards",),
+        recommends=("rarms drift",),
+    ),
+    "one that is not managed gets less": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            do("release", "vision", "--auto-approve"),
+            write(MANIFEST.replace("vision:", "sight:").replace("20 %", "30 %").replace("45 %", "20 %")),
+        ),
+        words=("plan", "--verbose"),
+        messages=("or take it in: ",),
+        recommends=("rarms import PARTITION --id ID",),
+        first=(edit("rarms.yaml", "sight", "vision"),),
+    ),
+    "a run is unfinished, and the status says so": Situation(
+        steps=(write(MANIFEST), killed("apply", "--auto-approve", at=20)),
+        words=("status",),
+        messages=("finishes the run on",),
+        recommends=("rarms apply",),
+    ),
+    "nothing is measured, and the status says so": Situation(
+        steps=(write(MEASURED),),
+        words=("status",),
+        messages=("that are not measured yet",),
+        recommends=("rarms measure",),
+    ),
+    "somebody changed a host, and the status says so": Situation(
+        steps=(write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
+        words=("status",),
+        messages=("tells what somebody changed on a host",),
+        recommends=("rarms drift",),
+    ),
+    "nothing is applied, and the status says so": Situation(
+        steps=(write(MANIFEST),),
+        words=("status",),
+        messages=("shows what is not applied yet",),
+        recommends=("rarms plan",),
+    ),
+    "nothing is proven, and the status says so": Situation(
+        steps=(write(MANIFEST), APPLY),
+        words=("status",),
+        messages=("beside their thresholds",),
+        recommends=("rarms prove",),
+    ),
+    "a pair might be combined": Situation(
+        steps=(write(PAIR), logs(vision=40, speech=45)),
+        words=("explain", "vision"),
+        messages=("`rarms tune` measures it",),
+        recommends=("rarms tune",),
+    ),
+    "the paper's procedure combined, and it is still too much": Situation(
+        steps=(write(PAIR.replace("reserve: measured", "reserve: 95 %", 1) + THIRD), logs(speech=60, video=60)),
+        words=("tune", "--strategy", "paper", "--auto-approve"),
+        messages=("are there; `rarms plan` tells more", "Go on: "),
+        recommends=("rarms tune --strategy paper --repeat", "rarms tune", "rarms plan"),
+        may_answer=ExitCode.NO,
+    ),
+    "a component is not measured yet, and the report says so": Situation(
+        steps=(write(PAIR), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%")),
+        words=("report", "--text"),
+        messages=("not measured: run `rarms measure", "Nothing can be applied as it is"),
+        recommends=("rarms measure speech", "rarms plan"),
+        may_answer=ExitCode.NO,
+    ),
+    "what is measured is not applied yet, and the report says so": Situation(
+        steps=(write(MEASURED), logs(vision=45)),
+        words=("report", "--text"),
+        messages=("`rarms plan` shows what is to be done, `rarms apply` does it",),
+        recommends=("rarms plan", "rarms apply"),
+    ),
+    "a component has a task class": Situation(
+        steps=(write(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),),
+        words=("explain", "drive"),
+        messages=("`rarms plan` shows its values",),
+        recommends=("rarms plan",),
+    ),
+    "fewer virtual processors may be enough": Situation(
+        steps=(
+            write(MEASURED.replace("50 ms", "26 ms").replace("20 %", "30 %").replace("varies: 2 %", "varies: 0 %")),
+            do("measure", "vision"),
+        ),
+        words=("plan",),
+        messages=(", and `rarms measure` tells: ",),
+        recommends=("rarms measure",),
+        first=(edit("rarms.yaml", "    cpu: { reserve: measured", "    processors: 1\n    cpu: { reserve: measured"),),
+    ),
+    "more logical processors may be enough": Situation(
+        steps=(write(PAIR), logs(vision=60, speech=60)),
+        words=("plan",),
+        messages=("may be enough: what partitions need there has to be measured",),
+        recommends=("rarms measure",),
+        may_answer=ExitCode.NO,
+    ),
+    "what was stopped to measure is gone": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
+            do("simulate", "change", "speech", "--remove"),
+        ),
+        words=("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions"),
+        messages=("Something else changes it too",),
+        recommends=("rarms drift",),
+    ),
 }
+
+
+OTHER_TESTS = {
+    "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
+    "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
+    "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
+    "Run rarms on {host} and leave `connect` out": "tests/unit/app/test_applying_elsewhere.py",
+    "Mend what keeps them from it, then start them": "tests/unit/app/test_resting.py",
+    "or adopt the right machine with": "tests/cases/foreign-mark",
+    "Look with `rarms drift`;": "tests/system/test_remote_host.py: a script's step",
+    "No step was done. Look with": "tests/system/test_remote_host.py: a script's guard",
+    "it asks the host's own journal": "tests/system/test_remote_host.py: the connection broke",
+    "run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
+    "say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
+    "(`rarms show --script PLAN --guest {inside}": "tests/unit/cli/test_show_scripts.py",
+    "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
+    "somebody changed cpuset.cpus of its group": "tests/contracts: a Linux host's deadlines",
+    "see what is missing with `rarms plan`, and bring it": "as `nothing is applied that could be proven`, on Linux",
+    "try it alone: `rarms run COMPONENT`": "as `a component cannot run on its host`, on Linux",
+    "`rarms apply` starts what is off": "tests/contracts/test_shell_scripts.py: a Linux host after a restart",
+    "look at the host again: `rarms plan`": "as `somebody changed a partition`, between two steps",
+    "`rarms plan` shows what is wanted": "as `a stopped partition would be proven`, while it is proven",
+    "Measure the parts again (": "as `it was measured beside what runs on the host`: `rarms measure ... --again`",
+    "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
+    "Name the components that matter": "tests/unit/app/test_report.py: a page of more than a megabyte",
+    "If it was changing a host, run": "as `an apply was killed`, by Ctrl-C",
+    "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
+}
+"""Messages that another test brings about, or that say what another situation says, by words of each."""
+
+NOT_RECOMMENDED = (
+    "no run of `rarms tune` that is on record here wrote it",
+    "`rarms tune` measured no other compound with it",
+    ", as `rarms tune` measured it: ",
+    "`rarms tune` combined them at ",
+    "what `rarms tune` measured cannot be told",
+    "All together, as `rarms prove` measured them last:",
+    "`rarms measure` stopped it and ended before it started it again",
+    "`rarms measure` creates and removes partitions with the names",
+    "`rarms apply` starts scripts with a policy of their own and is not concerned",
+    "nothing brings it back, `rarms undo` neither",
+    "`rarms undo` and the undo script leave this as it is",
+    "`rarms undo` takes the whole plan back after it was applied",
+    "y stops them as `rarms stop` does",
+    "as `rarms tune --interactive` does",
+)
+"""Messages that name a command and recommend nothing: what it did or does, by words of each."""
+
+PLACEHOLDERS = {
+    "FILE": "a.plan",
+    "PLAN": "a.plan",
+    "MANIFEST": "robot",
+    "NAME": "onboard",
+    "COMPONENT": "vision",
+    "PARTITION": "vision",
+    "ID": "9e1779bf-fc56-5bd4-aaa4-a98d03c30f8d",  # of vision, as the simulated host makes it
+    "LEVEL": "200 ms",
+}
+"""What stands for what a person has to fill in."""
+
+
+def texts_of(path: Path) -> Iterator[str]:
+    """The texts of a module but for docstrings and help; a value in one is its expression in braces."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    skipped: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Expr(value=ast.Constant() as docstring):
+                skipped.add(docstring)
+            case ast.keyword(arg="help" | "description" | "epilog"):
+                skipped.update(ast.walk(node))
+            case ast.JoinedStr():
+                skipped.update(part for part in ast.walk(node) if part is not node)
+            case _:
+                continue
+    for node in ast.walk(tree):
+        if node not in skipped and isinstance(node, ast.JoinedStr):
+            yield "".join(
+                str(part.value) if isinstance(part, ast.Constant) else ast.unparse(part) for part in node.values
+            )
+        elif node not in skipped and isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def recommending_texts() -> list[str]:
+    """The texts of the package that name a command of rarms between backticks."""
+    named = re.compile(r"`rarms [a-z]|`\{[^`]*\b(again|origin|_writing)\b[^`]*\}[^`]*`|\} --help`")
+    modules = sorted(Path(rarms_iac.__file__).parent.rglob("*.py"))
+    return [text for module in modules for text in texts_of(module) if named.search(text)]
+
+
+def test_every_message_that_recommends_a_command_has_its_situation() -> None:
+    """So that a new message brings its situation along."""
+    declared = [message for situation in SITUATIONS.values() for message in situation.messages]
+    known = (*declared, *OTHER_TESTS, *NOT_RECOMMENDED)
+    texts = [" ".join(text.split()) for text in recommending_texts()]
+
+    assert [text for text in texts if not any(words in text for words in known)] == []
+    assert [words for words in (*OTHER_TESTS, *NOT_RECOMMENDED) if not any(words in text for text in texts)] == []
 
 
 def recommended(text: str) -> tuple[str, ...]:
@@ -413,8 +843,7 @@ def made(situation: Situation, folder: Path) -> str:
 
 def run_as_printed(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> None:
     """Run it; what asks is told not to, and a FILE is one that is there where it is read."""
-    places = {"FILE": "a.plan", "PLAN": "a.plan", "MANIFEST": "robot", "NAME": "onboard"}
-    words = [places.get(word, word) for word in shlex.split(command)[1:]]
+    words = [PLACEHOLDERS.get(word, word) for word in shlex.split(command)[1:]]
     with chdir(folder):
         if words[0] == "apply" and "a.plan" in words and not Path("a.plan").exists():
             do("plan", "--out", "a.plan")()
@@ -431,13 +860,17 @@ def test_what_is_recommended_works_where_it_is_recommended(situation: Situation,
 
     says = made(situation, origin)
 
-    assert situation.says in says
+    for message in situation.messages:
+        assert message in says
     commands = recommended(says)
     for wanted in situation.recommends:
         assert any(command.startswith(wanted) for command in commands), (wanted, commands, says)
     for number, command in enumerate(commands):
         folder = tmp_path / f"copy-{number}"
         copy_files(origin, folder)
+        with chdir(folder):
+            for step in situation.first:
+                step()
         run_as_printed(command, folder, situation.may_answer)
 
 

@@ -234,9 +234,10 @@ def test_an_open_reserve_of_a_partition_is_its_members() -> None:
     assert layout(a_system(partitions=[by_hand])).partitions[0].reserve == 20
 
 
-def test_thresholds_on_late_jobs_within_the_schedulers_window_are_named_beside_another_partition() -> None:
-    def found(*components: Component) -> list[str]:
-        return [finding.detail for finding in planned(a_system(components=components)).findings]
+def test_a_threshold_on_late_jobs_within_the_schedulers_window_is_refused_beside_another_partition() -> None:
+    def found(*components: Component) -> list[tuple[str, str]]:
+        found = planned(a_system(components=components)).findings
+        return [(finding.severity.value, finding.detail) for finding in found]
 
     short = a_component("vision", reserve="40 %", apt={"p95_response_time": at_most(18), "jitter": at_most(2)})
     slow = a_component("speech", reserve="30 %", apt={"p95_response_time": at_most(400)})
@@ -244,5 +245,6 @@ def test_thresholds_on_late_jobs_within_the_schedulers_window_are_named_beside_a
 
     assert found(short) == []
     assert found(slow, mean) == []
-    (detail,) = found(short, slow, mean)
-    assert "beside 2 other partitions on onboard, p95_response_time of vision and jitter of vision" in detail
+    ((severity, detail),) = found(short, slow, mean)
+    assert severity == "error"
+    assert "beside 2 other partitions on onboard, p95_response_time and jitter of vision may be exceeded" in detail
