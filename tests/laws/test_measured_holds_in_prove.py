@@ -53,7 +53,7 @@ def a_system(random: Random) -> str:
 
 
 def proven(folder: Path, text: str) -> list[str]:
-    """The verdict on each index; none where the system does not fit, or `plan` refuses an index: nothing is promised."""
+    """The verdict on each index; none where nothing is promised: it does not fit, or `plan` refuses an index."""
     folder.mkdir()
     (folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
     with chdir(folder):
