@@ -16,7 +16,7 @@ from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.app.stopping_to_measure import PartitionStopper, stopped_to_measure
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import expected_duration
-from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, Strategy, highest_seed, measure
+from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, Strategy, measure
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     highest_reserve,
@@ -120,7 +120,7 @@ def _run_held(
     context = MeasuringContext(
         host=bench,
         budget=checked,
-        seed=request.seed or highest_seed(settings_log.settings()) or USUAL_SEED,
+        seed=request.seed or max((setting.seed for setting in settings_log.settings()), default=0) or USUAL_SEED,
         reporter=reporter.settings,
         should_stop=stop.should_stop,
         others=tuple(_work_beside(hosts, bench_state.running)),

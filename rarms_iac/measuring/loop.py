@@ -286,18 +286,6 @@ def _consumed_since(now: float | None, before: float | None) -> float | None:
     return None if now is None or before is None else now - before
 
 
-def highest_seed(settings: tuple[Setting, ...]) -> int:
-    """Return the highest seed that any of these settings has; 0 where there are none.
-
-    Args:
-        settings: in any order.
-
-    Returns:
-        A seed; the next one is not used yet.
-    """
-    return max((setting.seed for setting in settings), default=0)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _TestBench:
     """The test partitions, and what there is room for."""

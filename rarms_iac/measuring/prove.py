@@ -148,11 +148,9 @@ def prove(
     should_stop: Callable[[], bool],
     samples_came: Callable[[Mapping[str, Series]], None],
 ) -> LayoutProof | TooManyFailures | None:
-    """Run everything that is applied, and judge each component with a threshold.
+    """Run everything that is applied, each component as long as its `run.until` says, and judge those with thresholds.
 
-    Each component runs as long as its `run.until` says; P2 is there only for a load that was asked for. Where that
-    does not decide on real processes, all of it is run anew for `LONGER` times as long: together they are moved from
-    processor to processor, and each place lasts seconds.
+    Where that does not decide on real processes, which wander between processors, they run anew, `LONGER` times longer.
 
     Args:
         host: Its lock is held by who calls.
@@ -170,18 +168,17 @@ def prove(
         HostError: the host did not do what was asked.
     """
 
-    def is_enough(seen: Mapping[str, Series]) -> bool:
+    def to_its_end(seen: Mapping[str, Series]) -> bool:
         samples_came(seen)
         return False
 
     def run_once(tried: AppliedLayout) -> tuple[LayoutProof | TooManyFailures | None, SettingEvidence | None]:
         with host.run(_work_of(tried, load, seed, settling)) as running:
-            series = watch(running, tried.judged, settling, is_enough, should_stop)
+            series = watch(running, tried.judged, settling, to_its_end, should_stop)
             evidence = running.evidence()
         if series is None or isinstance(series, TooManyFailures):
             return series, evidence
-        verdicts = judge_layout(tried.judged, series, is_real=evidence is not None)
-        return LayoutProof(host=host.name, layout=tried, series=series, verdicts=verdicts), evidence
+        return _proof_of(host.name, tried, series, is_real=evidence is not None), evidence
 
     settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, load))
     with ExitStack() as ends:
@@ -191,6 +188,11 @@ def prove(
         if isinstance(proof, LayoutProof) and not proof.is_decided and evidence is not None:
             proof, _ = run_once(_with_ends(layout, _longer))
     return proof
+
+
+def _proof_of(host: str, layout: AppliedLayout, series: Mapping[str, Series], *, is_real: bool) -> LayoutProof:
+    verdicts = judge_layout(layout.judged, series, is_real=is_real)
+    return LayoutProof(host=host, layout=layout, series=series, verdicts=verdicts)
 
 
 def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settling: Settling) -> Work:

@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import accumulate
 from math import ceil, floor, inf, isfinite
 
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.run import Run
@@ -74,7 +74,7 @@ class Curve:
         point = self.value_at(reserve)
         if point is None:
             return None
-        return point.upper if _smaller_is_better(self.index) else point.lower
+        return point.upper if index_named(self.index).smaller_is_better else point.lower
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,7 +227,7 @@ def tightest_threshold(curve: Curve, reserve: int) -> Threshold | None:
     step = Fraction(1, DIGITS)
     while abs(safe) >= DIGITS * step:
         step *= 10
-    if _smaller_is_better(curve.index):
+    if index_named(curve.index).smaller_is_better:
         return AtMost(value=step * ceil(Fraction(safe) / step))
     return AtLeast(value=step * floor(Fraction(safe) / step))
 
@@ -246,7 +246,7 @@ def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:
 
 
 def _misses(point: Point, curve: Curve, threshold: Threshold) -> bool:
-    good = point.lower if _smaller_is_better(curve.index) else point.upper
+    good = point.lower if index_named(curve.index).smaller_is_better else point.upper
     match threshold:
         case AtMost(value=limit):
             return good > float(limit)
@@ -295,7 +295,7 @@ def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str
 
 def _unbounded(point: Point, index: str) -> Point:
     """With nothing known of the side that a reservation would rest on."""
-    return replace(point, upper=inf) if _smaller_is_better(index) else replace(point, lower=-inf)
+    return replace(point, upper=inf) if index_named(index).smaller_is_better else replace(point, lower=-inf)
 
 
 def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]], list[float]]:
@@ -306,7 +306,7 @@ def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]],
         case "minimum_response_time":
             return not_above_earlier
         case _:
-            fit = falling if _smaller_is_better(index) else rising
+            fit = falling if index_named(index).smaller_is_better else rising
             return lambda side: fit(side, weights)
 
 
@@ -325,13 +325,6 @@ def _mix(start: float, end: float, part: float) -> float:
     if part <= 0.0 or start == end:
         return start
     return end if part >= 1.0 else (1.0 - part) * start + part * end
-
-
-def _smaller_is_better(index: str) -> bool:
-    known = find_index(index)
-    if known is None:
-        raise ValueError(f"{index!r} is no performance index")
-    return known.smaller_is_better
 
 
 def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
