@@ -203,7 +203,7 @@ def test_an_apply_whose_connection_breaks_reaches_the_same_end_when_it_is_run_ag
             assert apply_again(lab.system(SECOND), undisturbed).ending is RunEnding.DONE
         end = undisturbed.observe()
 
-        for at in range(3, len(sent), 1 if LONG else len(sent) // 2 - 3):
+        for at in range(3, len(sent), 1 if LONG else len(sent) // 2):
             host = lab.host(lab.settled(tmp_path / str(at)))
             with pytest.MonkeyPatch.context() as patch, suppress(HostError):
                 break_at(patch, at)
