@@ -96,7 +96,8 @@ comes (at 10 and 15 % queues grow without end, and there is nothing to judge). E
 for each index of its APT {2 * DRAWS} times: with thresholds that are drawn (seeded) to be {NEAREST:g} to {FARTHEST:g}
 times what the *other* run showed, and with as many that are too strict by as much. A verdict is wrong where the other
 run shows the contrary. Declared is that at most 1 of 100 runs gets a wrong one. Verdicts on the same run are not
-independent; the limits take them so."""
+independent; the limits take them so. Shorter runs, of 3 to 9 s at more reservations, came first: of what they were
+asked, 45 % had no verdict, and 0 of 107 given were wrong; hence the 12 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
