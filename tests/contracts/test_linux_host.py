@@ -156,7 +156,7 @@ def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Pa
     if isinstance(find_tree("rarms", "v2"), GroupTree):
         pytest.skip("needs control-groups: this machine lacks nothing of version 2")
 
-    with pytest.raises(HostRefused, match="version 2 of control groups at /sys/fs/cgroup"):
+    with pytest.raises(HostRefused, match="version 2 of control groups at "):
         LinuxHostProvider(described, tmp_path).observe()
 
 

@@ -1,6 +1,7 @@
 """`rarms report` and `rarms export`, from data logs in files to pages, plots and tables."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,9 +165,10 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
 
     assert never.startswith("onboard: Not applied yet: partition/vision")
     assert applied == "onboard: Applied: the host is as the manifest wants it."
+    manifest = shlex.quote(str(robot))
     assert chosen == (
-        f"onboard: Not applied yet: partition/vision. `rarms plan -f {robot}` shows what is to be done, "
-        f"`rarms apply -f {robot}` does it."
+        f"onboard: Not applied yet: partition/vision. `rarms plan -f {manifest}` shows what is to be done, "
+        f"`rarms apply -f {manifest}` does it."
     )
     assert "Not applied yet: partition/vision" in rarms("report", "-f", str(robot), "-o", "-").out
     document = rarms("report", "-f", str(robot), "--json").out

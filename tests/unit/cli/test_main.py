@@ -6,6 +6,7 @@ import pytest
 
 from rarms_iac import __version__
 from rarms_iac.cli.table import COMMANDS
+from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 
 
@@ -48,9 +49,10 @@ def test_what_a_program_reads_imports_no_rich(tmp_path: Path) -> None:
         "hosts: { onboard: { logical_processors: 2, memory: 4 GiB } }\n"
         "components: { vision: { criticality: 1, memory: 512 MiB, cpu: { reserve: 40 % } } }\n",
         encoding="utf-8",
+        newline="\n",
     )
     script = (
-        "import sys; from rarms_iac.cli.main import main\n"
+        f"import sys; sys.path.insert(0, {str(CHECKOUT)!r}); from rarms_iac.cli.main import main\n"
         f"codes = [main(words.split()) for words in {commands}]\n"
         "print(codes, [name for name in sys.modules if name.partition('.')[0] == 'rich'])\n"
     )
