@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
+from math import isinf
 from typing import assert_never
 
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
@@ -21,7 +22,7 @@ from rarms_iac.model.outcomes import (
     TooManyFailures,
 )
 from rarms_iac.model.quantities import show_amount, show_processors
-from rarms_iac.model.system import Measured
+from rarms_iac.model.system import AtMost, Measured
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.errors import describe_extreme
 from rarms_iac.statistics.samples import usable_processors
@@ -147,12 +148,26 @@ def _not_resolved(
         move = "Move the threshold away from what the component just reaches"
         again = f"`rarms measure {_arguments(experiment)} --again --samples {LONG}`"
         was_long = bool(settings) and _is_long(settings[-1])
+        unbounded = [] if was_long else [show_index(index) for index in _without_bound(settings[-1:], experiment)]
+        advice = f"{move}: more samples were not enough." if was_long else f"{move}, or allow more samples: {again}."
         yield NOT_RESOLVED.at(
             places.value("components", first, "apt"),
-            f"{experiment.name}: {reason}.",
-            f"{move}: more samples were not enough." if was_long else f"{move}, or allow more samples: {again}.",
+            f"{experiment.name}: {'; '.join((reason, *unbounded))}.",
+            f"That takes more samples: {again}." if unbounded else advice,
             address=f"component/{first}",
         )
+
+
+def _without_bound(settings: Iterable[Setting], experiment: Experiment) -> list[MeasuredIndex]:
+    """Those that so few samples give no bound, wherever the threshold is, as 200 a 99th percentile."""
+    return [
+        index
+        for setting in settings
+        for index in measured_indexes(setting, experiment)
+        if index.estimate is not None
+        and index.estimate.beyond is None
+        and isinf(index.estimate.upper if isinstance(index.threshold, AtMost) else index.estimate.lower)
+    ]
 
 
 def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:

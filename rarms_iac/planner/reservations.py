@@ -11,7 +11,7 @@ from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTi
 from rarms_iac.model.system import Component, Measured, Threshold
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve
+from rarms_iac.statistics.curves import Curve, LeastReserve, holds, least_reserve
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""
@@ -270,7 +270,7 @@ def names_of(members: Iterable[Component]) -> Names:
 
 
 def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasured:
-    """Explain that no setting of the log meets every APT of the members.
+    """Explain that no setting of the log meets every APT of the members, by those that the highest does not meet.
 
     Args:
         members: the partition's components; at least one is to be measured.
@@ -280,12 +280,20 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
         The reason with the log's path, and advice with the command that measures on.
     """
     names = to_be_measured(members)
-    indexes = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
-    relax = f"Relax the APT (`rarms select {names[0]} --at LEVEL` says which level holds)"
+    highest = max(log.measured, default=0)
+    missing = [
+        (index, member.name)
+        for member in members
+        for index, threshold in member.apt.items()
+        if not holds(log.curves(member.name, index), threshold, highest)
+    ]
+    indexes = " and ".join(f"{index} of {component}" for index, component in missing)
+    component = missing[0][1] if missing else names[0]
+    relax = f"Relax the APT (`rarms select {component} --at LEVEL` says which level holds)"
     if not log.measured:
         message, advice = f"{log.path} holds no setting yet.", f"Measure it: `{log.again}`."
-    elif log.measured[-1] < 100:
-        message = f"No setting of {log.path} meets {indexes}: the highest is {log.measured[-1]} %."
+    elif highest < 100:
+        message = f"No setting of {log.path} meets {indexes}: the highest is {highest} %."
         advice = f"{relax}, or measure higher settings, as far as the host can give them: `{log.again}`."
     else:
         message = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {indexes}."

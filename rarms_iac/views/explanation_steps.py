@@ -6,11 +6,12 @@ from fractions import Fraction
 
 from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, MemberCurve
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
+from rarms_iac.model.outcomes import Estimate
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.statistics.curves import Point, holds
-from rarms_iac.statistics.errors import describe_error
+from rarms_iac.statistics.errors import describe_error, describe_extreme
 from rarms_iac.views.plan import describe_placement
 
 NO_LAYOUT = "no layout"
@@ -52,9 +53,10 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         how = "measured" if any(setting.reserve == less for setting in apt.curve.points) else "looked up"
         how = f"{how}, as what was measured there gave no verdict" if less in apt.curve.inconclusive else how
         side = point.upper if isinstance(apt.threshold, AtMost) else point.lower
+        safe = "" if index_named(apt.index).is_extreme else f", and {_value(apt, side)} on the safe side"
         yield (
-            f"{less} %, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how}), and "
-            f"{_value(apt, side)} on the safe side; it must be {_bound(apt)}"
+            f"{less} %, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how}){safe}; "
+            f"it must be {_bound(apt)}"
         )
     if missed:
         return
@@ -99,14 +101,17 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
 
 
 def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) -> str:
-    sentence = (
-        f"at {at} %: {_name(explanation, apt)} {_value(apt, point.value)}, "
-        f"between {_value(apt, point.lower)} and {_value(apt, point.upper)} "
-        f"{_samples(apt, point)}"
-    )
-    if holds(apt.curve, apt.threshold, at):
+    value = f"at {at} %: {_name(explanation, apt)} {_value(apt, point.value)}"
+    met = holds(apt.curve, apt.threshold, at)
+    estimate = _estimate_at(apt, point)
+    samples = "" if estimate is None else f" ({counted(estimate.samples, 'sample')})"
+    if index_named(apt.index).is_extreme:
+        beyond = "so far" if estimate is None or estimate.beyond is None else describe_extreme(estimate.beyond)
+        return f"{value} {beyond}{samples}: {'met so far' if met else 'not met'}, as it must be {_bound(apt)}"
+    sentence = f"{value}, between {_value(apt, point.lower)} and {_value(apt, point.upper)}{samples}"
+    if met:
         return f"{sentence}: met, as the safe side of that is {_bound(apt)}, {describe_error()}"
-    return f"{sentence}: not met for sure, as the safe side of that is not {_bound(apt)}"
+    return f"{sentence}: not shown to be met, as the safe side of that is not {_bound(apt)}"
 
 
 def _list_reserves(reserves: list[int]) -> str:
@@ -117,13 +122,10 @@ def _name(explanation: Explanation, apt: MemberCurve) -> str:
     return apt.index if apt.member == explanation.component.name else f"{apt.index} of {apt.member}"
 
 
-def _samples(apt: MemberCurve, point: Point) -> str:
-    counts = [
-        estimate.samples
-        for at, estimate in zip(apt.curve.points, apt.curve.estimates, strict=True)
-        if at.reserve == point.reserve
-    ]
-    return f" ({counts[0]} samples)" if counts else ""
+def _estimate_at(apt: MemberCurve, point: Point) -> Estimate | None:
+    """What was measured there; None where the point was looked up."""
+    measured = zip(apt.curve.points, apt.curve.estimates, strict=True)
+    return next((estimate for at, estimate in measured if at.reserve == point.reserve), None)
 
 
 def _bound(apt: MemberCurve) -> str:

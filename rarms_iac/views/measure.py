@@ -12,6 +12,7 @@ from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Series, Setting
@@ -148,7 +149,7 @@ def _totals(results: Sequence[ExperimentResult], fixed: FixedOnHosts) -> Iterato
         settings = counted(sum(len(result.settings) for result in here), "setting")
         new = sum(result.new for result in here)
         yield (
-            f"{name}: {show_processors(amount)} of {show_processors(size.logical_processors)} in all{note}, "
+            f"{name}: {show_processors(amount)} of {show_processors(capacity_of(size, None).processors)} in all{note}, "
             f"by {settings}, {new} of them new."
         )
     footnotes = []

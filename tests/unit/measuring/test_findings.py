@@ -87,6 +87,17 @@ def test_what_more_samples_did_not_resolve_is_not_sent_to_more_samples_again(sam
     assert advice in found.advice
 
 
+def test_an_index_that_so_few_samples_cannot_bound_is_not_sent_to_another_threshold() -> None:
+    apt = {"p99_response_time": at_most(300), "maximum_response_time": at_most(500)}
+    experiment = replace(EXPERIMENT, members=(a_component("vision", apt=apt),))
+    settings = (a_setting(100, a_series("vision", [31.0, 32.0] * 100)),)
+
+    [found] = findings_of(experiment, NotResolved(reason="within the noise"), settings, FirstLine(""))
+
+    assert found.detail == "vision: within the noise; p99_response_time 32 ms (32 to no bound)."
+    assert found.advice == "That takes more samples: `rarms measure vision --again --samples 2000`."
+
+
 @pytest.mark.parametrize(("samples", "advice"), [(100, "measure longer"), (2000, "look for what grows in vision")])
 def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice: str) -> None:
     experiment = an_experiment(None)

@@ -120,6 +120,14 @@ def test_where_no_setting_meets_the_apt_the_answer_is_no(
     assert ("`rarms measure vision`" in diagnostic.advice) is measures_on, "above 100 % there is nothing to measure"
 
 
+def test_only_the_thresholds_that_no_setting_meets_are_named() -> None:
+    apt = {"mean_response_time": at_most(500), "p95_response_time": at_most(100)}
+
+    (diagnostic,) = planned(vision(apt=apt), {("vision",): a_log({50: 300, 80: 150})}).findings
+
+    assert "meets p95_response_time of vision: the highest" in diagnostic.detail
+
+
 def test_without_a_log_it_says_what_it_was_told() -> None:
     stale = NotMeasured(components=("vision",), code="RARMS102", message="It changed.", advice="Measure again.")
 
