@@ -16,11 +16,11 @@ import pytest
 
 from rarms_iac.model.host import Connect, Host, LinuxHost, ProviderKind
 from rarms_iac.providers.cgroups import kernel
+from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
-from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk

@@ -240,7 +240,7 @@ def test_a_real_host_names_what_it_cannot_run(tmp_path: Path, monkeypatch: pytes
 
 KILLED = """\
 import sys
-from rarms_iac.providers.cgroups.versions import find_tree
+from rarms_iac.providers.cgroups.find_tree import find_tree
 from tests.contracts.test_measuring_contract import *
 folder = Path(sys.argv[1])
 (folder / "jobs.py").write_text(JOBS, encoding="utf-8")

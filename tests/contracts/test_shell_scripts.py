@@ -21,11 +21,11 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System
+from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.script import quote, render_shell_scripts
-from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, find_tree
 from rarms_iac.storage import disk
 from tests import builders
 from tests.contracts.benches import kernel_effects_on_disk

@@ -20,12 +20,12 @@ from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import State
 from rarms_iac.providers.cgroups.content import GroupDefinition, write_definition
+from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupEffects, GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import LinuxMachine, read_machine
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.cgroups.script import quote
-from rarms_iac.providers.cgroups.versions import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.providers.channel import Channel, SilenceTimeout, await_line, last_of, open_channel, ssh_words
 from rarms_iac.providers.interface import HostFailed, HostLocked, ObservedHost
 from rarms_iac.providers.journaled import record_line

@@ -45,10 +45,10 @@ from rarms_iac.providers.cgroups.content import (
     values_of,
     write_definition,
 )
+from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupEffects, GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
 from rarms_iac.providers.cgroups.processes import orphans
-from rarms_iac.providers.cgroups.versions import MissingFeatures, find_tree
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused, ObservedHost
 from rarms_iac.providers.journaled import JournaledHost
 from rarms_iac.storage import disk

@@ -1,30 +1,15 @@
-"""Control groups of version 1 and of version 2, and which of them this machine has. Begin at `find_tree`."""
+"""Control groups of version 1 and of version 2: what each setting is in the kernel's files."""
 
 import errno
-import os
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.providers.cgroups import kernel
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues
 
-CONTROL_GROUPS = Path("/sys/fs/cgroup")
-SYSTEMD_FOLDER = "run/systemd/system"
-"""Below `/`: it is there where systemd is process 1 (sd_booted(3))."""
-
-_CONTROLLERS_V1 = ("cpuset", "memory", "cpuacct", "cpu")  # cpu last: `GroupTree.names` looks there
-_CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
+CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
 _NO_MEMORY_LIMIT_V1 = 2**62  # the kernel shows its largest page count for none
-_NO_QUOTAS = "quotas of processor time (CONFIG_CFS_BANDWIDTH)"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissingFeatures:
-    """The parts of the kernel, and the rights, that control groups need and that are not here."""
-
-    names: tuple[str, ...]
 
 
 class GroupTreeV1(GroupTree):
@@ -168,72 +153,11 @@ class GroupTreeV2(GroupTree):
         folder = self._slices["cpu"]
         for parent in (folder.parent, folder):
             kernel.make_folder(parent)
-            kernel.write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in _CONTROLLERS_V2))
+            kernel.write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in CONTROLLERS_V2))
         kernel.write(folder / "cpu.weight", str(MOST_WEIGHT_V2))
 
     def _prepare_group(self, name: str) -> None:
         """Nothing: in version 2 a group without processors of its own has those of the slice."""
-
-
-def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_GROUPS) -> GroupTree | MissingFeatures:
-    """Choose the version that this machine has, version 2 where it has both.
-
-    Args:
-        slice_name: the group below which those of rarms lie.
-        version: automatic, v1 or v2.
-        root: where control groups are mounted: `sys/fs/cgroup` below the folder that is `/`.
-
-    Returns:
-        The groups below the slice, which need not be there yet; or what is missing (where both versions lack
-        something: of version 1 where the machine has any of it).
-    """
-    unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(_CONTROLLERS_V2)), root)
-    systemd_runs = (root.parents[2] / SYSTEMD_FOLDER).is_dir()
-    missing = {"v1": tuple(_missing_v1(root)), "v2": tuple(_missing_v2(unified))}
-    if version == "automatic":  # in version 1 systemd keeps no sets of processors
-        has_v1 = any((root / name / "cgroup.procs").is_file() for name in _CONTROLLERS_V1)
-        version = "v2" if systemd_runs or not missing["v2"] or not has_v1 else "v1"
-    if missing[version]:
-        return MissingFeatures(names=missing[version])
-    if version == "v1":
-        return GroupTreeV1({name: (root / name).resolve() / slice_name for name in _CONTROLLERS_V1})
-    if systemd_runs:
-        from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd, slice_unit
-
-        return GroupTreeSystemd(dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_unit(slice_name)))
-    return GroupTreeV2(dict.fromkeys((*_CONTROLLERS_V2, "cpuacct"), unified / slice_name))
-
-
-def _missing_v1(root: Path) -> Iterator[str]:
-    for name in _CONTROLLERS_V1:
-        if not (root / name / "cgroup.procs").is_file():
-            yield f"the controller {name} of version 1 at {root / name}"
-        elif not os.access(root / name, os.W_OK):
-            yield f"the right to make groups in {root / name}"
-    if (root / "cpu" / "cpu.shares").is_file() and not (root / "cpu" / "cpu.cfs_quota_us").is_file():
-        yield _NO_QUOTAS
-
-
-def _missing_v2(root: Path) -> Iterator[str]:
-    offered = _controllers(root)
-    if not offered:
-        yield f"version 2 of control groups at {root} (kernel parameter systemd.unified_cgroup_hierarchy=1)"
-        return
-    for name in _CONTROLLERS_V2:
-        if name not in offered:
-            yield f"the controller {name} of version 2 at {root} (kernel parameter cgroup_enable={name})"
-    if not os.access(root, os.W_OK):
-        yield f"the right to make groups in {root}"
-    weights = root.glob("*/cpu.weight")  # the root itself has neither file
-    if any(not weight.with_name("cpu.max").is_file() and weight.is_file() for weight in weights):
-        yield _NO_QUOTAS
-
-
-def _controllers(root: Path) -> frozenset[str]:
-    try:
-        return frozenset(kernel.read(root / "cgroup.controllers").split())
-    except OSError:
-        return frozenset()
 
 
 def _shares(values: GroupValues) -> int:

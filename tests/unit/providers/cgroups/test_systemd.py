@@ -9,7 +9,8 @@ import pytest
 from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActions, SetCpu, StartPartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
-from rarms_iac.providers.cgroups import systemd, versions
+from rarms_iac.providers.cgroups import systemd
+from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
@@ -144,17 +145,17 @@ def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_versi
     tmp_path: Path,
 ) -> None:
     root = tmp_path / "sys" / "fs" / "cgroup"
-    for folder in (root, tmp_path / versions.SYSTEMD_FOLDER):
+    for folder in (root, tmp_path / SYSTEMD_FOLDER):
         folder.mkdir(parents=True)
     (root / "cgroup.controllers").write_text("cpuset cpu io memory pids\n")
 
-    assert isinstance(versions.find_tree("rarms", root=root), GroupTreeSystemd)
+    assert isinstance(find_tree("rarms", root=root), GroupTreeSystemd)
     (root / "cgroup.controllers").unlink()
-    missing = versions.find_tree("rarms", root=root)
-    assert isinstance(missing, versions.MissingFeatures)
+    missing = find_tree("rarms", root=root)
+    assert isinstance(missing, MissingFeatures)
     assert "version 2 of control groups" in missing.names[0]
-    forced = versions.find_tree("rarms", "v1", root=root)
-    assert isinstance(forced, versions.MissingFeatures)
+    forced = find_tree("rarms", "v1", root=root)
+    assert isinstance(forced, MissingFeatures)
     assert "of version 1" in forced.names[0]
 
 
