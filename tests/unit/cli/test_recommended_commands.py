@@ -713,6 +713,18 @@ SITUATIONS = {
         recommends=("rarms measure",),
         may_answer=ExitCode.NO,
     ),
+    "what was stopped to measure cannot be started again": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
+            do("simulate", "change", "speech", "--reserve", "90"),
+        ),
+        words=("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions"),
+        messages=("Mend what keeps them from it, then start them",),
+        recommends=("rarms start speech vision",),
+        first=(do("simulate", "change", "speech", "--reserve", "20"),),
+    ),
     "what was stopped to measure is gone": Situation(
         steps=(
             write(MANIFEST),
@@ -730,31 +742,31 @@ SITUATIONS = {
 OTHER_TESTS = {
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
+    "Name the components that matter": "test_of_a_large_page_components_can_be_named",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_doctor_hyperv.py",
-    "see what this kernel lacks: `rarms doctor`": "tests/system/test_doctor.py, on Linux",
-    "Mend what keeps them from it, then start them": "tests/unit/app/test_resting.py",
+    "see what this kernel lacks: `rarms doctor`": "tests/system/test_doctor.py",
     "or adopt the right machine with": "tests/cases/foreign-mark",
-    "Look with `rarms drift`;": "tests/system/test_remote_host.py: a script's step",
-    "No step was done. Look with": "tests/system/test_remote_host.py: a script's guard",
-    "it asks the host's own journal": "tests/system/test_remote_host.py: the connection broke",
+    "Look with `rarms drift`;": "tests/system/test_remote_host.py",  # a script's step failed
+    "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
+    "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
     "run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
     "say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
     "(`rarms show --script PLAN --guest {inside}": "tests/unit/cli/test_show_scripts.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
-    "somebody changed cpuset.cpus of its group": "tests/contracts: a Linux host's deadlines",
-    "see what is missing with `rarms plan`, and bring it": "as `nothing is applied that could be proven`, on Linux",
-    "try it alone: `rarms run COMPONENT`": "as `a component cannot run on its host`, on Linux",
-    "`rarms apply` starts what is off": "tests/contracts/test_shell_scripts.py: a Linux host after a restart",
-    "look at the host again: `rarms plan`": "as `somebody changed a partition`, between two steps",
-    "`rarms plan` shows what is wanted": "as `a stopped partition would be proven`, while it is proven",
-    "Measure the parts again (": "as `it was measured beside what runs on the host`: `rarms measure ... --again`",
+    "somebody changed cpuset.cpus of its group": "tests/contracts/test_linux_host.py",
+    "`rarms apply` starts what is off": "tests/contracts/test_shell_scripts.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
-    "Name the components that matter": "tests/unit/app/test_report.py: a page of more than a megabyte",
-    "If it was changing a host, run": "as `an apply was killed`, by Ctrl-C",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
+    # On Linux, or at another moment, what a situation says:
+    "see what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
+    "try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
+    "look at the host again: `rarms plan`": "somebody changed a partition",
+    "`rarms plan` shows what is wanted": "a stopped partition would be proven",
+    "Measure the parts again (": "it was measured beside what runs on the host",
+    "If it was changing a host, run": "an apply was killed",
 }
-"""Messages that another test brings about, or that say what another situation says, by words of each."""
+"""The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 
 NOT_RECOMMENDED = (
     "no run of `rarms tune` that is on record here wrote it",
@@ -825,6 +837,10 @@ def test_every_message_that_recommends_a_command_has_its_situation() -> None:
 
     assert [text for text in texts if not any(words in text for words in known)] == []
     assert [words for words in (*OTHER_TESTS, *NOT_RECOMMENDED) if not any(words in text for text in texts)] == []
+    shown_by = SITUATIONS.keys() | globals().keys()
+    assert [
+        place for place in OTHER_TESTS.values() if place not in shown_by and not Path(CHECKOUT, place).exists()
+    ] == []
 
 
 def recommended(text: str) -> tuple[str, ...]:
@@ -902,3 +918,15 @@ def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path
     assert 'is partition "vision" of application' in taken.err
     assert recommended(taken.err) == ("rarms release vision",)
     run_as_printed("rarms release vision", tmp_path)
+
+
+def test_of_a_large_page_components_can_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rarms_iac.views.reports.html.MEGABYTE", 1_000)
+    with chdir(tmp_path):
+        write(PAIR)()
+        logs(vision=40, speech=45)()
+        large = rarms("report")
+        smaller = rarms("report", "vision")
+
+    assert "Name the components that matter: `rarms report COMPONENT...`." in " ".join(large.err.split())
+    assert (large.code, smaller.code) == (0, 0)
