@@ -323,8 +323,8 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
                 for vm in host.vms.values()
                 if vm.state == "Running"
             ]
-        case "Win32_PerfRawData_HvStats_HyperVHypervisorVirtualProcessor":
-            return guests.counters(host)
+        case _ if name.startswith(guests.COUNTERS):
+            return guests.counters(host, name.removeprefix(guests.COUNTERS))
         case "Win32_PowerPlan":
             return [Record(InstanceID=plan, IsActive=True) for plan in host.power_plan]
         case _:

@@ -196,29 +196,56 @@ def drop_sessions(session: Session) -> None:
             process.alive &= not (guarded and process.parent == runner.process)
 
 
-def counters(host: WindowsHost) -> list[Value]:
-    """What the hypervisor counted until now, by virtual processor."""
-    found: list[Value] = []
-    for vm in host.vms.values():
-        if vm.state != "Running":
-            continue
+COUNTERS = "Win32_PerfRawData_HvStats_HyperVHypervisor"
+"""How the classes of the hypervisor's counter sets begin."""
+
+
+def counters(host: WindowsHost, counter_set: str) -> list[Value]:
+    """What the hypervisor counted until now, by processor, and of all together as Windows adds it."""
+    running = [vm for vm in host.vms.values() if vm.state == "Running"]
+    for vm in running:
         passed = host.clock - max(vm.counted_at, vm.started_at or 0)
         vm.counted_at = host.clock
         busy = vm.reserve / 100 if any(process.alive for process in host.processes) else 0.0
         vm.ran += int(passed * busy * 10_000)
         vm.dispatches += passed
         vm.waited += int(passed * (100 - vm.reserve) * 1000)
-        vps = 1 if vm.name.endswith("p1") else vm.processors
-        found += [
-            Record(
-                Name=f"{vm.name}:Hv VP {number}",
-                PercentTotalRunTime=vm.ran,
-                CPUWaitTimePerDispatch=vm.waited,
-                CPUWaitTimePerDispatch_Base=vm.dispatches,
-            )
-            for number in range(vps)
-        ]
-    return found
+    root = host.clock * 100  # a hundredth of each processor
+    match counter_set:
+        case "LogicalProcessor":
+            guests = sum(vm.ran * _processors(vm) for vm in running) // host.logical_processors
+            found = [_run_times(f"Hv LP {number}", guests + root) for number in range(host.logical_processors)]
+        case "RootVirtualProcessor":
+            found = [_run_times(f"Root VP {number}", root) for number in range(host.logical_processors)]
+        case "VirtualProcessor":
+            found = [
+                _run_times(
+                    f"{vm.name}:Hv VP {number}",
+                    vm.ran,
+                    CPUWaitTimePerDispatch=vm.waited,
+                    CPUWaitTimePerDispatch_Base=vm.dispatches,
+                )
+                for vm in running
+                for number in range(_processors(vm))
+            ]
+        case _:
+            raise Unsupported(f"the counter set {counter_set}")
+    return [*found, _run_times("_Total", 0)]
+
+
+def _processors(vm: Vm) -> int:
+    return 1 if vm.name.endswith("p1") else vm.processors
+
+
+def _run_times(instance: str, ran: int, **waits: Value) -> Value:
+    hypervisor = ran // 20
+    return Record(
+        Name=instance,
+        PercentTotalRunTime=ran,
+        PercentGuestRunTime=ran - hypervisor,
+        PercentHypervisorRunTime=hypervisor,
+        **waits,
+    )
 
 
 class Stopwatch(Thing):

@@ -61,6 +61,20 @@ def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> No
     assert evidence.dispatch_wait_ns is not None
     assert evidence.dispatch_wait_ns["rarms-p1"] > evidence.dispatch_wait_ns["rarms-p2"] > 0
     assert evidence.cpu_ms["rarms-p1"] / evidence.elapsed_ms == pytest.approx(0.4, rel=0.05)
+    assert evidence.hypervisor_ms is not None
+    assert {name: time / evidence.elapsed_ms for name, time in evidence.hypervisor_ms.items()} == pytest.approx(
+        {
+            f"{counter_set}\\% {part} Run Time": share * processors
+            for counter_set, processors in {
+                "Hyper-V Hypervisor Virtual Processor(rarms-p1)": 0.4,
+                "Hyper-V Hypervisor Virtual Processor(rarms-p2)": 2.4,
+                "Hyper-V Hypervisor Logical Processor": 2.84,
+                "Hyper-V Hypervisor Root Virtual Processor": 0.04,
+            }.items()
+            for part, share in {"Total": 1, "Guest": 0.95, "Hypervisor": 0.05}.items()
+        },
+        rel=0.05,
+    )
     (series,) = setting.series
     assert series.cpu_ms == pytest.approx(0.4 * series.elapsed_ms, rel=0.05)
     assert all(sample.response_ms == pytest.approx(50, rel=0.05) for sample in series.samples)

@@ -190,9 +190,9 @@ MEASURING = Lists(
     | words(
         """
         CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
-        Exists ExitCode Folder
-        FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine Partition
-        PercentTotalRunTime ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
+        Exists ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
+        Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
+        ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
         Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
         Credential Generation SecureBoot arguments child environment exists files folder instances period_ticks program
         timeout_ms used

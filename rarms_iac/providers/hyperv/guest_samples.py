@@ -15,6 +15,9 @@ FORMAT = "rarms-seen/1"
 TICKS_MS = 10_000.0
 """Of 100 ns, in which runners and the hypervisor count, to a millisecond."""
 
+RUN_TIMES = ("% Total Run Time", "% Guest Run Time", "% Hypervisor Run Time")
+"""The counters of a set, in the order in which the script writes them; a machine's waits and dispatches follow."""
+
 
 @dataclass(slots=True, kw_only=True)
 class GuestRun:
@@ -42,7 +45,7 @@ class GuestRun:
             name, seen = self._next_seen()
             words = seen.split(" ")
             if words[0] == "counted":
-                self._count(name, tuple(map(int, words[1:])))
+                self._count(name, *map(int, words[1:]))
             elif name in readers and (sample := readers[name].sample(seen, self._now)) is not None:
                 if name in self._missing:
                     self._missing[name] -= 1
@@ -58,11 +61,11 @@ class GuestRun:
                 self._now = max(self._now, float(seen.at_ms))
                 return seen.name, seen.seen
 
-    def _count(self, machine: str, ticks: tuple[int, ...]) -> None:
-        if not self._counters or self._counters[-1].at_ms != self._now:
+    def _count(self, counter_set: str, due: int, *ticks: int) -> None:
+        if not self._counters or self._counters[-1].due != due:
             del self._counters[3:-1]  # the first two, and the newest
-            self._counters.append(_Counters(at_ms=self._now))
-        self._counters[-1].ticks[machine] = ticks
+            self._counters.append(_Counters(due=due, at_ms=self._now))
+        self._counters[-1].ticks[counter_set] = ticks
 
     def count_from_now(self) -> None:
         """See the interface: from the newest counters on."""
@@ -79,7 +82,7 @@ class GuestRun:
     def cpu_ms(self, component: str) -> float | None:
         """See the interface: of its machine, where it is alone there, drawn on from the last two counters."""
         alone = [
-            part.partition
+            _machine_set(part.partition)
             for part in self.work.partitions
             if [member.name for member in part.components] == [component] and part.load is None
         ]
@@ -97,23 +100,36 @@ class GuestRun:
         if len(self._counters) < 2:
             return None
         before, last = self._counters[-2 if len(self._counters) == 2 else 1], self._counters[-1]
-        names = sorted(before.ticks.keys() & last.ticks.keys() & {part.partition for part in self.work.partitions})
+        machines = {_machine_set(part.partition): part.partition for part in self.work.partitions}
         gone = {
-            name: [new - old for new, old in zip(last.ticks[name], before.ticks[name], strict=True)] for name in names
+            name: [new - old for new, old in zip(ticks, before.ticks[name], strict=True)]
+            for name, ticks in last.ticks.items()
+            if name in before.ticks and (name in machines or "(" not in name)
         }
+        counted = {machines[name]: ticks for name, ticks in gone.items() if name in machines}
         return SettingEvidence(
             elapsed_ms=last.at_ms - before.at_ms,
-            cpu_ms={name: ran / TICKS_MS for name, (ran, _, _) in gone.items()},
+            cpu_ms={name: ticks[0] / TICKS_MS for name, ticks in counted.items()},
             dispatch_wait_ns={
-                name: waited / dispatches for name, (_, waited, dispatches) in gone.items() if dispatches
+                name: waited / dispatches for name, (*_, waited, dispatches) in counted.items() if dispatches
+            },
+            hypervisor_ms={
+                f"{name}\\{counter}": ticks[at] / TICKS_MS
+                for name, ticks in gone.items()
+                for at, counter in enumerate(RUN_TIMES)
             },
         )
 
 
+def _machine_set(partition: str) -> str:
+    return f"Hyper-V Hypervisor Virtual Processor({partition})"
+
+
 @dataclass(slots=True, kw_only=True)
 class _Counters:
-    """What the hypervisor had counted at a time, by machine: ran, waited (100 ns), dispatches."""
+    """What the hypervisor had counted at a time, by set and machine: run times (100 ns), waits (ns), dispatches."""
 
+    due: int  # ms of the host's clock: when it was to be read, the same for all sets
     at_ms: float
     ticks: dict[str, tuple[int, ...]] = field(default_factory=dict)
 

@@ -102,14 +102,17 @@ def _rounded_evidence(evidence: SettingEvidence) -> SettingEvidence:
     return replace(
         evidence,
         elapsed_ms=round(evidence.elapsed_ms, DIGITS),
-        cpu_ms={name: round(time, DIGITS) for name, time in sorted(evidence.cpu_ms.items())},
-        throttled_ms={name: round(time, DIGITS) for name, time in sorted(evidence.throttled_ms.items())},
+        cpu_ms=_rounded_times(evidence.cpu_ms),
+        throttled_ms=_rounded_times(evidence.throttled_ms),
         stolen_ms=round(evidence.stolen_ms, DIGITS),
         waiting_ms=None if evidence.waiting_ms is None else round(evidence.waiting_ms, DIGITS),
-        dispatch_wait_ns=None
-        if evidence.dispatch_wait_ns is None
-        else {name: round(time, DIGITS) for name, time in sorted(evidence.dispatch_wait_ns.items())},
+        dispatch_wait_ns=None if evidence.dispatch_wait_ns is None else _rounded_times(evidence.dispatch_wait_ns),
+        hypervisor_ms=None if evidence.hypervisor_ms is None else _rounded_times(evidence.hypervisor_ms),
     )
+
+
+def _rounded_times(times: Mapping[str, float]) -> Mapping[str, float]:
+    return {name: round(time, DIGITS) for name, time in sorted(times.items())}
 
 
 def _rounded_series(series: Series) -> Series:

@@ -135,17 +135,26 @@ function Write-Seen {
 }
 
 function Write-Counter {
-    # What the hypervisor counted: by machine the time that its virtual processors ran and waited, of 100 ns.
-    $seen = [hashtable]::new($script:Ordinal)
-    foreach ($one in @(Get-CimInstance -ClassName 'Win32_PerfRawData_HvStats_HyperVHypervisorVirtualProcessor')) {
-        $vm = [string] $one.Name -creplace ':Hv VP [0-9]+$', ''
-        if (-not $seen.Contains($vm)) { $seen[$vm] = @([long] 0, [long] 0, [long] 0) }
-        $sum = $seen[$vm]
-        $seen[$vm] = @(
-            ($sum[0] + [long] $one.PercentTotalRunTime), ($sum[1] + [long] $one.CPUWaitTimePerDispatch),
-            ($sum[2] + [long] $one.CPUWaitTimePerDispatch_Base)
-        )
+    # What the hypervisor counted, by machine and of all processors: run times of 100 ns, waits of ns, dispatches.
+    $due = $script:Due
+    foreach ($set in @('Virtual Processor', 'Logical Processor', 'Root Virtual Processor')) {
+        $class = 'Win32_PerfRawData_HvStats_HyperVHypervisor' + ($set -creplace ' ', '')
+        $seen = [hashtable]::new($script:Ordinal)
+        foreach ($one in @(Get-CimInstance -ClassName $class)) {
+            $of = [string] $one.Name -creplace ':?(Hv LP|Hv VP|Root VP) [0-9]+$', ''
+            if ($of -ceq $one.Name) { continue }  # a total
+            $more = @($one.PercentTotalRunTime, $one.PercentGuestRunTime, $one.PercentHypervisorRunTime)
+            if ($of) { $more += @($one.CPUWaitTimePerDispatch, $one.CPUWaitTimePerDispatch_Base) }
+            for ($at = 0; $at -lt $more.Count -and $seen.Contains($of); $at++) {
+                $more[$at] = [long] $more[$at] + [long] $seen[$of][$at]
+            }
+            $seen[$of] = $more
+        }
+        foreach ($of in @($seen.Keys | Sort-Object)) {
+            $name = 'Hyper-V Hypervisor ' + $set
+            if ($of) { $name += '(' + $of + ')' }
+            Write-Seen -Name $name -Seen ('counted ' + $due + ' ' + ($seen[$of] -join ' '))
+        }
     }
-    foreach ($vm in @($seen.Keys | Sort-Object)) { Write-Seen -Name $vm -Seen ('counted ' + ($seen[$vm] -join ' ')) }
 }
 # --- end of the part measuring -----------------------------------------------------------------
