@@ -12,8 +12,7 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
-from rarms_iac.model.partition_summaries import describe_stop, owner_of, partition_summaries
-from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel
+from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel, describe_stop, owner_of, partition_summaries
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.calls import DEVICE_READER, READER, ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward

@@ -27,8 +27,17 @@ from rarms_iac.model.operations import (
     StopPartition,
     WriteMark,
 )
-from rarms_iac.model.partition_summaries import owner_of, partition_summaries
-from rarms_iac.model.plan import HostPlan, Plan, Reading, Readings, Scope, Step, UndoLevel
+from rarms_iac.model.plan import (
+    HostPlan,
+    Plan,
+    Reading,
+    Readings,
+    Scope,
+    Step,
+    UndoLevel,
+    owner_of,
+    partition_summaries,
+)
 from rarms_iac.model.wording import remark
 from rarms_iac.providers.cgroups.content import new_definition, slice_limit, write_definition
 from rarms_iac.storage.codec import encode

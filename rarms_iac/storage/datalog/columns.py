@@ -11,8 +11,7 @@ from math import isnan, nan
 from types import NoneType
 from typing import cast
 
-from rarms_iac.model.measurement import LARGEST_SAMPLE, Series, Setting, SettingEvidence
-from rarms_iac.model.sample_columns import SampleColumns, columns_of
+from rarms_iac.model.measurement import LARGEST_SAMPLE, SampleColumns, Series, Setting, SettingEvidence, columns_of
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_64_bits
 from rarms_iac.storage.datalog.log import Provenance, Recorded
 

@@ -1,7 +1,6 @@
 import io
 
-from rarms_iac.views.streams import make_safe
-from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, width_of
+from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, make_safe, width_of
 
 
 class FakeTerminal(io.StringIO):
