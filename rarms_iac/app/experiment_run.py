@@ -213,9 +213,8 @@ def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: Measuri
         if obstacle := bench.obstacle(subject):
             finding = findings.NOTHING_TO_RUN.at(
                 hosts.manifest.places.key(section, name),
-                f"{bench.name} cannot run {name}: {obstacle}.",
-                "On a simulated host a component needs its demand: `simulation: { work: 20 ms }`. On a real one, see "
-                "whether `rarms run COMPONENT` runs it, and install what its program or the load needs.",
+                f"{bench.name} cannot run {name}: {obstacle.reason}.",
+                obstacle.advice,
                 address=f"{section.removesuffix('s')}/{name}",
             )
             raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)

@@ -16,6 +16,18 @@ from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.interface import ScriptedHost, StepwiseHost
 
 
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Why a host cannot run a component or a load, and what to do."""
+
+    reason: str  # follows its name
+    advice: str
+
+
+NO_RUN = Obstacle("it has no `run`", "Write how it is started.")
+"""On every host that runs real components."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionWork:
     """Components and load for one running partition of the application, or the host's own operating system."""
@@ -132,14 +144,14 @@ class WorkHost(Protocol):
         """
         ...
 
-    def obstacle(self, subject: Component | Interference) -> str:
+    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
         """Say why this host cannot run a component or a load; asked before anything is changed for it.
 
         Args:
             subject: as the manifest describes it.
 
         Returns:
-            Words that follow its name; empty: nothing is known that would keep it from running.
+            None: nothing is known that would keep it from running.
         """
         ...
 

@@ -23,7 +23,7 @@ from rarms_iac.model.run import Elapsed, Field, Run, SampleCount, Samples
 from rarms_iac.model.system import BusyLoop, CommandLoad, Component, Stress
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
+from rarms_iac.providers.measuring import MeasuringHost, Obstacle, PartitionWork, Work
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from tests.builders import a_component, a_host, a_run, a_simulation, memory, milliseconds
@@ -228,14 +228,19 @@ def test_nothing_of_real_work_stays_and_each_process_ran_in_its_group(tmp_path: 
 def test_a_real_host_names_what_it_cannot_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     host = linux(tmp_path)
 
-    assert host.obstacle(EYES) == host.obstacle(BusyLoop()) == ""
-    assert host.obstacle(a_component("eyes", run=a_run(command=("no-such-program",)))) == (
+    assert (host.obstacle(EYES), host.obstacle(BusyLoop())) == (None, None)
+    assert reason(host.obstacle(a_component("eyes", run=a_run(command=("no-such-program",))))) == (
         'there is no program "no-such-program" on the PATH'
     )
-    assert host.obstacle(a_component("nobody")) == "it has no `run`"
-    assert "no-such-program" in host.obstacle(CommandLoad(command=("no-such-program",)))
+    assert reason(host.obstacle(a_component("nobody"))) == "it has no `run`"
+    assert "no-such-program" in reason(host.obstacle(CommandLoad(command=("no-such-program",))))
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert host.obstacle(Stress(stressor="timer")) == "there is no stress-ng on the PATH: stress-ng"
+    assert reason(host.obstacle(Stress(stressor="timer"))) == "there is no stress-ng on the PATH: stress-ng"
+
+
+def reason(obstacle: Obstacle | None) -> str:
+    assert obstacle is not None
+    return obstacle.reason
 
 
 KILLED = """\

@@ -80,6 +80,24 @@ def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> No
     assert all(sample.response_ms == pytest.approx(50, rel=0.05) for sample in series.samples)
 
 
+def test_a_task_class_is_not_measured_but_proven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    host = a_measurable_windows()
+    monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(host))
+    monkeypatch.chdir(tmp_path)
+    with_class = MANIFEST.replace("processors: 1", "processors: 1\n    task: SpeechRecognition")
+    Path("rarms.yaml").write_text(with_class, encoding="utf-8")
+
+    assert main(["measure"]) == 4
+    refusal = " ".join(capsys.readouterr().err.split())
+    assert "only after a restart, which rarms does not do. Write its `cpu: { reserve: ... }` yourself" in refusal
+    assert leftovers(host) == []
+
+    Path("rarms.yaml").write_text(f"{with_class}    cpu: {{ reserve: 10 % }}\n", encoding="utf-8")
+    assert [main(words) for words in (["apply", "--auto-approve"], ["prove"])] == [0, 0], capsys.readouterr()
+
+
 def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
     host = a_measurable_windows(vision=Program(work_ms=20, line='{{"took": {ms:.3f}}}'))
     fields = "samples: { from: json_lines, response_time: { field: took, unit: ms } }, until"

@@ -24,7 +24,7 @@ from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms, kernel_text
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.measuring import PartitionWork, Work
+from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work
 from rarms_iac.rcss import CLASSES_VARIABLE
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, check_load
@@ -82,18 +82,21 @@ class LinuxMeasuringHost(LinuxHostProvider):
         """See the interface."""
         return MEMORY_MS
 
-    def obstacle(self, subject: Component | Interference) -> str:
+    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
         """See the interface."""
         try:
             if not isinstance(subject, Component):
                 check_load(INTERFERENCE, subject, self._context)
             elif subject.run is None:
-                return "it has no `run`"
+                return NO_RUN
             else:
                 order_of(subject.name, subject.run, self._context)
         except CannotStart as problem:
-            return problem.message
-        return ""
+            return Obstacle(
+                problem.message,
+                "Install what its program or the load needs.",
+            )
+        return None
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """See the interface. Task classes are not written to this host: their values go with each process."""

@@ -37,7 +37,7 @@ from rarms_iac.providers.interface import (
     ScriptExited,
     WaitLimits,
 )
-from rarms_iac.providers.measuring import PartitionShape, PartitionWork, Work
+from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionShape, PartitionWork, Work
 from rarms_iac.running.loads import FLAGS, HERE
 from rarms_iac.running.start import PERIOD_VARIABLE
 from rarms_iac.storage.reading import read_file
@@ -108,28 +108,39 @@ class HypervMeasuringHost(LiveHypervHost):
         self._waits = WaitLimits(lock_ms=timeout_ms)
         yield
 
-    def obstacle(self, subject: Component | Interference) -> str:
+    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
         """See the interface."""
         if not self._settings.image:
-            return "the host has no `hyperv.image` from which its test partitions could be made"
-        if isinstance(subject, Stress):
-            return "stress-ng is no program of Windows"
-        if not isinstance(subject, Component):
-            return ""
-        if subject.task is not None:
-            return "its task class counts in a guest only after that has restarted, which rarms does not do there yet"
-        return "it has no `run`" if subject.run is None else self._obstacle_of_run(subject.run)
+            return Obstacle("its test partitions have no disk", "Name that of a Windows: `hyperv: { image: ... }`.")
+        if isinstance(subject, Component) and subject.task is not None:
+            return Obstacle(
+                f"its guest would know the class {subject.task} only after a restart, which rarms does not do",
+                "Write its `cpu: { reserve: ... }` yourself: `rarms prove` runs it in its own partition.",
+            )
+        return self._obstacle_in_guest(subject)
 
-    def _obstacle_of_run(self, run: Run) -> str:
+    def _obstacle_in_guest(self, subject: Component | Interference) -> Obstacle | None:
+        """Say why it cannot run in a guest that has its task class."""
+        if isinstance(subject, Stress):
+            return Obstacle("stress-ng is no program of Windows", "Name another load as its `interference`.")
+        if not isinstance(subject, Component):
+            return None
+        return NO_RUN if subject.run is None else self._obstacle_of_run(subject.run)
+
+    def _obstacle_of_run(self, run: Run) -> Obstacle | None:
         if isinstance(run.start, Call):
-            return "its `run` calls a Python function, and guests run commands only"
+            return Obstacle("guests run commands, and no function of Python", "Write a `command` that calls it.")
         if taken := [name for name, value in run.environment.items() if isinstance(value, FromEnvironment)]:
-            return f"{taken[0]} comes from rarms' own environment, and would stand in a script"
+            return Obstacle(f"{taken[0]} is rarms' own, and would stand in a script", "Set it in the image's Windows.")
         try:
             size = sum((self._base / run.folder / name).stat().st_size for name in run.files)
         except OSError as problem:
-            return f"a file of its `run` cannot be read: {problem}"
-        return "" if size <= LARGEST_FILES else f"its files have {size} bytes: put them into the image"
+            return Obstacle(f"a file of its `run` cannot be read: {problem}", "Mend `run.files`.")
+        if size <= LARGEST_FILES:
+            return None
+        return Obstacle(
+            f"its files have {size} bytes, and a script carries {LARGEST_FILES}", "Put them into the image."
+        )
 
     @contextmanager
     def test_partitions(self, shapes: Sequence[PartitionShape]) -> Iterator[None]:
@@ -281,9 +292,9 @@ class HypervMeasuringHost(LiveHypervHost):
             credential = self._credentials.get(part.partition) or self._settings.credential or ""
             loads = () if part.load is None else (part.load,)
             for subject in (*part.components, *loads):
-                if obstacle := self.obstacle(subject):
+                if obstacle := self.obstacle(subject) if shapes else self._obstacle_in_guest(subject):
                     name = subject.name if isinstance(subject, Component) else "the load"
-                    raise HostRefused(self.name, f"{name} cannot run inside a guest: {obstacle}", "see docs/hyperv.md")
+                    raise HostRefused(self.name, f"{name} cannot run: {obstacle.reason}", obstacle.advice.rstrip("."))
             works += (self._component_work(part.partition, credential, component) for component in part.components)
             if part.load is not None:
                 wide = next((shape.processors for shape in shapes if shape.name == part.partition), 1)

@@ -18,7 +18,7 @@ from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.state import RegistryValue, State, ValueKind
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.measuring import PartitionWork, Work
+from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 from rarms_iac.providers.simulated.parse import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
@@ -126,10 +126,14 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         """See the interface: a reserve is guaranteed over this window, and unused claim is kept for it."""
         return WINDOW_MS
 
-    def obstacle(self, subject: Component | Interference) -> str:
+    def obstacle(self, subject: Component | Interference) -> Obstacle | None:
         """See the interface."""
-        needs_demand = isinstance(subject, Component) and subject.simulation is None
-        return "it does not say what it demands on a simulated host" if needs_demand else ""
+        if not isinstance(subject, Component) or subject.simulation is not None:
+            return None
+        return Obstacle(
+            "it does not say what it demands on a simulated host",
+            "Give it `simulation: { work: 20 ms }`, or measure on a real host: `rarms run COMPONENT` tries it.",
+        )
 
     @contextmanager
     def run(self, work: Work) -> Iterator["Simulated"]:

@@ -370,7 +370,7 @@ SITUATIONS = {
     "a component cannot run on its host": Situation(
         steps=(write(PROGRAM),),
         words=("measure", "vision"),
-        messages=("On a real one, see whether `rarms run COMPONENT` runs it",),
+        messages=("on a real host: `rarms run COMPONENT` tries it",),
         recommends=("rarms run",),
     ),
     "a snapshot cannot be read": Situation(
@@ -753,6 +753,7 @@ OTHER_TESTS = {
     "run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
     "say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
     "(`rarms show --script PLAN --guest {inside}": "tests/unit/cli/test_show_scripts.py",
+    "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "somebody changed cpuset.cpus of its group": "tests/contracts/test_linux_host.py",
     "`rarms apply` starts what is off": "tests/contracts/test_shell_scripts.py",  # after a restart
