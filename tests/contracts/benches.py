@@ -85,7 +85,7 @@ BENCHES = {
     "simulated": Bench(
         open_simulated,
         described=lambda host: host,
-        stride=5 if sys.platform == "win32" and not LONG else 1,
+        stride=1 if LONG else 9 if sys.platform == "win32" else 3,
         is_windows=True,
     ),
 }

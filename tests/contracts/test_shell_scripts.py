@@ -279,7 +279,7 @@ def test_a_script_killed_before_any_effect_is_finished_by_itself_and_by_rarms(
 
     effects = 0
     while True:
-        effects += 1 if LONG else 23
+        effects += 1 if LONG else 41
         assert lab.settled() == plan
         if script == "onboard.undo.sh":
             lab.apply(plan)
@@ -302,7 +302,7 @@ def test_an_apply_killed_at_any_effect_is_finished_by_the_script(lab: Lab) -> No
         with disk.use(counting):
             lab.apply(plan)
         end = lab.host().observe()
-        for at in range(1, len(counting.effects) + 1, 1 if LONG else 41):
+        for at in range(1, len(counting.effects) + 1, 1 if LONG else 97):
             assert lab.settled() == plan
             with disk.use(CrashingDisk(at, When.AFTER)), suppress(Crash):
                 lab.apply(plan)

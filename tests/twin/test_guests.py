@@ -10,7 +10,7 @@ from rarms_iac.model.system import System, TaskRequest
 from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import tasks_of
 from tests.builders import a_component
-from tests.effort import examples
+from tests.effort import every_few
 from tests.twin.cell import Cell, apply, scripts_of
 from tests.twin.cells import a_cell_system, a_windows
 from tests.twin.host import Entry, WindowsHost
@@ -179,12 +179,6 @@ def calls() -> int:
     return len(guest.effects) - 1
 
 
-def every_few(effects: int, first: int = 0) -> range:
-    """Every effect; in a usual run some of them, others for each fault."""
-    step = max(1, effects // examples(12))
-    return range(first % step, effects, step)
-
-
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
 def test_a_run_that_was_killed_anywhere_is_finished_by_the_next(fault: str) -> None:
     calm = a_guest()
@@ -193,7 +187,7 @@ def test_a_run_that_was_killed_anywhere_is_finished_by_the_next(fault: str) -> N
     done = classes(calm)
     assert calls() > 20
 
-    for number in every_few(calls(), first=len(fault)):
+    for number in every_few(calls(), 6, first=len(fault)):
         guest = a_guest().copy(**{fault: number})
         assert run(guest, SCRIPT).code != 0, f"{fault} {number}"
         guest = guest.copy()
@@ -212,7 +206,7 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
     calm = done.copy()
     assert run(calm, UNDO).code == 0
 
-    for number in every_few(len(calm.effects)):
+    for number in every_few(len(calm.effects), 6):
         guest = done.copy(kill_after=number)
         run(guest, UNDO)
         guest = guest.copy()

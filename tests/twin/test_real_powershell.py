@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.powershell.render import render_observe
-from tests.effort import examples
+from tests.effort import every_few
 from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, everything, fresh
 from tests.twin.host import Entry, Killed, WindowsHost
@@ -119,7 +119,7 @@ def test_nothing_is_left_in_the_registry_of_a_run_that_was_undone(cell) -> None:
     apply(whole, prepared.plan)
     written = [at for at, effect in enumerate(whole.effects) if "HKLM:" in effect]
     assert written
-    for at in [*written[:: max(1, len(written) // examples(8))], None]:
+    for at in [*(written[number] for number in every_few(len(written), 4)), None]:
         host = prepared.copy(kill_after=at)
         apply(host, prepared.plan)
         host = host.copy()

@@ -12,7 +12,7 @@ from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.storage.append import records_in
 from tests.builders import a_component, a_partition
-from tests.effort import examples
+from tests.effort import every_few
 from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
 from tests.twin.host import Vm, WindowsHost
@@ -97,8 +97,7 @@ def test_what_if_touches_nothing(cell: Make) -> None:
 
 def numbers(prepared: Prepared, fault: str, usual: int) -> range:
     """Every effect of the plan; in a usual run every few, others for each fault."""
-    step = max(1, len(calls(prepared)) // examples(usual))
-    return range(len(fault) % step, len(calls(prepared)), step)
+    return every_few(len(calls(prepared)), usual, first=len(fault))
 
 
 def calls(prepared: Prepared) -> list[str]:
@@ -114,7 +113,7 @@ def test_a_run_that_was_killed_or_failed_anywhere_is_finished_by_the_next(cell: 
     prepared = cell()
     undisturbed = prepared.copy()
     apply(undisturbed, prepared.plan)
-    for number in numbers(prepared, fault, 24):
+    for number in numbers(prepared, fault, 8):
         faults: dict[str, object] = {"kill_after" if fault == "torn" else fault: number, "tear": fault == "torn"}
         host = prepared.copy(**faults)
 
@@ -139,7 +138,7 @@ KEPT = {FOLDER.lower(), JOURNAL.lower(), JOURNAL.lower() + ".old"}
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
 def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: Make, fault: str) -> None:
     prepared = cell()
-    for number in [*numbers(prepared, fault, 16), 10**9]:
+    for number in [*numbers(prepared, fault, 6), 10**9]:
         host = prepared.copy(**{fault: number})
         apply(host, prepared.plan)
         where = f"{fault} {number}: {host.effects[-1]}"
@@ -163,7 +162,7 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next(cell: Make) ->
     apply(done, prepared.plan)
     whole = done.copy()
     undo(whole, prepared.plan)
-    for number in range(0, len(whole.effects), max(1, len(whole.effects) // examples(16))):
+    for number in every_few(len(whole.effects), 6):
         host = done.copy(kill_after=number)
         undo(host, prepared.plan)
         where = host.effects[-1]
