@@ -119,7 +119,7 @@ def _measure_all(
     stopper = PartitionStopper(hosts=hosts, reporter=reporter, consents=consents)
     with (
         hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches,
-        starting_again(hosts, benches, reporter, stop),
+        starting_again(hosts, benches, reporter, stop) as still_stopped,
     ):
         remeasurements = _remeasurements(hosts, experiments, benches, request, stopper)
         for experiment in experiments:
@@ -145,7 +145,7 @@ def _measure_all(
                 break
     outcome = MeasureOutcome(
         results=tuple(results),
-        findings=tuple(findings),
+        findings=(*findings, *still_stopped),
         not_begun=experiments[len(results) :],
         fixed={name: fixed_on(hosts.system, name) for name in names},
         ended=ended,

@@ -112,7 +112,9 @@ def _beside(outcome: MeasureOutcome, after: MeasureOutcome, names: list[str]) ->
     def stands(result: ExperimentResult) -> bool:
         return result.experiment.setup.members[0] not in names or len(result.experiment.setup.members) > 1
 
-    addresses = {f"component/{name}" for name in names}
+    addresses = {f"component/{name}" for name in names} | {
+        f"host/{result.experiment.host.name}" for result in after.results
+    }
     unchanged = [finding for finding in outcome.findings if finding.address not in addresses]
     return replace(
         after,

@@ -18,6 +18,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.stopping import StopScope, stopped_partition
 from rarms_iac.measuring import findings
 from rarms_iac.model.changes import Update
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import Partition, State, StoppedBy
@@ -87,40 +88,47 @@ class PartitionStopper:
 @contextmanager
 def starting_again(
     hosts: Hosts, benches: Mapping[str, MeasuringHost], reporter: Reporter, stop: StopSignal = NEVER_STOP
-) -> Iterator[None]:
+) -> Iterator[list[Diagnostic]]:
     """At the end, start what a measurement stopped on these hosts: this one, or an earlier one that was killed.
 
     Args:
         hosts: Those of the manifest.
         benches: Held hosts, by name; they must still be held at the end.
-        reporter: Hears what was started, and what could not be.
+        reporter: Hears what was started; after an exception, what could not be started, too.
         stop: A request to stop waits until all are started.
 
     Yields:
-        Once, with nothing.
+        Once, a list that holds after the end an error for each host where partitions could not be started, and why.
     """
+    errors: list[Diagnostic] = []
     try:
-        yield
-    finally:
-        with stop.gently():
-            for bench in benches.values():
-                _start_again(hosts, bench, reporter)
+        yield errors
+    except BaseException:
+        reporter.findings(_start_all(hosts, benches, reporter, stop), hosts.manifest.sources)
+        raise
+    errors += _start_all(hosts, benches, reporter, stop)
 
 
-def _start_again(hosts: Hosts, bench: MeasuringHost, reporter: Reporter) -> None:
+def _start_all(
+    hosts: Hosts, benches: Mapping[str, MeasuringHost], reporter: Reporter, stop: StopSignal
+) -> tuple[Diagnostic, ...]:
+    with stop.gently():
+        return tuple(error for bench in benches.values() for error in _start_again(hosts, bench, reporter))
+
+
+def _start_again(hosts: Hosts, bench: MeasuringHost, reporter: Reporter) -> tuple[Diagnostic, ...]:
     names = stopped_by_measurement(bench.observe(), hosts.system.application.name)
     if not names:
-        return
+        return ()
     try:
         scope = StopScope(partitions=names, stopped_by=StoppedBy.MEASUREMENT)
         _run(hosts, bench, PlanRequest(purpose=Purpose.START, stop_scope=scope))
     except UseCaseError as error:
         message = f"On {bench.name} these were stopped to measure, and could not be started: {', '.join(names)}."
         advice = f"Mend what keeps them from it, then start them: `rarms start {' '.join(names)}`."
-        finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{bench.name}")
-        reporter.findings([finding, *error.diagnostics], error.sources)
-    else:
-        reporter.message(f"{bench.name}: started {in_a_row(names)} again, which a measurement had stopped.")
+        return findings.STILL_STOPPED.at(None, message, advice, address=f"host/{bench.name}"), *error.diagnostics
+    reporter.message(f"{bench.name}: started {in_a_row(names)} again, which a measurement had stopped.")
+    return ()
 
 
 def own_running(state: State, application: str) -> tuple[str, ...]:

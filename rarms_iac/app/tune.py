@@ -1,7 +1,7 @@
 """Tuning: components are combined into partitions, so that less is reserved."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rarms_iac import __version__
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
@@ -139,7 +139,7 @@ def _search_held(
     )
     with (
         hold_benches(hosts, [bench.name], request.lock_timeout_ms, stopper.reporter) as benches,
-        starting_again(hosts, benches, stopper.reporter, stop),
+        starting_again(hosts, benches, stopper.reporter, stop) as still_stopped,
     ):
         states = observe_hosts(hosts)
         if not request.on_busy_host:
@@ -154,7 +154,8 @@ def _search_held(
             stopper=stopper,
         )
         inquiry = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
-        return search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)
+        end = search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)
+    return replace(end, still_stopped=tuple(still_stopped))
 
 
 def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnostic]:
@@ -168,6 +169,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
         A finding where there is no answer or nothing fits, one for each contradiction, and one for each compound that
             reserves more than its parts.
     """
+    yield from end.still_stopped
     if end.unanswered:
         advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
         yield findings.NO_ANSWER.at(None, end.unanswered, advice)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.graph import recorded_answers
 from rarms_iac.app.tuning_subject import LayoutFit, TuningStopped, TuningSubject
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, PlannerReporter, Unanswered, total
 from rarms_iac.planner.combining.paper import Inquiry, ordered, tune_performance_to_use_less_resource
@@ -24,6 +25,7 @@ class TuningConclusion:
     proved: bool = False
     contradictions: tuple[Contradiction, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
+    still_stopped: tuple[Diagnostic, ...] = ()  # of `starting_again`
 
     @property
     def before(self) -> int:

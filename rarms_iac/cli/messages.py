@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 from rarms_iac.app.files import write_file
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session
-from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Sources, has_errors, in_order
 from rarms_iac.views.finding_forms import OutputFormat, OutputTarget
 from rarms_iac.views.findings import findings_text
 from rarms_iac.views.terminal import Terminal
@@ -98,3 +98,12 @@ def stopped(session: Session) -> ExitCode:
     """Say that somebody's end was heard, and how to go on; how the command ends then."""
     session.terminal.tell("Stopped. What is recorded stays: the same command goes on.")
     return session.interrupts.exit_code or ExitCode.INTERRUPTED
+
+
+def measured(findings: Sequence[Diagnostic]) -> ExitCode:
+    """How a command ends that has measured and told these findings."""
+    from rarms_iac.measuring.findings import STILL_STOPPED
+
+    if any(finding.code == STILL_STOPPED.code for finding in findings):
+        return ExitCode.FAILED  # whatever was measured: the host is not as it was
+    return ExitCode.NO if has_errors(tuple(findings)) else ExitCode.DONE

@@ -15,7 +15,7 @@ from rarms_iac.app.scripts import write_scripts
 from rarms_iac.app.stopping_to_measure import StopConsent
 from rarms_iac.app.tune import TuneRequest
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.messages import TerminalReporter, stopped, tell
+from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import (
     F,
     busy_option,
@@ -156,7 +156,8 @@ def measure_command(
     when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
 
     Where partitions of the application run, they must be stopped: it asks at a terminal, or give --stop-partitions.
-    They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`.
+    They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`. Exit code 4 where a
+    component does not meet its thresholds or that cannot be told, 1 where what was stopped cannot be started.
     """
     if script:
         return _show_scripts(session, select_hosts(load_manifest(source), host_selection), request, out)
@@ -201,8 +202,8 @@ def _exit_code(session: Session, outcome: MeasureOutcome) -> ExitCode:
         return stopped(session)
     if outcome.ended:
         session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
-        return session.interrupts.exit_code or ExitCode.DONE
-    return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
+        return session.interrupts.exit_code or measured(outcome.findings)
+    return measured(outcome.findings)
 
 
 def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: str | None) -> ExitCode:
@@ -240,5 +241,5 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, consents: Sto
         return stopped(session)
     if outcome.result.run.ending != "successful":
         session.terminal.talk(tuned_text(outcome.result))
-        return ExitCode.NO
-    return ExitCode.DONE
+        return measured(outcome.result.findings) or ExitCode.NO
+    return measured(outcome.result.findings)

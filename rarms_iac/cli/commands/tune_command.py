@@ -10,7 +10,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneRequest, tune_components
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.messages import TerminalReporter, stopped, tell
+from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import (
     F,
     busy_option,
@@ -24,7 +24,6 @@ from rarms_iac.cli.options import (
 )
 from rarms_iac.cli.prompts import TerminalCombiningPrompt, refuse_standard_input, refuse_without_terminal, stop_consent
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.storage.datalog.tuning import TuningStrategy
 from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
 
@@ -97,7 +96,7 @@ def tune_command(
     Measures compounds on the host, setting by setting, as `rarms measure --together` does; interrupted or killed, the
     same command goes on. What is found becomes `partitions` of the manifest, comments kept, for review. Exit code 4
     where nothing fits, however components are combined. Where partitions of the application run, they must be
-    stopped meanwhile, as for `rarms measure`.
+    stopped meanwhile, as for `rarms measure`; exit code 1 where they cannot be started again.
     """
     if not request.dry_run:
         refuse_standard_input(source)
@@ -128,4 +127,4 @@ def tune_command(
         session.terminal.show(tuned_text(result))
     if result.run.ending == "stopped":
         return stopped(session)
-    return ExitCode.NO if has_errors(result.findings) else ExitCode.DONE
+    return measured(result.findings)

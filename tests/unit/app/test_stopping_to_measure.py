@@ -1,10 +1,14 @@
 """Measuring on an applied host: what runs there rests meanwhile, where somebody consents, and runs again afterwards."""
 
+import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app import measure
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.unit.cli.running import rarms
@@ -80,6 +84,46 @@ def test_a_failed_measurement_starts_them_again() -> None:
 
     assert failed.code == 4, failed.err
     assert machines() == RUNNING
+
+
+@contextmanager
+def _killed(*_: object) -> Iterator[list[object]]:
+    yield []
+
+
+@pytest.fixture
+def _stopped_and_out_of_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A measurement was killed, and the host keeps more for itself since."""
+    with monkeypatch.context() as kill:
+        kill.setattr(measure, "starting_again", _killed)
+        assert rarms(*SWEEP, "--stop-partitions").code == 0
+    less = MANIFEST.replace("memory: 4 GiB }", "memory: 4 GiB, keep_for_host: { processor: 50 % } }")
+    Path("rarms.yaml").write_text(less, encoding="utf-8")
+
+
+STOPPED = {"speech": (False, StoppedBy.MEASUREMENT), "vision": (False, StoppedBy.MEASUREMENT)}
+
+
+@pytest.mark.usefixtures("_stopped_and_out_of_room")
+def test_what_cannot_be_started_again_is_an_error_beside_what_was_measured() -> None:
+    ran = rarms(*SWEEP)
+    for_programs = rarms(*SWEEP, "--json")
+
+    assert (ran.code, for_programs.code) == (1, 1), ran.err
+    assert "error[RARMS269] Partitions that were stopped to measure do not run again" in ran.err
+    assert "could not be started: speech, vision." in " ".join(ran.err.split())
+    assert "vision" in ran.out
+    answer = json.loads(for_programs.out)
+    assert (len(answer["experiments"]), answer["findings"][0]["code"]) == (1, "RARMS269")
+
+
+@pytest.mark.usefixtures("_stopped_and_out_of_room")
+def test_what_cannot_be_started_after_a_failure_is_told_beside_the_failure() -> None:
+    failed = rarms("measure", "vision", "--from", "70%", "--to", "90%")
+
+    assert failed.code == 4, failed.err
+    assert "error[RARMS117]" in failed.err
+    assert "error[RARMS269] Partitions that were stopped to measure do not run again" in failed.err
 
 
 def test_what_the_user_stopped_stays_stopped() -> None:
