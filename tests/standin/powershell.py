@@ -53,7 +53,7 @@ class How:
 def save(folder: Path, host: WindowsHost) -> None:
     """Keep the host, wholly or not at all."""
     fresh = folder / f"{STATE}.{os.getpid()}"
-    fresh.write_bytes(pickle.dumps(host.copy(watch=None)))
+    fresh.write_bytes(host.as_bytes())
     fresh.replace(folder / STATE)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -188,12 +189,18 @@ class WindowsHost:
 
     def copy(self, **changed: object) -> WindowsHost:
         """The same host, calm: nothing is to be killed or to fail, unless it is said."""
-        twin = copy.deepcopy(self)
-        twin.effects, twin.tear, twin.interrupt, twin.slept = [], False, False, None
-        twin.kill_before = twin.kill_after = twin.fail_at = None
+        return copy.deepcopy(self)._calm(**changed)
+
+    def as_bytes(self) -> bytes:
+        """What `pickle` makes of the calm host. Nothing is copied: hosts remember a thousand processes."""
+        return pickle.dumps(copy.copy(self)._calm(watch=None))
+
+    def _calm(self, **changed: object) -> WindowsHost:
+        self.effects, self.tear, self.interrupt, self.slept = [], False, False, None
+        self.kill_before = self.kill_after = self.fail_at = None
         for name, value in changed.items():
-            setattr(twin, name, value)
-        return twin
+            setattr(self, name, value)
+        return self
 
     def key(self, path: str) -> Key | None:
         """The registry key, whatever the case of its path."""
