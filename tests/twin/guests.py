@@ -190,6 +190,7 @@ def drop_sessions(session: Session) -> None:
             process.alive
             and process.parent == runner.process
             and process.arguments.startswith(f"{GUARD}{runner.process};")
+            and "ProcessId -ne $PID" in process.arguments  # it would end itself before the others
             for process in host.processes
         )
         for process in host.processes:

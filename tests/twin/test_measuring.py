@@ -16,6 +16,8 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.providers.hyperv import run as provider
 from tests.twin.host import Program, WindowsHost
 from tests.twin.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
+from tests.twin.run import put
+from tests.twin.run import run as run_script
 from tests.twin.transport import TwinTransport
 
 Measured = Callable[..., measure.MeasureOutcome]
@@ -184,6 +186,32 @@ def test_a_script_that_somebody_edited_must_not_run(
     for made in (script, removal):
         assert inspect(made.text.encode("ascii"), ScriptKind.MEASURE, trusting=False) == ()
     assert inspect(script.text.replace(old, new, 1).encode("ascii"), ScriptKind.MEASURE) != ()
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "words"),
+    [
+        ({"what_if": True}, 0, "would be made"),
+        ({"abandon": True}, 1, "a measurement leaves no unfinished run: start it without -Abandon"),
+        ({"lock_timeout": -5}, 1, "-LockTimeout takes 0 to 86400 seconds"),
+        ({"lock_timeout": 3_000_000}, 1, "-LockTimeout takes 0 to 86400 seconds"),
+    ],
+    ids=["-WhatIf", "-Abandon", "too short", "too long"],
+)
+def test_a_script_run_by_hand_makes_nothing_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: dict[str, int], code: int, words: str
+) -> None:
+    host = a_measurable_windows()
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(host))
+    script, _removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
+    put(host, {script.name: script.text.encode("ascii")})
+    host.effects = []
+
+    ran = run_script(host, script.name, **given)  # type: ignore[arg-type]  # switches, said by cases
+
+    assert (ran.code, words in ran.says) == (code, True)
+    assert host.effects == []
 
 
 def test_what_was_measured_is_applied_and_proven(

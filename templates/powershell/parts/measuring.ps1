@@ -21,6 +21,8 @@ function Invoke-Measuring {
         }
         $ConfirmPreference = 'None'
         $guard = $script:Plan.Guard
+        if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
+        if ($Abandon) { throw 'a measurement leaves no unfinished run: start it without -Abandon' }
         Enter-Host
         $held = $true
         & $guard
@@ -29,6 +31,7 @@ function Invoke-Measuring {
         foreach ($work in $script:Works) { Connect-Guest -Work $work }
         Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
         while ($script:Works.Count -and -not (Test-Path -LiteralPath ($PSCommandPath + '.stop'))) { Step-Setting }
+        Clear-Bench
         Write-RunEvent -Kind 'run' -Status 'done'
     } catch {
         $detail = [string] $_.Exception.Message
@@ -36,21 +39,23 @@ function Invoke-Measuring {
             Write-RunEvent -Kind $script:Refusal -Status 'refused' -Detail $detail
             exit 3
         }
+        $id = [string] $_.FullyQualifiedErrorId
+        $at = $_.InvocationInfo  # of what a guest says there may be none
+        if ($id -cne $detail -and $null -ne $at) { $detail += ' ({0}, line {1})' -f $id, $at.ScriptLineNumber }
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        try {
-            if ($held) {
-                # Whoever listened may be gone: nothing is written here.
-                Clear-Work
-                foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
-                Clear-TestPartition
-            }
-        } finally {
-            Exit-Host
-        }
+        try { if ($held) { Clear-Bench } } finally { Exit-Host }
     }
     exit 0
+}
+
+function Clear-Bench {
+    # Whoever listened may be gone: nothing is written here.
+    Clear-Work
+    foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
+    $script:Sessions.Clear()
+    Clear-TestPartition
 }
 
 function Write-Progressed {
@@ -68,7 +73,7 @@ function Step-Setting {
     if ($next -cne $script:Setting) { Use-Setting -Next $next }
     foreach ($job in $script:Jobs) {
         foreach ($line in @(Receive-Job -Job $job.Job)) { Write-Seen -Name $job.Name -Seen ([string] $line) }
-        if (@('Completed', 'Failed', 'Stopped') -ccontains [string] $job.Job.State) {
+        if (@('NotStarted', 'Running') -cnotcontains [string] $job.Job.State) {
             throw ('{0} ended inside its guest: {1}' -f $job.Name, $job.Job.State)
         }
     }

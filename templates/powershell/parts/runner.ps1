@@ -79,7 +79,8 @@ function Get-GuestRunner {
             # When this session is gone, whatever it started is ended: its guard waits for that.
             $guard = '-NoProfile -Command Wait-Process -Id {0}; ' -f $PID
             $guard += 'Get-CimInstance Win32_Process -Filter ParentProcessId={0}' -f $PID
-            $guard += ' | ForEach-Object { Stop-Process -Id $_.ProcessId -Force }'
+            # It is such a child itself, and the oldest.
+            $guard += ' | Where-Object ProcessId -ne $PID | ForEach-Object { Stop-Process -Id $_.ProcessId -Force }'
             $start = [System.Diagnostics.ProcessStartInfo]::new('powershell.exe', $guard)
             $start.UseShellExecute = $false
             $running += [System.Diagnostics.Process]::Start($start)
