@@ -77,7 +77,7 @@ class Reporter(Protocol):
         ...
 
 
-class SilentListener:
+class SilentAppReporter:
     """A `Reporter` that keeps everything to itself."""
 
     steps: RunReporter = RunReporter()
@@ -100,4 +100,4 @@ class SilentListener:
 
 
 NEVER_STOP: StopSignal = NeverStop()
-SILENT: Reporter = SilentListener()
+SILENT: Reporter = SilentAppReporter()

@@ -78,7 +78,7 @@ def settings_log_of(log: ExperimentLog, seed: int | None, running: Sequence[Part
         header=log.header,
         provenance=lambda: Provenance(rarms_version=__version__, when=now(), beside=beside),
         seed=seed,
-        anew=bool(log.changed),
+        replaces_stale=bool(log.changed),
     )
 
 

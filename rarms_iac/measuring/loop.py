@@ -112,7 +112,7 @@ class SettingsLog:
     header: Header
     provenance: Callable[[], Provenance]  # of what is recorded now
     seed: int | None = None  # only settings of this seed count; None: all
-    anew: bool = False  # what is there is stale, and gives way to the first setting
+    replaces_stale: bool = False  # what is there is stale, and gives way to the first setting
 
     def settings(self) -> tuple[Setting, ...]:
         """Read all that count for this run, in the order in which they were recorded.
@@ -123,7 +123,7 @@ class SettingsLog:
         Raises:
             LogUnreadable: the file is no whole data log.
         """
-        log = None if self.anew else read_log(self.path)
+        log = None if self.replaces_stale else read_log(self.path)
         known = () if log is None else log.settings
         return tuple(setting for setting in known if self.seed is None or setting.seed == self.seed)
 
@@ -134,10 +134,11 @@ class SettingsLog:
             setting: one that is not in the log.
 
         Raises:
+            LogUnreadable: the file is no whole data log.
             OSError: it cannot be written.
         """
         log = read_log(self.path)
-        if log is None or (self.anew and log.header != self.header):
+        if log is None or (self.replaces_stale and log.header != self.header):
             make_folders(self.path.parent)
             begin_log(self.path, self.header)
         append_setting(self.path, Recorded(setting=setting, provenance=self.provenance()))
@@ -219,13 +220,17 @@ def watch(
         should_stop: Asked after every sample.
 
     Returns:
-        The series by component; None: an end was asked for.
+        The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
+        an end was asked for before there were enough.
+
+    Raises:
+        HostError: the host could not run the work.
     """
     allowed = {component.name: component.run.failures if component.run is not None else 0 for component in components}
     samples: dict[str, list[Sample]] = {name: [] for name in sorted(allowed)}
     failures: dict[str, list[str]] = {name: [] for name in samples}
     looks_at = next_look(0)
-    start: _Start | None = None
+    start: _CountingStart | None = None
     for name, sample in running.samples():
         if should_stop():
             return None
@@ -239,21 +244,21 @@ def watch(
             settling.record_job(running, name)
             running.count_from_now()
             if settling.is_over(running.elapsed_ms()):
-                start = _start(running, samples, settling.excess_message())
+                start = _begin_counting(running, samples, settling.excess_message())
             continue
         samples[name].append(replace(sample, began_ms=sample.began_ms - start.elapsed_ms))
         if (least := min(map(len, samples.values()))) >= looks_at:
             looks_at = next_look(least)
             seen = _series(running, samples, start)
             if running.elapsed_ms() - start.elapsed_ms >= settling.least_ms and is_enough(seen):
-                break
+                return seen
     if should_stop():
         return None
-    return _series(running, samples, start or _start(running, samples, "it ended before its host had settled"))
+    return _series(running, samples, start or _begin_counting(running, samples, "it ended before its host had settled"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Start:
+class _CountingStart:
     """Where samples begin to count."""
 
     elapsed_ms: float
@@ -261,13 +266,13 @@ class _Start:
     unsettled: str  # why they count for no verdict
 
 
-def _start(running: RunningWork, names: Iterable[str], unsettled: str) -> _Start:
-    return _Start(
+def _begin_counting(running: RunningWork, names: Iterable[str], unsettled: str) -> _CountingStart:
+    return _CountingStart(
         elapsed_ms=running.elapsed_ms(), cpu_ms={name: running.cpu_ms(name) for name in names}, unsettled=unsettled
     )
 
 
-def _series(running: RunningWork, samples: Mapping[str, list[Sample]], start: _Start) -> Mapping[str, Series]:
+def _series(running: RunningWork, samples: Mapping[str, list[Sample]], start: _CountingStart) -> Mapping[str, Series]:
     elapsed = running.elapsed_ms() - start.elapsed_ms
     return {
         name: Series(
@@ -338,7 +343,7 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
 def _run_setting(
     experiment: Experiment, context: MeasuringContext, bench: _TestBench, step: Measure
 ) -> Setting | SettingFailed | Stopped:
-    """One setting; where something disturbed it, measured again."""
+    """One setting, of a reservation that the budget has; where something disturbed it, measured again."""
     beside = reserve_for_load(bench.budget, experiment.setup, step.reserve)
     if beside is None:
         raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")

@@ -8,11 +8,11 @@ from itertools import accumulate
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
-ASKED = 80
+PACKINGS_TRIED = 80
 """Sets that are packed to find a smallest one: a count, so that equal inputs have equal answers."""
 
-UNKNOWN = 5
-"""A set of which it is not known whether it fits counts one for so many partitions on hosts: that took long."""
+PARTITIONS_PER_UNKNOWN = 5
+"""A packing that ends undecided took long: it counts as one more for so many places that its partitions may take."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,8 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Se
         proven: Whether there is none.
 
     Returns:
-        One or two conflicts; of none can a partition be left out, unless `ASKED` ends the search before.
+        One or two conflicts. Without any one of its partitions the rest of each would fit, unless `PACKINGS_TRIED` ends
+        the search before.
     """
     return _by_sums(items, bins) or [_by_packing(items, bins, proven=proven)]
 
@@ -113,14 +114,14 @@ def _fewest_beyond(
 
 def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Conflict:
     """Leave out the small ones first, by halves, quarters and so on, as long as those that stay still conflict."""
-    asked = 0
+    tried = 0
 
     def conflict(remaining: Sequence[Item]) -> bool:
-        nonlocal asked
-        if asked >= ASKED or not remaining:
+        nonlocal tried
+        if tried >= PACKINGS_TRIED or not remaining:
             return False
         fits = can_pack(remaining, _hosts_of(remaining, bins))
-        asked += 1 if fits is not None else 1 + sum(len(item.claims) for item in remaining) // UNKNOWN
+        tried += 1 if fits is not None else 1 + sum(len(item.claims) for item in remaining) // PARTITIONS_PER_UNKNOWN
         return fits is False
 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)

@@ -14,8 +14,8 @@ from rarms_iac.planner.reservations import ReservationSource
 TRIALS = 250
 """Manifests that are planned in all, before nothing more is offered: a count, never a time."""
 
-READ_UP_TO = 8
-"""Changes that are told together: nobody makes more of them from a list."""
+MOST_EDITS = 8
+"""Changes that are offered together: nobody makes more of them from a list."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ def smallest_edits(levers: Sequence[Lever], trials: Trials) -> Edits:
         )
         chosen[at] = lever.edits_at(lever.amounts[beyond - 1])
     edits = _flat(chosen)
-    return edits if len(edits) <= READ_UP_TO else ()
+    return edits if len(edits) <= MOST_EDITS else ()
 
 
 def _flat(chosen: Iterable[Edits]) -> Edits:

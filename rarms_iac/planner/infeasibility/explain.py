@@ -24,8 +24,14 @@ from rarms_iac.planner.infeasibility.levers import (
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
 
-LISTED = 12
+MOST_NAMES = 12
 """Names in a sentence; more are counted."""
+
+MOST_WAYS_OUT = 4
+"""More ways out than these are not read; and no more levers of a kind are tried alone."""
+
+PAIRS = 30
+"""Pairs that are planned alone."""
 
 
 def explain(answer: Infeasible, problem: Problem, start: Variant) -> Infeasible:
@@ -65,8 +71,8 @@ def evident_causes(problem: Problem) -> tuple[Cause, ...]:
 
 
 def _cause(conflict: Conflict, problem: Problem) -> Cause:
-    names = list_names((item.name for item in conflict.items), LISTED)
-    cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), LISTED)}"
+    names = list_names((item.name for item in conflict.items), MOST_NAMES)
+    cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
     match conflict.lacking:
         case "processors":
             finding, message = findings.RESERVATIONS, _processors_exceed(conflict, problem)
@@ -129,7 +135,7 @@ def _sum_exceeds(
     conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str], free: int
 ) -> str:
     """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise."""
-    hosts = list_names((host.name for host in conflict.bins), LISTED)
+    hosts = list_names((host.name for host in conflict.bins), MOST_NAMES)
     verb = "has" if len(conflict.bins) == 1 else "have"
     together = _all_together(conflict, problem, need, show)
     return f"{_needs(conflict, need, show)}; {hosts} {verb} {show(free)} to promise.{together}"
@@ -148,7 +154,7 @@ def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], i
 
 def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
     ordered = sorted(conflict.items, key=lambda item: (-need(item), item.name))
-    shares = list_names((f"{item.name} {show(need(item))}" for item in ordered), LISTED)
+    shares = list_names((f"{item.name} {show(need(item))}" for item in ordered), MOST_NAMES)
     return f"{shares} {'needs' if len(ordered) == 1 else 'need'} {show(sum(map(need, ordered)))}"
 
 
@@ -162,13 +168,6 @@ def _places(host: Bin) -> str:
     return _logical_processors(host) if host.capacity.sharing.threads == 1 else f"{number(host.capacity.cores)} cores"
 
 
-OFFERED = 4
-"""More ways out than these are not read; and no more levers of a kind are tried alone."""
-
-PAIRS = 30
-"""Pairs that are planned alone."""
-
-
 def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple[Relaxation, ...]:
     """Find changes with which everything fits.
 
@@ -178,14 +177,14 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
         start: What the problem was made of.
 
     Returns:
-        Up to `OFFERED` changes that are enough, one of each kind before a second of any: moving, a lower APT, more of a
-        host, a lower reserve. Before them fewer processors for components that cannot use theirs, which costs nothing;
-        after them what else may be enough, and has to be measured.
+        Up to `MOST_WAYS_OUT` changes that are enough, one of each kind before a second of any: moving, a lower APT,
+        more of a host, a lower reserve. Before them fewer processors for components that cannot use theirs, which costs
+        nothing; after them what else may be enough, and has to be measured.
     """
     trials = Trials(start=start)
     groups = sorted(problem.groups, key=lambda group: (group.criticality, group.name))
-    memory = list(islice(memory_levers(problem), OFFERED))
-    processors = list(islice(processor_levers(problem), OFFERED))
+    memory = list(islice(memory_levers(problem), MOST_WAYS_OUT))
+    processors = list(islice(processor_levers(problem), MOST_WAYS_OUT))
     kinds = (
         _moving(problem, trials),
         _of_kind(chain.from_iterable(apt_levers(group, problem) for group in groups), memory, conflict, trials),
@@ -194,8 +193,8 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
         _of_kind(chain.from_iterable(map(reserve_levers, groups)), memory, conflict, trials),
     )
     in_turns = (describe(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
-    sure = list(islice(dict.fromkeys(in_turns), OFFERED))
-    perhaps = (*_combining(problem, conflict, trials), *_more_processors(processors, trials))
+    sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
+    perhaps = (*_combining(problem, conflict, trials), *_ways_with_more_processors(processors, trials))
     return (
         *(Relaxation(message=way, may=True) for way in _narrowing(groups, problem, conflict, trials)),
         *(Relaxation(message=way) for way in sure),
@@ -217,7 +216,7 @@ def _of_kind(
 ) -> Sequence[Edits]:
     """One lever of the conflict alone; where none is enough, each with more memory, and then all of them together."""
     levers = list(levers)
-    alone = [lever for lever in levers if not lever.partitions or set(lever.partitions) & set(conflict)][:OFFERED]
+    alone = [lever for lever in levers if not lever.partitions or set(lever.partitions) & set(conflict)][:MOST_WAYS_OUT]
     with_memory = [[*memory, lever] for lever in alone] if memory else []
     for tried in ([[lever] for lever in alone], with_memory, [[*memory, *levers]] if levers else []):
         ways = [edits for together in tried if (edits := smallest_edits(together, trials))]
@@ -246,7 +245,7 @@ def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Ite
         yield f"combining may be enough, and `rarms tune` measures it: {describe(edits)}"
 
 
-def _more_processors(levers: Sequence[Lever], trials: Trials) -> Iterator[str]:
+def _ways_with_more_processors(levers: Sequence[Lever], trials: Trials) -> Iterator[str]:
     ways = (smallest_edits([lever], trials) for lever in levers if lever.to_be_measured)
     for edits in islice(filter(None, ways), 1):
         yield f"{describe(edits)}, may be enough: what partitions need there has to be measured (`rarms measure`)"
