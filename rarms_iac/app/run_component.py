@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import NoReturn
 
-from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.wiring import place_on
@@ -31,7 +32,7 @@ from rarms_iac.rcss import CannotJoin, robotic_task
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext
+from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
 from rarms_iac.statistics.estimates import estimate
 
 
@@ -194,6 +195,29 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         for finding in _findings(result, manifest, reserved=places[result.component.name] != ProcessPlace())
     )
     return RunOutcome(results=tuple(results), findings=findings)
+
+
+def become_component(manifest: Manifest, name: str, reporter: SampleReporter) -> NoReturn:
+    """Turn this process into a component, in its partition and task class: nobody takes samples or ends it.
+
+    Args:
+        manifest: As of `run_components`.
+        name: Of a component that is run by a command.
+        reporter: Hears where it runs.
+
+    Raises:
+        UseCaseError: It cannot be started (failed), or does not say how (negative).
+        RequestError: There is no such component, it is a call, or this is Windows, where no process becomes another.
+    """
+    ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
+    if sys.platform == "win32" or isinstance(run.start, Call):
+        raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
+    context = StartContext(base=Path(manifest.folder).resolve(), inside=_place_of(manifest, component, reporter))
+    try:
+        become(order_of(name, run, context))
+    except CannotStart as problem:
+        finding = _cannot_start(manifest, name, problem.message)
+        raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
 
 
 def _findings(result: ComponentRunResult, manifest: Manifest, *, reserved: bool) -> Iterator[Diagnostic]:

@@ -2,10 +2,12 @@
 
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run, Stop
 
@@ -117,6 +119,27 @@ def order_of_words(
         stop=stop or Stop(),
         join=context.inside.join,
     )
+
+
+def become(order: StartOrder) -> NoReturn:
+    """Turn this process into a component: it joins its control groups, and keeps the standard streams that it has.
+
+    Only on POSIX: Windows starts another process instead.
+
+    Raises:
+        CannotStart: a control group, the folder or the program refuses it.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if sys.platform != "win32":
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # Python ignores it, and a process inherits that
+    try:
+        for file in order.join:
+            file.write_text(str(os.getpid()), encoding="ascii")
+        os.chdir(order.folder)
+        os.execve(order.words[0], order.words, order.environment)  # noqa: S606 - so it is meant
+    except OSError as problem:
+        raise CannotStart(order.name, f"{problem.filename}: {problem.strerror}") from problem
 
 
 def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str, str]:

@@ -7,7 +7,7 @@ from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.prove import ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.run_component import RunRequest, run_components
+from rarms_iac.app.run_component import RunRequest, become_component, run_components
 from rarms_iac.app.select import SelectRequest, select_level
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
@@ -111,6 +111,9 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_
 @click.option("--samples", type=click.IntRange(min=1), help="Until there are so many. [default: as `until` says]")
 @click.option("--interference", metavar="NAME", help="Against this load of the manifest. [default: none]")
 @click.option("--together", is_flag=True, help="All at once. [default: one after the other]")
+@click.option(
+    "--exec", "as_itself", is_flag=True, help="Become the one COMPONENT: no samples, until it ends by itself."
+)
 @json_option
 def run_command(
     session: Session,
@@ -121,6 +124,7 @@ def run_command(
     samples: int | None,
     interference: str | None,
     together: bool,
+    as_itself: bool,
     as_json: bool,
 ) -> ExitCode:
     """Run components on this machine as the manifest says, and show each sample.
@@ -131,7 +135,15 @@ def run_command(
     with their reason; at the end stands what the samples come to beside the APT. Exit code 4 where a component has
     more failed samples than its `run.failures` allows, 1 where it cannot be started. Without names: every component
     that says how it is run.
+
+    With --exec, rarms becomes the component, in its partition and task class: input, output, signals and exit code are
+    the component's own. So a service of the machine starts it.
     """
+    if as_itself:
+        if len(components) != 1 or for_ms or samples or interference or together or as_json:
+            message = "--exec takes one COMPONENT, and of the other options only --file, --overlay and --debug."
+            raise click.UsageError(message, click.get_current_context())
+        become_component(load_manifest(source), components[0], FailureReporter(session.terminal))
     if for_ms is not None and for_ms < 1:
         raise click.BadParameter("it has to be at least 1 ms.", param_hint="--for")
     if for_ms is not None and samples is not None:

@@ -264,6 +264,59 @@ def test_a_component_runs_in_its_partition_and_task_class_where_these_are_here(l
     assert groups_of(linux_folder).processes("vision") == ()
 
 
+ITSELF = """
+import os, signal, sys
+print(sys.stdin.read(), os.environ["GREETING"], open("/proc/self/cgroup").read(), flush=True)
+print("to standard error", file=sys.stderr)
+os.kill(os.getpid(), signal.SIGTERM) if "end" in sys.argv else sys.exit(7)
+"""
+
+
+@pytest.mark.needs("control-groups")
+@pytest.mark.alone
+def test_rarms_becomes_the_component_in_its_partition(linux_folder: Path) -> None:
+    on_linux(linux_folder)
+    (linux_folder / "vision.py").write_text(ITSELF, encoding="utf-8")
+    assert rarms("apply", "-f", str(linux_folder), "--auto-approve").code == 0
+
+    def run_itself() -> subprocess.CompletedProcess[str]:
+        words = [sys.executable, "-m", "rarms_iac.cli.main", "run", "--exec", "vision", "-f", str(linux_folder)]
+        greeting = {**os.environ, "GREETING": "good day"}
+        return subprocess.run(words, input="from outside", capture_output=True, text=True, env=greeting, timeout=60)
+
+    exited = run_itself()
+    file = linux_folder / "rarms.yaml"
+    file.write_text(file.read_text(encoding="utf-8").replace("vision.py]", "vision.py, end]"), encoding="utf-8")
+    killed = run_itself()
+
+    assert (exited.returncode, killed.returncode) == (7, -signal.SIGTERM), exited.stderr
+    assert exited.stdout.startswith("from outside good day ")
+    assert f"/{slice_of(linux_folder)}/vision" in exited.stdout
+    assert exited.stderr == "vision runs in its partition vision on onboard.\nto standard error\n"
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["vision", "--samples", "2"], 64, "--exec takes one COMPONENT"),
+        ([], 64, "--exec takes one COMPONENT"),
+        (["speech"], 64, "--exec is for commands"),
+        (["vision"], 1, '"vision" cannot be started'),
+    ],
+)
+def test_what_rarms_cannot_become(words: list[str], code: int, message: str, tmp_path: Path) -> None:
+    manifest(tmp_path, vision=QUICK, speech=QUICK)
+    file = tmp_path / "rarms.yaml"
+    text = file.read_text(encoding="utf-8").replace("command: [python3, vision.py]", "command: [/dev/null]")
+    file.write_text(text.replace("command: [python3, speech.py]", "call: 'speech:job'"), encoding="utf-8")
+
+    ran = rarms("run", "--exec", *words, "-f", str(tmp_path))
+
+    assert ran.code == code, ran.err
+    assert message in " ".join(ran.err.split())
+
+
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
 def test_a_deadline_is_of_the_components_first_thread_and_needs_all_processors(linux_folder: Path) -> None:
