@@ -52,8 +52,8 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
     for apt, point in missed:
         how = "measured" if any(setting.reserve == less for setting in apt.curve.points) else "looked up"
         how = f"{how}, as what was measured there gave no verdict" if less in apt.curve.inconclusive else how
-        side = point.upper if isinstance(apt.threshold, AtMost) else point.lower
-        safe = "" if index_named(apt.index).is_extreme else f", and {_value(apt, side)} on the safe side"
+        side = _value(apt, _safe_side(apt, point))
+        safe = "" if index_named(apt.index).is_extreme else f", and {side} on the safe side"
         yield (
             f"{less} %, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how}){safe}; "
             f"it must be {_bound(apt)}"
@@ -101,17 +101,24 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
 
 
 def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) -> str:
-    value = f"at {at} %: {_name(explanation, apt)} {_value(apt, point.value)}"
-    met = holds(apt.curve, apt.threshold, at)
+    """What was measured there, beside what the curve, on which every reservation rests, makes of it."""
     estimate = _estimate_at(apt, point)
+    seen = point if estimate is None else estimate
+    value = f"at {at} %: {_name(explanation, apt)} {_value(apt, seen.value)}"
     samples = "" if estimate is None else f" ({counted(estimate.samples, 'sample')})"
+    met = holds(apt.curve, apt.threshold, at)
     if index_named(apt.index).is_extreme:
         beyond = "so far" if estimate is None or estimate.beyond is None else describe_extreme(estimate.beyond)
         return f"{value} {beyond}{samples}: {'met so far' if met else 'not met'}, as it must be {_bound(apt)}"
-    sentence = f"{value}, between {_value(apt, point.lower)} and {_value(apt, point.upper)}{samples}"
+    sentence = f"{value}, between {_value(apt, seen.lower)} and {_value(apt, seen.upper)}{samples}"
+    curve = f"as the safe side of the curve, {_value(apt, _safe_side(apt, point))},"
     if met:
-        return f"{sentence}: met, as the safe side of that is {_bound(apt)}, {describe_error()}"
-    return f"{sentence}: not shown to be met, as the safe side of that is not {_bound(apt)}"
+        return f"{sentence}: met, {curve} is {_bound(apt)}, {describe_error()}"
+    return f"{sentence}: not shown to be met, {curve} is not {_bound(apt)}"
+
+
+def _safe_side(apt: MemberCurve, point: Point) -> float:
+    return point.upper if isinstance(apt.threshold, AtMost) else point.lower
 
 
 def _list_reserves(reserves: list[int]) -> str:

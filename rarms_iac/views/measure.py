@@ -152,12 +152,12 @@ def _totals(results: Sequence[ExperimentResult], fixed: FixedOnHosts) -> Iterato
             f"{name}: {show_processors(amount)} of {show_processors(capacity_of(size, None).processors)} in all{note}, "
             f"by {settings}, {new} of them new."
         )
+    extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     footnotes = []
-    concluded = [result for result in results if isinstance(result.conclusion, Sufficient | NotAchievable)]
-    if any(not _only_extremes(result) for result in concluded):
+    if False in extremes:
         footnotes.append(f"each of these is {describe_error()} (docs/measuring.md)")
-    if any(map(_only_extremes, concluded)):
-        footnotes.append("a maximum or minimum is met so far")
+    if True in extremes:
+        footnotes.append("a maximum or minimum is met so far")  # nobody can say how often that is wrong
     if footnotes:
         yield f"{'; '.join(footnotes).capitalize()}."
 
@@ -168,17 +168,13 @@ def _reserved(result: ExperimentResult) -> Fraction:
     return Fraction(guaranteed(reserve, result.experiment.setup.processors))
 
 
-def _only_extremes(result: ExperimentResult) -> bool:
-    """Whether the verdict rests on maxima and minima only; NOTE: nobody can say how often such a verdict is wrong."""
-    if not isinstance(result.conclusion, Sufficient | NotAchievable):
-        return False
-    indexes = [
-        index
-        for setting in result.settings
-        if setting.reserve == result.conclusion.reserve
-        for index in measured_indexes(setting, result.experiment)
-    ]
-    return bool(indexes) and all(index_named(index.index).is_extreme for index in indexes)
+def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:
+    """Those of the settings that were concluded from."""
+    for result in results:
+        if isinstance(result.conclusion, Sufficient | NotAchievable):
+            for setting in result.settings:
+                if setting.reserve == result.conclusion.reserve:
+                    yield from measured_indexes(setting, result.experiment)
 
 
 def settings_text(result: ExperimentResult) -> "RenderableType":

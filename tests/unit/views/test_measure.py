@@ -101,8 +101,16 @@ def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
 
     summary = text([outcome])
 
-    assert "is met so far" in summary
-    assert "1 % of cases" not in summary
+    assert "A maximum or minimum is met so far." in summary
+    assert "of 100 runs" not in summary
+
+
+def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
+    apt = {"maximum_response_time": at_most(500), "mean_response_time": at_most(500)}
+    system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
+    outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
+
+    assert "of 100 runs (docs/measuring.md); a maximum or minimum is met so far." in text([outcome])
 
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:
