@@ -322,7 +322,8 @@ def _levels(
 
 
 def _expected(log: MeasuredTogether, choice: _Choice, reserve: int) -> tuple[float, float, float] | None:
-    point = log.curves(choice.component.name, choice.index.name).value_at(reserve)
+    curve = log.curves(choice.component.name, choice.index.name)
+    point = curve.estimate_at(reserve) or curve.value_at(reserve)
     return None if point is None else (point.value, point.lower, point.upper)
 
 

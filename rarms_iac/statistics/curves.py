@@ -61,6 +61,18 @@ class Curve:
                 return _unbounded(point, self.index) if crosses and not at_an_end else point
         return next((point for point in self.points if point.reserve == reserve), None)
 
+    def estimate_at(self, reserve: float) -> Estimate | None:
+        """Return what was measured at this reservation, before it was made monotone.
+
+        Args:
+            reserve: as of `value_at`.
+
+        Returns:
+            None where nothing was measured, or without an estimate.
+        """
+        measured = zip(self.points, self.estimates, strict=True)
+        return next((estimate for point, estimate in measured if point.reserve == reserve), None)
+
     def safe_value_at(self, reserve: float) -> float | None:
         """Look up the safe side of the band, which a reservation rests on.
 

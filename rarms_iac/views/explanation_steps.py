@@ -6,7 +6,6 @@ from fractions import Fraction
 
 from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, MemberCurve
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
-from rarms_iac.model.outcomes import Estimate
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted, each_processor
@@ -102,7 +101,7 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
 
 def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) -> str:
     """What was measured there, beside what the curve, on which every reservation rests, makes of it."""
-    estimate = _estimate_at(apt, point)
+    estimate = apt.curve.estimate_at(at)
     seen = point if estimate is None else estimate
     value = f"at {at} %: {_name(explanation, apt)} {_value(apt, seen.value)}"
     samples = "" if estimate is None else f" ({counted(estimate.samples, 'sample')})"
@@ -127,12 +126,6 @@ def _list_reserves(reserves: list[int]) -> str:
 
 def _name(explanation: Explanation, apt: MemberCurve) -> str:
     return apt.index if apt.member == explanation.component.name else f"{apt.index} of {apt.member}"
-
-
-def _estimate_at(apt: MemberCurve, point: Point) -> Estimate | None:
-    """What was measured there; None where the point was looked up."""
-    measured = zip(apt.curve.points, apt.curve.estimates, strict=True)
-    return next((estimate for at, estimate in measured if at.reserve == point.reserve), None)
 
 
 def _bound(apt: MemberCurve) -> str:

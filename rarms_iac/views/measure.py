@@ -101,7 +101,7 @@ def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
         case Swept():
             remark = "measured"
         case Stopped():
-            return "-", "", "stopped"
+            remark = "stopped"
         case _:
             assert_never(result.conclusion)
     return "-", "", ", ".join(filter(None, [remark, _planned(result, None)]))

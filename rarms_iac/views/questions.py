@@ -121,4 +121,6 @@ def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -
                 parts += ["", TerminalPlot(curve=index, ascii_only=ascii_only)]
             parts.append(legend(ascii_only=ascii_only))
     parts += [paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}") for fit in platform_fits(report)]
+    if missing := sorted({component for names in report.unmeasured for component in names}):
+        parts.append(paragraph(f"Not measured yet, and so not in it: {in_a_row(missing)}."))
     return stack(*parts)

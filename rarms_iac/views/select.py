@@ -67,7 +67,8 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str
         if level.expected is not None:
             value, lower, upper = level.expected
             how = "looked up" if level.interpolated else "measured"
-            yield f"{how} there: {show_value(index, value)} ({show_range(index, lower, upper)})"
+            bounds = "so far" if index.is_extreme else f"({show_range(index, lower, upper)})"
+            yield f"{how} there: {show_value(index, value)} {bounds}"
     if not selection.rests_on_a_log:
         yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
     for headroom in selection.headrooms:

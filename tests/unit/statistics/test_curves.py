@@ -38,9 +38,13 @@ def test_it_is_straight_between_settings_and_nothing_outside() -> None:
 
 
 def test_a_setting_that_breaks_the_order_is_pooled_with_its_neighbour() -> None:
-    points = measured({20: 400.0, 40: 200.0, 60: 210.0}).points
+    curve = measured({20: 400.0, 40: 200.0, 60: 210.0})
+    points, shown = curve.points, curve.estimate_at(60)
 
     assert points[1].value == points[2].value == pytest.approx(205.0, rel=0.01)
+    assert shown is not None
+    assert shown.value == pytest.approx(210.0, rel=0.01), "what was measured stays known"
+    assert curve.estimate_at(50) is None
 
 
 def test_the_least_reservation_is_a_whole_per_cent_on_the_safe_side() -> None:
