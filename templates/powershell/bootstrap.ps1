@@ -3,7 +3,7 @@
 # SHA-256, keeps them in a new folder that only its user can read, runs the first, passes its exit code on, and removes
 # them. Its bytes are always the same; without remarks and indentation they are what -EncodedCommand carries.
 # Input: 8 digits, the length of a table; the table, one line for the arguments and one `name length sha256` a file;
-# then the files' bytes. Text with a dot after that, like `3 run 45 55.`, is laid beside the script, which reads it;
+# then the files' bytes. Text that ends with a dot after that, `3 run 45 55.`, is laid beside the script, which reads it;
 # anything else, or the end of the input, asks the script to stop before its next step.
 $PSDefaultParameterValues = @{}
 Set-StrictMode -Version 3.0
@@ -68,7 +68,7 @@ try {
     while (-not $child.WaitForExit(200)) {
         if ($null -eq $more -or -not $more.IsCompleted) { continue }
         $line = $ascii.GetString($data, 0, $more.Result)
-        $kind = if ($line -cmatch '\.') { '.next' } else { '.stop' }
+        $kind = if ($line -cmatch '\.$') { '.next' } else { '.stop' }
         [System.IO.File]::WriteAllText($main + $kind, $line)
         $more = if ($line) { $source.ReadAsync($data, 0, 99) }
     }

@@ -209,7 +209,7 @@ def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
     while child.poll() is None:
         if more and select.select([sys.stdin.buffer], [], [], 0.05)[0]:
             line = os.read(0, 99).decode("ascii")
-            suffix = ".next" if "." in line else ".stop"
+            suffix = ".next" if line.endswith(".") else ".stop"
             script.with_name(f"{script.name}{suffix}").write_text(line, encoding="utf-8")
             more = bool(line)
         elif not more:

@@ -18,7 +18,7 @@ from tests.twin.host import Program, WindowsHost
 from tests.twin.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
 from tests.twin.run import put
 from tests.twin.run import run as run_script
-from tests.twin.transport import TwinTransport
+from tests.twin.transport import Conversation, TwinTransport
 
 Measured = Callable[..., measure.MeasureOutcome]
 
@@ -109,6 +109,37 @@ def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
     (series,) = result.settings[0].series
     assert len(series.samples) >= 60
     assert all(sample.response_ms == pytest.approx(40, rel=0.05) for sample in series.samples)
+
+
+def test_what_cannot_be_removed_is_told_and_removed_the_next_time(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    def keep_machines(changed: WindowsHost) -> None:
+        if changed.processes:
+            changed.refusals["Remove-VM"] = ("Unspecified", "NotSpecified", "The disk is in use.")
+
+    host.watch = keep_machines
+    with pytest.raises(UseCaseError) as raised:
+        measured(host, reserves=(40,))
+    assert "The disk is in use." in str([finding.detail for finding in raised.value.diagnostics])
+    assert len(host.vms) == 2
+
+    host.watch = None
+    host.refusals.clear()
+    (result,) = measured(host, reserves=(40,)).results
+    assert [setting.reserve for setting in result.settings] == [40]
+    assert leftovers(host) == []
+
+
+def test_of_settings_that_ssh_brings_as_one_text_the_newest_counts(
+    measured: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send = Conversation.send
+    monkeypatch.setattr(Conversation, "send", lambda talk, text: send(talk, f"1 rest.{text}" if "." in text else text))
+
+    (result,) = measured(a_measurable_windows(), reserves=(40, 50)).results
+
+    assert [setting.reserve for setting in result.settings] == [40, 50]
 
 
 @pytest.mark.parametrize("step", [1, 9, 14, 20, 28, 31])

@@ -89,7 +89,7 @@ class Conversation:
 
     def send(self, line: str) -> None:
         """See `ScriptSession`."""
-        self.lay(".next", line)
+        self.lay(".next" if line.endswith(".") else ".stop", line)
 
     def ended(self) -> ScriptExited | ScriptLost:
         """See `ScriptSession`."""

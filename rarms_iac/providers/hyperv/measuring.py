@@ -22,7 +22,7 @@ from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
 from rarms_iac.providers.channel import SilenceTimeout
-from rarms_iac.providers.hyperv.bootstrap import arguments_of
+from rarms_iac.providers.hyperv.bootstrap import STOP, arguments_of
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.run import LiveHypervHost, read_event
 from rarms_iac.providers.hyperv.transport import ScriptSession, Transport
@@ -148,6 +148,9 @@ class HypervMeasuringHost(LiveHypervHost):
         self._shapes = tuple(shapes)
         try:
             yield
+            if self._session is not None:
+                self._session.send(STOP.decode("ascii"))
+                self._wait_until(self._session, lambda event: event.status is EventStatus.DONE)
         finally:
             self._shapes = ()
             self._end_session()
@@ -231,9 +234,12 @@ class HypervMeasuringHost(LiveHypervHost):
         """Run a script, from when it says a certain thing."""
         arguments = arguments_of(self._waits, abandoning=False)
         with self._credential_files(), self._transport.session(self._as_signed(script), arguments) as session:
-            while (event := read_event(self._next_line(session))) is None or not is_ready(event):
-                continue
+            self._wait_until(session, is_ready)
             yield session
+
+    def _wait_until(self, session: ScriptSession, is_so: Callable[[RunEvent], bool]) -> None:
+        while (event := read_event(self._next_line(session))) is None or not is_so(event):
+            continue
 
     def _credential_files(self) -> AbstractContextManager[None]:
         """Have the host keep what Credential Manager of this computer keeps, where this is the host."""

@@ -54,7 +54,7 @@ class ScriptSession(Protocol):
         ...
 
     def send(self, line: str) -> None:
-        """Have this text, which ends with a dot, in the file beside the script that ends with `.next`."""
+        """Have this text in the file beside the script that ends with `.next`; one without a dot asks it to stop."""
         ...
 
     def ended(self) -> ScriptExited | ScriptLost:

@@ -85,7 +85,7 @@ function Step-Setting {
 }
 
 function Read-Setting {
-    # Another one is asked for once the whole line is there.
+    # Another one is asked for once the whole line is there; of two that came as one, the newer.
     $path = $PSCommandPath + '.next'
     try {
         $text = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { '' }
@@ -93,7 +93,7 @@ function Read-Setting {
         Write-Verbose -Message $_.Exception.Message
         $text = ''
     }
-    if ($text -cmatch '^[0-9]+ (rest|run( [0-9]{1,3})*)\.$') { $text } else { $script:Setting }
+    if ($text -cmatch '[0-9]+ (?:rest|run(?: [0-9]{1,3})*)\.$') { $Matches[0] } else { $script:Setting }
 }
 
 function Use-Setting {
