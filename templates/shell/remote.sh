@@ -17,17 +17,18 @@ answer() { # FUNCTION ARGUMENT...: does it in a shell of its own; what it says i
 
 show_whole() { # FILE...: those that are there
     for file; do
-        [ -f "$file" ] || continue
-        echo "f $file"
-        sed 's/^/ /' "$file"
-        echo # the file may have no line end
+        [ ! -f "$file" ] || {
+            printf 'f %s\n' "$file"
+            sed 's/^/ /'
+            echo # the file may have no line end
+        } <"$file" || [ ! -e "$file" ] # another run removed it meanwhile
     done
 }
 
 show() { # FILE...: the same without a process for each, which files below /proc/sys do not allow
     for file; do
         [ -f "$file" ] || continue
-        echo "f $file"
+        printf 'f %s\n' "$file"
         while IFS= read -r line || [ -n "$line" ]; do
             printf ' %s\n' "$line"
         done 2>/dev/null <"$file" || true # a process may end meanwhile, and a group be removed
@@ -40,11 +41,11 @@ show_controllers() {
     for folder in /sys/fs/cgroup /sys/fs/cgroup/unified /sys/fs/cgroup/cpuset /sys/fs/cgroup/memory \
         /sys/fs/cgroup/cpuacct /sys/fs/cgroup/cpu; do
         [ -w "$folder/cgroup.procs" ] || continue # one that root may not change is not there for rarms
-        echo "f $folder/cgroup.procs"
+        printf 'f %s\n' "$folder/cgroup.procs"
         show "$folder/cgroup.controllers" "$folder/cpu.shares" "$folder/cpu.cfs_quota_us" "$folder/cpuset.cpus" \
             "$folder/cpuset.cpus.effective"
         find "$folder/$SLICE" "$folder/$unit" -type d 2>/dev/null | while IFS= read -r group; do
-            echo "d $group"
+            printf 'd %s\n' "$group"
             show "$group/cgroup.procs" "$group/cpu.shares" "$group/cpu.cfs_quota_us" "$group/cpu.cfs_period_us" \
                 "$group/cpuset.cpus" "$group/memory.limit_in_bytes" "$group/cpu.weight" "$group/cpu.max" \
                 "$group/cpuset.cpus.effective" "$group/memory.max"
@@ -54,7 +55,7 @@ show_controllers() {
 
 show_kept_files() {
     [ -d "$FOLDER" ] || return 0
-    echo "d $FOLDER"
+    printf 'd %s\n' "$FOLDER"
     [ -z "$(find "$FOLDER" -prune \( ! -user 0 -o -perm -020 -o -perm -002 \))" ] || echo 'v open yes'
     show_whole "$FOLDER"/*.json "$JOURNAL"
     [ ! -s "$JOURNAL" ] || [ -z "$(tail -c 1 "$JOURNAL")" ] || echo 'v torn yes'
@@ -77,7 +78,7 @@ show_processes() { # ID...: with those that started them
         while [ "${process:-0}" -gt 1 ] && [ -r "/proc/$process/stat" ]; do
             show "/proc/$process/stat"
             printf 'f /proc/%s/cmdline\n %s\n' "$process" "$(tr '\0\n' '  ' <"/proc/$process/cmdline")"
-            process=$(sed 's/.*) [^ ]* \([0-9]*\) .*/\1/' "/proc/$process/stat")
+            process=$(sed 's/.*) [^ ]* \([0-9]*\) .*/\1/' "/proc/$process/stat") || break
         done
     done 2>/dev/null
     echo 'end 0'
@@ -94,7 +95,7 @@ hold() { # OWNER SECONDS
 }
 
 held_by() { # OWNER: instead of the runtime's own
-    echo "m $1"
+    printf 'm %s\n' "$1"
     echo 'end 3'
     exit 3
 }

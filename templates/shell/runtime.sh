@@ -527,7 +527,7 @@ hold_host() { # until this shell ends
     chmod 700 "$FOLDER"
     exec 9>>"$FOLDER/lock"
     flock -w "$LOCK_TIMEOUT" 9 || held_by "$(cat "$FOLDER/lock")"
-    echo "$OWNER" >"$FOLDER/lock"
+    printf '%s\n' "$OWNER" >"$FOLDER/lock"
     trap ': >"$FOLDER/lock"' EXIT
 }
 

@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,7 +15,7 @@ from rarms_iac.model.host import Connect
 from rarms_iac.model.operations import CreatePartition, RenamePartition, StartPartition, WriteMark
 from rarms_iac.model.plan import Scope
 from rarms_iac.providers.cgroups import remote
-from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
+from rarms_iac.providers.cgroups.remote import RemoteLinuxHost, RemoteShell
 from rarms_iac.providers.cgroups.run import ORPHANS, LinuxHostProvider
 from rarms_iac.providers.channel import Channel
 from rarms_iac.providers.interface import HostDamaged, HostError, HostFailed, HostLocked, HostRefused
@@ -89,6 +90,31 @@ def test_a_user_who_is_not_root_and_has_no_sudo_is_refused(tmp_path: Path) -> No
         behind("setpriv", "--reuid", "65534", "--clear-groups", "env", path, "sh").observe()
 
 
+@pytest.mark.needs("control-groups")
+def test_a_user_with_sudo_is_root_where_sh_reads_in_blocks(tmp_path: Path) -> None:
+    programs = {"sudo": 'shift\nUSER_THERE=0 exec "$@"', "id": 'echo "${USER_THERE:-1000}"'}
+    for name, text in programs.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n", encoding="ascii")
+        (tmp_path / name).chmod(0o755)
+
+    host = behind("env", f"PATH={tmp_path}:{os.environ['PATH']}", "dash")
+
+    assert host.observe() == LinuxHostProvider(on_linux(builders.a_host())).observe()
+
+
+@pytest.mark.needs("posix")
+def test_after_a_call_without_an_answer_nothing_more_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remote, "ANSWER_SECONDS", 0.2)
+    with Channel(("sh",)) as channel:
+        shell = RemoteShell("onboard", "ann@onboard", channel)
+        with pytest.raises(HostFailed, match="it said nothing"):
+            shell.ask("sleep", "1")
+        channel.send(b"echo late; echo end 0\n")
+
+        with pytest.raises(HostFailed, match="it said nothing"):
+            shell.ask("true", seconds=10)
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
@@ -161,12 +187,40 @@ def test_the_doctor_names_processes_that_nobody_ends(host: RemoteLinuxHost, tmp_
 
 
 def test_a_group_of_any_name_is_a_partition(host: RemoteLinuxHost, tmp_path: Path) -> None:
-    for name in ("it's $(reboot)", "\x1b[2J", " "):
+    for name in ("a\\tb", "it's $(reboot)", "\x1b[2J", " "):
         groups_of(tmp_path).make(name)
 
     names = [partition.settings.name for partition in host.observe().partitions]
 
-    assert names == ["\x1b[2J", " ", "it's $(reboot)", "vision"]
+    assert names == ["\x1b[2J", " ", "a\\tb", "it's $(reboot)", "vision"]
+
+
+def test_two_processes_of_a_supervisor_are_no_orphans(host: RemoteLinuxHost, tmp_path: Path) -> None:
+    script = "import subprocess\ntwo = [subprocess.Popen(['sleep', '60']) for _ in '12']\n"
+    script += "print(*(sleep.pid for sleep in two), flush=True)\ninput()\n[sleep.kill() for sleep in two]"
+    words = [sys.executable, "-c", script, "supervisor_process.py"]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as supervisor:
+        assert supervisor.stdout is not None
+        for process in supervisor.stdout.readline().split():
+            for file in groups_of(tmp_path).place("vision").join:
+                file.write_text(process, encoding="ascii")
+        found = [finding.detail for finding in host.examined().findings if finding.code == ORPHANS.code]
+        supervisor.communicate("\n")
+
+    assert found == []
+
+
+@pytest.mark.needs("linux")
+def test_what_goes_while_it_is_shown_ends_no_shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sed").write_text('#!/bin/sh\n[ $# = 1 ] || exit 2 # the file is gone\nexec /bin/sed "$@"\n')
+    (tmp_path / "sed").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    calls = 'show_processes "$$"\nshow_whole "$0" /proc/version\necho on\n'
+    sent = open_remote(builders.a_host(), tmp_path)._preamble() + f"\n{calls}"
+
+    answered = subprocess.run(["sh"], input=sent, capture_output=True, text=True)
+
+    assert answered.stdout.splitlines()[-1] == "on", answered.stderr
 
 
 def break_at(patch: pytest.MonkeyPatch, at: int) -> list[bytes]:

@@ -37,6 +37,7 @@ ANSWER_SECONDS = 60.0
 """How long a call may take, beside what it was told to wait for."""
 
 _READY = "rarms: user "
+_SAY_USER = f'echo "{_READY}$(id -u)"'
 _END = re.compile(r"end ([0-9]{1,3})")
 
 
@@ -54,6 +55,7 @@ class RemoteShell:
         self._host = host
         self._target = target
         self._channel = channel
+        self._lost = ""  # why no answer can be expected any more
 
     def become_root(self, preamble: str) -> None:
         """Have root's shell there, with the functions that are called then.
@@ -64,20 +66,21 @@ class RemoteShell:
         Raises:
             HostFailed: the host cannot be reached, has no `sh`, or lets this user do nothing as root.
         """
-        user = self._user("")
+        user = self._user(_SAY_USER)
         if user is None:
             message = f"`sh` does not start on {self._target}: {last_of(self._channel.error_lines)}"
             raise HostFailed(self._host, message, "connect to a Linux host, as a user who may log in there")
-        if user != "0" and self._user("exec sudo -n sh\n") != "0":
+        # NOTE: one line, because a shell that reads in blocks takes what follows `exec` with it.
+        if user != "0" and self._user(f"exec sudo -n sh -c '{_SAY_USER}; exec sh'") != "0":
             message = f"{self._target} is not root there, and `sudo -n sh` is refused: "
             message += last_of(self._channel.error_lines)
             advice = "connect as root, or let that user run `sudo -n sh` without a password (docs/linux.md)"
             raise HostFailed(self._host, message, advice)
         self._channel.send(preamble.encode("ascii"))
 
-    def _user(self, first: str) -> str | None:
-        """Return the number of the user that the shell runs as, after a first command; None: it has ended."""
-        self._channel.send(f'{first}echo "{_READY}$(id -u)"\n'.encode("ascii"))
+    def _user(self, command: str) -> str | None:
+        """Return the number of the user that a command tells; None: the shell has ended."""
+        self._channel.send(f"{command}\n".encode("ascii"))
         line = await_line(self._channel, self._host, self._target, lambda line: line.startswith(_READY))
         return None if line is None else line.removeprefix(_READY)
 
@@ -94,6 +97,8 @@ class RemoteShell:
         Raises:
             HostFailed: the connection broke, or the answer does not end: it may have been done or not.
         """
+        if self._lost:  # a late answer would be taken for that to this call
+            raise self._broken(self._lost)
         # NOTE: braces, because a shell does the part of a line that comes before its input ends.
         self._channel.send(f"{{\n{' '.join(map(quote, words))}\n}}\n".encode("ascii"))
         lines: list[str] = []
@@ -105,10 +110,10 @@ class RemoteShell:
                 lines.append(line)
                 size += len(line)
                 if size > STATE_LIMIT:
-                    raise self._lost(f"its answer has more than {STATE_LIMIT:,} bytes")
+                    raise self._broken(f"its answer has more than {STATE_LIMIT:,} bytes")
         except SilenceTimeout:
-            raise self._lost(f"it said nothing for {ANSWER_SECONDS + seconds:.0f} s") from None
-        raise self._lost(last_of(self._channel.error_lines))
+            raise self._broken(f"it said nothing for {ANSWER_SECONDS + seconds:.0f} s") from None
+        raise self._broken(last_of(self._channel.error_lines))
 
     def do(self, *words: str, seconds: float = 0.0) -> None:
         """Call a function that changes something.
@@ -130,7 +135,8 @@ class RemoteShell:
         self._channel.close()
         self._channel.code()
 
-    def _lost(self, message: str) -> HostFailed:
+    def _broken(self, message: str) -> HostFailed:
+        self._lost = message
         message = f"the connection to {self._target} broke: {message}".rstrip(".")
         return HostFailed(self._host, message, "run the same command again once the host is up")
 
@@ -366,15 +372,16 @@ class RemoteLinuxHost(LinuxHostProvider):
         """
         folders: list[str] = []
         files: dict[str, list[str]] = {}
+        shown: list[str] = []
         facts: dict[str, str] = {}
         for line in lines:
             kind, _, text = line.partition(" ")
-            if line.startswith(" ") and files:
-                files[next(reversed(files))].append(text)
+            if line.startswith(" "):
+                shown.append(text)
             elif kind == "d":
                 folders.append(text)
             elif kind == "f":
-                files[text] = []
+                shown = files[text] = []  # also of one that was shown before
             elif kind == "v":
                 name, _, described = text.partition(" ")
                 facts[name] = described
