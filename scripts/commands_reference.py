@@ -7,8 +7,8 @@ import sys
 
 import click
 
+from rarms_iac.cli.commands.help_commands import all_commands
 from rarms_iac.cli.group import root_group
-from rarms_iac.cli.shape import all_commands
 
 WIDTH = 80
 

@@ -2,17 +2,27 @@
 
 import json
 import sys
+from functools import reduce
+from operator import or_
 from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter
 
-from rarms_iac.views.output.common import FORMAT_VERSION
-from rarms_iac.views.output.kinds import Output
+from rarms_iac.views.output import combining, common, hosts, measuring, plan
+from rarms_iac.views.output.common import FORMAT_VERSION, Output
 
 
 def output_schema() -> str:
     """The text of `schemas/output.json`."""
-    schema = TypeAdapter(Annotated[Output, Field(discriminator="kind")]).json_schema(mode="serialization")
+    kinds = tuple(
+        kind
+        for module in (plan, hosts, common, measuring, combining)
+        for kind in vars(module).values()
+        if isinstance(kind, type) and issubclass(kind, Output) and kind is not Output
+    )
+    answer = reduce(or_, kinds)
+    adapter: TypeAdapter[Any] = TypeAdapter(Annotated[answer, Field(discriminator="kind")])  # type: ignore[valid-type] # found just now
+    schema = adapter.json_schema(mode="serialization")
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"What rarms prints with --json ({FORMAT_VERSION})",

@@ -1,22 +1,24 @@
-"""Doing what a plan says on live hosts, finishing what an earlier run left, and closing it."""
+"""Doing what a plan says on live hosts, finishing what an earlier run left, closing it, and taking an apply back."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
-from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import folder_of
-from rarms_iac.app.hosts import Hosts, hold_hosts, run_origin, select_hosts
+from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors, run_origin, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.applying.undo import abandon
+from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.manifest.load import manifest_digest
-from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.journal import Journal, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.reading import STANDARD_INPUT
@@ -186,3 +188,94 @@ def combine_reports(reports: Sequence[RunReport]) -> RunReport:
         hosts=tuple(host for report in reports for host in report.hosts),
         diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastApply:
+    """A host, and the last run there; None where there was none."""
+
+    host: LiveHost
+    journal: Journal | ScriptRun | None
+
+    @property
+    def can_be_undone(self) -> bool:
+        """Whether there is something to take back, or an undo to finish."""
+        return self.journal is not None and can_be_undone(self.journal)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoPreview:
+    """What an undo would do on one host."""
+
+    host: str
+    started: RunStarted | ScriptStarted
+    steps: tuple[UndoneStep, ...]  # in their order
+    remaining: tuple[Diagnostic, ...]  # what cannot be taken back
+
+
+def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
+    """The chosen hosts whose last apply can be taken back; where none has such, the first host alone.
+
+    Args:
+        hosts: the chosen ones are read, in name order.
+
+    Returns:
+        At least one where there are hosts.
+
+    Raises:
+        RequestError: their last applies are of different plans.
+        UseCaseError: a host cannot be reached or read (failed).
+    """
+    with host_errors():
+        opened = (hosts.open(name) for name in hosts.chosen)
+        all_hosts = tuple(LastApply(host=host, journal=host.journal()) for host in opened)
+    chosen = tuple(last for last in all_hosts if last.can_be_undone) or all_hosts[:1]
+    if len({last.journal.started.plan for last in chosen if last.journal is not None}) > 1:
+        names = ", ".join(last.host.name for last in chosen)
+        raise RequestError(f"The hosts have different last applies. Choose with --host: {names}.")
+    return chosen
+
+
+def preview(applies: Sequence[LastApply]) -> Iterator[UndoPreview]:
+    """Describe what `undo_applies` would do; nothing is changed.
+
+    Args:
+        applies: the last apply on each host.
+
+    Yields:
+        A preview for each host that has a journal, in order.
+    """
+    for last in applies:
+        if last.journal is not None:
+            yield UndoPreview(
+                host=last.host.name,
+                started=last.journal.started,
+                steps=steps_undone(last.journal),
+                remaining=not_undone_findings(last.host.name, last.journal),
+            )
+
+
+def undo_applies(
+    applies: Sequence[LastApply],
+    *,
+    waits: WaitLimits = NO_WAITING,
+    reporter: Reporter = SILENT,
+    stop: StopSignal = NEVER_STOP,
+) -> RunReport:
+    """Take these applies back, finished or not: the undo of each step, the last step first. Nobody is asked.
+
+    Args:
+        applies: as `last_applies` returns them; the hosts are held meanwhile.
+        waits: how long to wait for a held host, and for the next word of a host's script.
+        reporter: hears of each step.
+        stop: asked after each step; the undo can be finished later.
+
+    Returns:
+        How it ended, by host; what cannot be taken back is among the diagnostics.
+
+    Raises:
+        UseCaseError: a host is held (refused).
+    """
+    hosts = tuple(last.host for last in applies)
+    with hold_hosts(hosts, waits.lock_ms), stop.gently():
+        return combine_reports([undo(host, run_origin(), reporter.steps, stop.should_stop, waits) for host in hosts])

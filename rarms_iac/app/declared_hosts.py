@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.manifest.checks import memory, processors
+from rarms_iac.manifest.checks import partitions, processors
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host
@@ -38,7 +38,7 @@ _TOO_LARGE = frozenset(
         processors.RESERVE_OVER_HOST,
         processors.RESERVE_OVER_PROCESSORS,
         processors.MORE_PROCESSORS_THAN_HOST,
-        memory.MEMORY_OVER_HOST,
+        partitions.MEMORY_OVER_HOST,
     )
 )
 _ADVICE = "Lower one of them, or let components share a partition; `rarms plan` tries which change would be enough."

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
+from rarms_iac.app.decision_logs import outdated_compounds
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
-from rarms_iac.app.tuning_log import outdated_compounds
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout, PlacedPartition
@@ -20,8 +20,8 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
 from rarms_iac.planner.reservations import MeasuredReservations, Names, names_of
 from rarms_iac.planner.sizes import size
+from rarms_iac.storage.datalog.decisions import TuningRun, read_runs, tuning_path
 from rarms_iac.storage.datalog.files import LogUnreadable
-from rarms_iac.storage.datalog.tuning import TuningRun, read_runs, tuning_path
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
 

@@ -4,8 +4,8 @@ import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.configuration_log import describe_apt
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.decision_logs import describe_apt
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.explain import find_component
 from rarms_iac.app.manifests import Manifest

@@ -8,9 +8,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rarms_iac.app.configuration_log import record_choices
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measurements_of
+from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiment_logs import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiment_run import refuse_or_make_room, run_experiment

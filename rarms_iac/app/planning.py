@@ -11,7 +11,7 @@ from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
 from rarms_iac.applying.goals import FIXED
 from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.applying.prepare import Judge, PlanningRequest, prepare
-from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope
+from rarms_iac.applying.requested_changes import EVERY_PARTITION, StopScope
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
 from rarms_iac.manifest.acceptance import apply_acceptances

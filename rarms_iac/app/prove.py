@@ -33,7 +33,7 @@ from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
 
 ProofVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]

@@ -21,7 +21,7 @@ from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, rests_on_a_log
 from rarms_iac.planner.sizes import size
-from rarms_iac.powershell.difference import ScriptDifference
+from rarms_iac.powershell.outline import ScriptDifference
 from rarms_iac.storage.datalog.identity import file_digest
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.app.data_logs import bench_now, compare_log, measured_reservations, measurements_of, path_of, subject_of
+from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
@@ -15,7 +16,6 @@ from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
-from rarms_iac.app.tuning_log import tunings_of
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors
@@ -27,7 +27,7 @@ from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import ReservationSource, names_of
 from rarms_iac.planner.sizes import size
-from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import FOLDER, configuration_path, read_log
 from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog

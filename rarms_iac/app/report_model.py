@@ -13,7 +13,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve
-from rarms_iac.storage.datalog.tuning import TuningRun
+from rarms_iac.storage.datalog.decisions import TuningRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,10 +13,9 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.powershell.difference import ScriptDifference, difference
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.outline import Outline, outline
+from rarms_iac.powershell.outline import Outline, ScriptDifference, difference, outline
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
 from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil, floor, isfinite
 
-from rarms_iac.app.configuration_log import record_choices
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
+from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest

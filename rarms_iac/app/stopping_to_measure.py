@@ -14,8 +14,8 @@ from rarms_iac.app.hosts import Hosts, run_origin
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import prepare
+from rarms_iac.applying.requested_changes import StopScope, stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
-from rarms_iac.applying.stopping import StopScope, stopped_partition
 from rarms_iac.measuring import findings
 from rarms_iac.model.changes import Update
 from rarms_iac.model.diagnostics import Diagnostic

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from rarms_iac import __version__
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
@@ -19,7 +20,6 @@ from rarms_iac.app.stopping_to_measure import (
     never_consents,
     starting_again,
 )
-from rarms_iac.app.tuning_log import record_tuning
 from rarms_iac.app.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.app.tuning_subject import Experiments, bench_of, subject_of_tuning
 from rarms_iac.model.diagnostics import Diagnostic, Places
@@ -31,7 +31,7 @@ from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
-from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun, TuningStrategy
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

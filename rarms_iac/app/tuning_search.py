@@ -11,7 +11,7 @@ from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, PlannerReporter, Unanswered, total
 from rarms_iac.planner.combining.paper import Inquiry, ordered, tune_performance_to_use_less_resource
 from rarms_iac.planner.combining.questions import Best, search, tuning_of
-from rarms_iac.storage.datalog.tuning import TuningEnding, TuningStrategy
+from rarms_iac.storage.datalog.decisions import TuningEnding, TuningStrategy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import apply_job, finish_job, run_job
 from rarms_iac.applying.run_steps import ShouldStop, combined_report, run_steps
 from rarms_iac.applying.undo import raised_serials, without_rights
-from rarms_iac.diff.digests import moved_parts, part_digests
+from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
 from rarms_iac.model.plan import HostPlan, Plan

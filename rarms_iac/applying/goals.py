@@ -4,13 +4,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rarms_iac.applying.plan_summary import threads_of
 from rarms_iac.applying.preconditions import ignored_reserves, unproven_rights
 from rarms_iac.diff.claims import StepBudget, budget_of
 from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
 from rarms_iac.diff.comparison import ManifestRules
-from rarms_iac.diff.disks import DiskVerdict, judge_disks
 from rarms_iac.diff.disruption import HostContext
+from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
@@ -23,7 +22,7 @@ from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.desired import desired_state
 from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
-from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.groups import groups_of, most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
@@ -221,3 +220,36 @@ def _context(system: System, observed: State) -> HostContext:
         if partition.settings.running and not partition.can_be_asked:
             graces[name] = Milliseconds(Fraction(0))
     return HostContext(facts=observed.facts, guest_builds=builds, graces=graces, attached=attached)
+
+
+Decided = Mapping[tuple[str, str], ClassValues]
+"""By partition (empty: the host) and class."""
+
+
+def threads_of(decided: Decided, system: System, members: Mapping[str, tuple[str, ...]]) -> tuple[ThreadClass, ...]:
+    """The robotic classes of every operating system, the host's own first, the highest threads first.
+
+    Args:
+        decided: what the planner chose.
+        system: what the manifest says.
+        members: by partition (empty: the host) the components whose threads run there.
+    """
+    made = [
+        ThreadClass(
+            inside=inside,
+            task=name,
+            category=values.category.value,
+            thread_priority=values.thread_priority,
+            components=tuple(user for user in _users(system, members.get(inside, ()), name)),
+        )
+        for (inside, name), values in decided.items()
+    ]
+    return tuple(
+        sorted(made, key=lambda thread_class: (thread_class.inside, -thread_class.thread_priority, thread_class.task))
+    )
+
+
+def _users(system: System, members: tuple[str, ...], task: str) -> Iterator[str]:
+    users = [system.components[name] for name in members]
+    named = [user for user in users if user.task is not None and user.task.lower() == task.lower()]
+    yield from (component.name for component in most_critical_first(named))

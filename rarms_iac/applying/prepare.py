@@ -8,23 +8,31 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rarms_iac import __version__
-from rarms_iac.applying.adoption import adoption, releasing
 from rarms_iac.applying.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
-from rarms_iac.applying.plan_summary import totals_of
+from rarms_iac.applying.requested_changes import (
+    EVERY_PARTITION,
+    StopScope,
+    adoption,
+    releasing,
+    start_changes,
+    stop_changes,
+)
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
-from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope, start_changes, stop_changes
+from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.digests import part_digests
+from rarms_iac.diff.drift import part_digests
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
-from rarms_iac.model.changes import Address, Adopt, Change, Release
+from rarms_iac.model.capacity import foreign_claims
+from rarms_iac.model.changes import Address, Adopt, Change, Delete, Release
+from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, has_errors, in_order
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.plan import HostPlan, Plan, Purpose
-from rarms_iac.model.state import State, StoppedBy
+from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, Totals
+from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import ReservationSource
@@ -292,3 +300,51 @@ def _suggestion(target: str, addresses: Sequence[str]) -> str:
         if word in addresses:
             return f' Did you mean "{word}"?'
     return next((message for word in words if (message := suggestion(word, addresses))), "")
+
+
+def totals_of(
+    observed: State, desired: State, application: str, changes: Sequence[Change], steps: Sequence[Step]
+) -> Totals:
+    """The promises to this application's partitions after these steps, and those to all others then.
+
+    A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted, or that
+    `rarms stop` stopped, and does not run is promised what the layout or its settings give it, as the planner counts.
+    """
+    claims = {
+        partition.mark.name: claim_of(partition) for partition in observed.of(application).partitions if partition.mark
+    }
+    renamed: dict[str, str] = {
+        partition.id: partition.mark.name for partition in observed.of(application).partitions if partition.mark
+    }
+    for step in steps:
+        address = step.address
+        if address.partition and not address.task:
+            claims.pop(renamed.get(address.machine, ""), None)
+            claims[address.partition] = step.claim_after
+    others = list(foreign_claims(observed, application))
+    for change in changes:
+        match change:
+            case Adopt(before=Partition(claims_resources=True) as before):
+                others.remove(before.claim)
+            case Release(before=Partition() as before):
+                claims.pop(change.address.partition, None)
+                others += [before.claim] if before.claims_resources else []
+            case _:
+                pass
+    removed = {change.address.partition for change in changes if isinstance(change, Delete)}
+    stopped = {
+        partition.mark.name: partition.claim
+        for partition in observed.of(application).partitions
+        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and partition.mark.name not in removed
+    }
+    layout = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
+    idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
+    own, foreign = load_of(claims.values()), load_of(others)
+    return Totals(
+        percent=own.percent + idle.percent,
+        memory=own.memory + idle.memory,
+        others_percent=foreign.percent,
+        others_memory=foreign.memory,
+        idle_percent=idle.percent,
+        idle_memory=idle.memory,
+    )

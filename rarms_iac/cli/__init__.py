@@ -2,5 +2,5 @@
 
 The words after `rarms` come in; text on standard output or standard error and an exit code go out. Begin with `main`,
 then `entry.run` (whatever happens becomes text and a code) and `table` (all commands). A command is a module of
-`commands`: `options` reads its options, `session` is what it is given, `codes` lists the exit codes.
+`commands`: `options` reads its options, `session` is what it is given, `ending` lists the exit codes.
 """

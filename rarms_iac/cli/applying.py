@@ -11,10 +11,9 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest, refuse_unknown_partitions
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import HostSelection, ManifestSource, RunOptions
+from rarms_iac.applying.requested_changes import StopScope
 from rarms_iac.applying.run_report import RunEnding, RunReport
-from rarms_iac.applying.stopping import StopScope
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.interrupts import Interrupted
+from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Sources

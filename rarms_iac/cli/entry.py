@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from rarms_iac.app.errors import Outcome, UseCaseError, bug_finding, system_finding, usage_finding
-from rarms_iac.cli.codes import CODES, ExitCode
+from rarms_iac.cli.ending import CODES, ExitCode, Interrupted, Interrupts, confirm_signal
 from rarms_iac.cli.group import root_group
-from rarms_iac.cli.interrupts import Interrupted, Interrupts, confirm_signal
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.terminal import Terminal, this_terminal

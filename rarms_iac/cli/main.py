@@ -6,7 +6,7 @@ from rarms_iac import __version__
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run rarms with these arguments (default: those of the process) and return an exit code (`cli.codes`)."""
+    """Run rarms with these arguments (default: those of the process) and return an exit code (`cli.ending`)."""
     words = sys.argv[1:] if arguments is None else arguments
     if words == ["--version"]:
         print(f"rarms {__version__}")  # noqa: T201 - the one answer that is given before anything is imported

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.app.files import write_file
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic, Sources, has_errors, in_order
 from rarms_iac.views.finding_forms import OutputFormat, OutputTarget

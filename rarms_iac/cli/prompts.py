@@ -15,7 +15,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, SelectOutcome
 from rarms_iac.app.stopping_to_measure import StopConsent, always_consents, never_consents
 from rarms_iac.app.tune import TuningResult
-from rarms_iac.cli.interrupts import Interrupted
+from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
 from rarms_iac.planner.combining.oracle import Members

@@ -8,8 +8,7 @@ from typing import Concatenate, ParamSpec
 import click
 
 from rarms_iac.app.errors import RequestError
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.interrupts import Interrupts
+from rarms_iac.cli.ending import ExitCode, Interrupts
 from rarms_iac.cli.table import COMMANDS
 from rarms_iac.views.terminal import Terminal
 

@@ -1,9 +1,13 @@
-"""The outline of a script, read out of its tree: the run, its steps, and the calls of each.
+"""The outline of a script, read out of its tree: the run, its steps, and the calls of each; and how two of them differ.
 
 Nothing but the script is asked, so that what it does not say does not happen. For scripts that passed the inspection.
+
+The difference is told step by step and not line by line. A step is known again by its address and by what it calls; of
+several alike the first stands for the first. The ids of plans stand in names that scripts give while they make
+something, so they are taken out before values are compared. Pure.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +20,7 @@ from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
 
 if TYPE_CHECKING:
     from tree_sitter import Node
+
 
 GUARD = "Guard"
 
@@ -130,3 +135,139 @@ def _value(node: "Node | None") -> Scalar | MachineVariable | ScriptCall:
         return MachineVariable()
     (call,) = (candidate for candidate in walk(value) if candidate.type == "command")
     return _call(next(calls_of(call)))
+
+
+THIS_PLAN = "<plan>"
+Value = Scalar | MachineVariable | ScriptCall
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detail:
+    """One reading or parameter that differs; None: it is not there."""
+
+    name: str  # before.reserve, after.reserve, Hyper-V\\Set-VMProcessor -Reserve, run.Serial
+    old: str | None
+    new: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepDifference:
+    """A step that only one of them has, or that differs; numbers count from 0."""
+
+    address: str
+    action: str
+    old: int | None
+    new: int | None
+    details: tuple[Detail, ...] = ()
+    moved: bool = False  # it stands elsewhere in the order of the steps that both have
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptDifference:
+    """All that differs: of the run as a whole, and of its steps in the new script's order, gone ones last."""
+
+    run: tuple[Detail, ...]
+    steps: tuple[StepDifference, ...]
+    same: int  # steps that both have
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether both do the same."""
+        return not self.run and not self.steps
+
+
+def difference(old: Outline, new: Outline) -> ScriptDifference:
+    """Compare what the new script does with what the old one does."""
+    keys_old, keys_new = _keys(old), _keys(new)
+    common = [key for key in keys_new if key in keys_old]
+    stay = _longest_rising([list(keys_old).index(key) for key in common])
+    differences: list[StepDifference] = []
+    for key, step in keys_new.items():
+        before = keys_old.get(key)
+        if before is None:
+            differences.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number))
+            continue
+        details = tuple(_details(_facts(before, old), _facts(step, new)))
+        moved = list(keys_old).index(key) not in stay
+        if details or moved:
+            differences.append(
+                StepDifference(
+                    address=step.address,
+                    action=step.action,
+                    old=before.number,
+                    new=step.number,
+                    details=details,
+                    moved=moved,
+                )
+            )
+    differences += [
+        StepDifference(address=step.address, action=step.action, old=step.number, new=None)
+        for key, step in keys_old.items()
+        if key not in keys_new
+    ]
+    changed = sum(difference.old is not None and difference.new is not None for difference in differences)
+    return ScriptDifference(run=tuple(_run(old, new)), steps=tuple(differences), same=len(common) - changed)
+
+
+def _keys(script: Outline) -> dict[tuple[str, tuple[str, ...], int], ScriptStep]:
+    keys: dict[tuple[str, tuple[str, ...], int], ScriptStep] = {}
+    for step in script.steps:
+        kind = (step.address, tuple(call.name for call in step.calls))
+        at = 0
+        while (*kind, at) in keys:
+            at += 1
+        keys[*kind, at] = step
+    return keys
+
+
+def _longest_rising(numbers: Sequence[int]) -> frozenset[int]:
+    """Of numbers that differ, as many as can be kept in rising order: the others have moved."""
+    best: list[list[int]] = [[]]
+    for number in numbers:
+        before = [run for run in best if not run or run[-1] < number]
+        best.append([*max(before, key=len), number])
+    longest = max(best, key=len)
+    return frozenset(longest)
+
+
+def _run(old: Outline, new: Outline) -> Iterator[Detail]:
+    counted = {"Total", "UndoDigest"}  # they follow from the steps
+    before = {f"run.{name}": _format_value(value, "") for name, value in old.run.items() if name not in counted}
+    after = {f"run.{name}": _format_value(value, "") for name, value in new.run.items() if name not in counted}
+    yield from _details(before, after)
+
+
+def _facts(step: ScriptStep, script: Outline) -> dict[str, str]:
+    """Everything about a step that can differ, by name."""
+    plan = str(script.run.get("Plan", ""))
+    facts = {f"before.{name}": _format_value(value, plan) for name, value in step.before.items()}
+    facts |= {f"after.{name}": _format_value(value, plan) for name, value in step.after.items()}
+    for asked in (step.read, *([step.fits] if step.fits else [])):
+        facts |= {f"{asked.name} -{name}": _format_value(value, plan) for name, value in asked.parameters.items()}
+    names = [call.name for call in step.calls]
+    for at, call in enumerate(step.calls):
+        name = call.name if names.count(call.name) == 1 else f"{call.name}[{at}]"
+        facts |= {f"{name} -{key}": _format_value(value, plan) for key, value in call.parameters.items()}
+    if step.undoes is not None:
+        facts["undoes step"] = str(step.undoes + 1)
+    return facts
+
+
+def _details(old: Mapping[str, str], new: Mapping[str, str]) -> Iterator[Detail]:
+    for name in dict.fromkeys([*old, *new]):
+        if old.get(name) != new.get(name):
+            yield Detail(name=name, old=old.get(name), new=new.get(name))
+
+
+def _format_value(value: Value, plan: str) -> str:
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case ScriptCall(name=name, parameters=parameters):
+            return " ".join([name, *(f"-{key} {_format_value(value, plan)}" for key, value in parameters.items())])
+        case MachineVariable():
+            return "the machine"
+        case str() if plan:
+            return value.replace(plan, THIS_PLAN)
+        case _:
+            return str(value)

@@ -13,10 +13,9 @@ from rarms_iac.model.quantities import show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table, visible
 from rarms_iac.views.measure import show_bound, show_estimate
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.hosts import ComponentResultOutput, ComponentRunOutput, IndexResultOutput, SampleOutput
 
 if TYPE_CHECKING:

@@ -17,9 +17,8 @@ from xml.etree import ElementTree as ET
 from rarms_iac import __version__
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import visible
-from rarms_iac.views.output.common import FindingsOutput
+from rarms_iac.views.output.common import FindingsOutput, as_json
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

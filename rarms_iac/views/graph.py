@@ -8,9 +8,8 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput, GraphOutput, NodeOutput
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

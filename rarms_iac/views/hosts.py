@@ -12,11 +12,11 @@ from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.wording import counted
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import attributes_of, members_of, reserved_after
 from rarms_iac.views.console import STRONG, paragraph, stack, styled, table
 from rarms_iac.views.finding_forms import OutputFormat, count_severities, findings_as
 from rarms_iac.views.findings import findings_text
+from rarms_iac.views.output.common import as_json
 from rarms_iac.views.output.hosts import (
     DoctorOutput,
     DriftedHostOutput,

@@ -31,8 +31,8 @@ from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import ERROR, describe_error, describe_extreme
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
+from rarms_iac.views.output.common import as_json
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from typing import Literal, assert_never
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.plan import HostPlan, Plan, Step, Totals
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import count, forced_by, reserved_after, symbol
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.plan import (
     AttributeOutput,
     ChangeOutput,

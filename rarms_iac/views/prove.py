@@ -12,10 +12,9 @@ from rarms_iac.model.measurement import Series
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStat
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
-from rarms_iac.views.as_json import as_json_line
 from rarms_iac.views.changes import count, members_of, reserved_after
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json_line, output_of
 from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput, StepEndedOutput
 
 if TYPE_CHECKING:

@@ -4,12 +4,11 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.scripts import PlanScript
-from rarms_iac.powershell.difference import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
+from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.plan import (
     ScriptDetailOutput,
     ScriptDifferenceOutput,

@@ -7,9 +7,8 @@ from rarms_iac.app.select import SelectedLevel, Selection
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.model.wording import each_processor
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
 if TYPE_CHECKING:

@@ -9,11 +9,10 @@ from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import show_percent, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.hosts import TITLES
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.hosts import (
     HistoryOutput,
     HostStatusOutput,

@@ -9,11 +9,10 @@ from rarms_iac.model.quantities import plain, show_lp_percent
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.prediction.belief import ASSUMED
-from rarms_iac.storage.datalog.tuning import TunedPartition
-from rarms_iac.views.as_json import as_json
+from rarms_iac.storage.datalog.decisions import TunedPartition
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 from rarms_iac.views.output.combining import TrailSettingOutput, TunedPartitionOutput, TuneOutput
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

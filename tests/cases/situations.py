@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 from rarms_iac.applying.prepare import PlanningRequest, prepare
-from rarms_iac.applying.stopping import StopScope
+from rarms_iac.applying.requested_changes import StopScope
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state

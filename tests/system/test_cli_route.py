@@ -1,4 +1,4 @@
-"""The route of a user, command after command, each in this process; exit codes are those of `cli.codes`."""
+"""The route of a user, command after command, each in this process; exit codes are those of `cli.ending`."""
 
 import json
 from dataclasses import replace

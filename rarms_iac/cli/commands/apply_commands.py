@@ -5,17 +5,26 @@ from collections.abc import Sequence
 import click
 from click.core import ParameterSource
 
-from rarms_iac.app.applying import abandon_runs, combine_reports, describe_changed_manifest, hosts_to_apply, manifest_of
+from rarms_iac.app.applying import (
+    LastApply,
+    abandon_runs,
+    combine_reports,
+    describe_changed_manifest,
+    hosts_to_apply,
+    last_applies,
+    manifest_of,
+    preview,
+    undo_applies,
+)
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
-from rarms_iac.app.undo import LastApply, last_applies, preview, undo_applies
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.applying import ask, finish_first, plan_ask_apply, report_end, run
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import change_options, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.session import Session, rarms_command

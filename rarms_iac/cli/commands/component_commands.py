@@ -9,7 +9,7 @@ from rarms_iac.app.prove import ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.run_component import RunRequest, become_component, run_components
 from rarms_iac.app.select import SelectRequest, select_level
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options, time_option
 from rarms_iac.cli.prompts import refuse_standard_input

@@ -1,17 +1,22 @@
 """What helps to use rarms: `rarms explain`, `schema` and `completion`."""
 
+import re
+from collections.abc import Iterator
+
 import click
 
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
+from rarms_iac.cli.group import root_group
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.shape import command_shapes, top_shape
-from rarms_iac.storage.shipped import code_of, finding_page, is_code, shipped_text
-from rarms_iac.views.as_json import as_json as to_json
-from rarms_iac.views.completion import Shell, completion_script
+from rarms_iac.cli.table import COMMANDS
+from rarms_iac.storage.shipped import code_of, finding_page, is_code, known_codes, shipped_text
+from rarms_iac.views.completion import CommandShape, OptionShape, Shell, completion_script
 from rarms_iac.views.explain import page_text, unknown_code
+from rarms_iac.views.finding_forms import OutputFormat
 from rarms_iac.views.output.common import ExplanationOutput
+from rarms_iac.views.output.common import as_json as to_json
 
 
 @rarms_command("explain")
@@ -98,3 +103,60 @@ def completion_command(session: Session, *, shell: str) -> ExitCode:
     """
     session.terminal.data(completion_script(Shell(shell), top_shape(), command_shapes()))
     return ExitCode.DONE
+
+
+HELP_OPTION = OptionShape(flags=("-h", "--help"), help="Show this message and exit.")
+
+
+def top_shape() -> tuple[OptionShape, ...]:
+    """The options of `rarms` itself."""
+    return (*_options(root_group()), HELP_OPTION)
+
+
+def command_shapes() -> tuple[CommandShape, ...]:
+    """Every command, in the table's order. Imports them all."""
+    return tuple(_shape(name, command) for name, command in all_commands())
+
+
+def all_commands() -> Iterator[tuple[str, click.Command]]:
+    """Every command with its name, in the table's order. Imports them all."""
+    group = root_group()
+    context = click.Context(group, info_name="rarms")
+    for name in COMMANDS:
+        command = group.get_command(context, name)
+        assert command is not None, f"the table names {name}, and there is no such command"
+        yield name, command
+
+
+def _shape(name: str, command: click.Command) -> CommandShape:
+    arguments = [parameter for parameter in command.params if isinstance(parameter, click.Argument)]
+    called = " ".join(f"{argument.name} {argument.metavar}" for argument in arguments)
+    return CommandShape(
+        name=name,
+        help=COMMANDS[name],
+        options=(*_options(command), HELP_OPTION),
+        words=tuple(word for argument in arguments for word in _choices(argument)),
+        # a partition has the name of its most critical component
+        takes_names=re.search("component|partition", called, re.IGNORECASE) is not None,
+    )
+
+
+def _options(command: click.Command) -> tuple[OptionShape, ...]:
+    return tuple(
+        OptionShape(
+            flags=(*parameter.opts, *parameter.secondary_opts),
+            help=" ".join((parameter.help or "").split()),
+            takes_value=not parameter.is_flag,
+            choices=_choices(parameter),
+        )
+        for parameter in command.params
+        if isinstance(parameter, click.Option)
+    )
+
+
+def _choices(parameter: click.Parameter) -> tuple[str, ...]:
+    if parameter.metavar == "FINDING|COMPONENT":
+        return known_codes()
+    if parameter.metavar == "FORMAT[=FILE]":
+        return tuple(OutputFormat)
+    return tuple(map(str, parameter.type.choices)) if isinstance(parameter.type, click.Choice) else ()

@@ -13,7 +13,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import OBSERVE_NAME, observe_script
 from rarms_iac.app.simulate import IntruderChange, change_behind_rarms
 from rarms_iac.app.status import history_of_hosts, overview_of
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import host_options, host_or_snapshot_options, json_option, manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command

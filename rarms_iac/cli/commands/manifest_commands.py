@@ -8,15 +8,15 @@ from rarms_iac.app.files import write_file
 from rarms_iac.app.manifest_files import FormattedManifest, format_manifests, write_first_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import sources_in, validate
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import json_option, manifest_option, manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.storage.reading import STANDARD_INPUT
-from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.finding_forms import OutputTarget, findings_as
 from rarms_iac.views.output.common import FmtOutput, FormattedFileOutput, WrittenOutput
+from rarms_iac.views.output.common import as_json as to_json
 
 
 @rarms_command("init")

@@ -14,7 +14,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import write_scripts
 from rarms_iac.app.stopping_to_measure import StopConsent
 from rarms_iac.app.tune import TuneRequest
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import (
     F,

@@ -7,7 +7,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest, hosts_with_machine, hosts_with_partition
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.cli.applying import plan_ask_apply, stop_or_start
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.options import host_options, json_option, manifest_options, plan_run_options, target_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose

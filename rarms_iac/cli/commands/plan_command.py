@@ -12,7 +12,7 @@ from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.pull_request import review_plan
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.cli.applying import write_and_advise
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs
 from rarms_iac.cli.options import change_options, host_or_snapshot_options, manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command

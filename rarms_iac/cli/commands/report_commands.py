@@ -10,7 +10,7 @@ from rarms_iac.app.graph import candidate_nodes, layout_of_manifest
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command

@@ -20,7 +20,7 @@ from rarms_iac.app.scripts import (
     select_scripts,
     write_scripts,
 )
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors

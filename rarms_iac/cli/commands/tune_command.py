@@ -9,7 +9,7 @@ from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneRequest, tune_components
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import (
     F,
@@ -24,7 +24,7 @@ from rarms_iac.cli.options import (
 )
 from rarms_iac.cli.prompts import TerminalCombiningPrompt, refuse_standard_input, refuse_without_terminal, stop_consent
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.storage.datalog.tuning import TuningStrategy
+from rarms_iac.storage.datalog.decisions import TuningStrategy
 from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
 
 

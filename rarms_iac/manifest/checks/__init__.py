@@ -2,7 +2,7 @@
 
 A checked `System` comes in, ordered findings go out. `CHECKS` lists every check with its finding; a check yields a
 `Violation` for each case, and `run_checks` makes findings with places of them. Begin with `common.Violation` and any
-topic: `names`, `partitions`, `hosts`, `processors`, `memory`, `tasks`, `measurement`, `secrets`.
+topic: `names`, `partitions`, `hosts`, `processors`, `tasks`, `measurement`, `secrets`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,7 +11,7 @@ from itertools import islice
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
-from rarms_iac.manifest.checks import hosts, measurement, memory, names, partitions, processors, secrets, tasks
+from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors, secrets, tasks
 from rarms_iac.manifest.checks.common import Check
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Places, following, in_order
 from rarms_iac.model.system import System
@@ -50,9 +50,9 @@ CHECKS: Mapping[Finding, Check] = {
     processors.DIFFERENT_CPU: processors.different_cpu,
     processors.HELD_BACK: processors.held_back,
     processors.WEIGHT_ON_LINUX: processors.weight_on_linux,
-    memory.BELOW_MEMBERS: memory.partition_memory_below_members,
-    memory.MEMORY_OVER_HOST: memory.memory_over_host,
-    memory.NOT_A_MACHINES: memory.memory_not_a_machines,
+    partitions.BELOW_MEMBERS: partitions.partition_memory_below_members,
+    partitions.MEMORY_OVER_HOST: partitions.memory_over_host,
+    partitions.NOT_A_MACHINES: partitions.memory_not_a_machines,
     tasks.SHIPPED_TASK: tasks.shipped_task,
     tasks.UNKNOWN_TASK: tasks.unknown_task,
     tasks.TASK_DIFFERS_IN_CASE: tasks.task_differs_in_case,

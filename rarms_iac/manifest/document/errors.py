@@ -7,8 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from rarms_iac.manifest.document.fields import TOO_MANY_TO_LIST
 from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST
 from rarms_iac.manifest.document.schema import Path, manifest_schema
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Place, Places

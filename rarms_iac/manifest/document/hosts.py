@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from rarms_iac.manifest.document.fields import (
+    BLOCK_OF,
     Block,
     Filled,
     Maybe,
@@ -17,7 +18,6 @@ from rarms_iac.manifest.document.fields import (
     optional,
 )
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
-from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 

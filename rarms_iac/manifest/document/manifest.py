@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationErr
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
 from rarms_iac.manifest.document.fields import (
     CODE_PATTERN,
+    TOO_MANY_TO_LIST,
     Block,
     Code,
     Day,
@@ -17,13 +18,14 @@ from rarms_iac.manifest.document.fields import (
     Name,
     Stressor,
     TaskName,
+    broken_rules,
     by_name,
     needed,
     optional,
+    with_rules,
 )
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
 from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
-from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST, broken_rules, with_rules
 from rarms_iac.model.names import TASK_PATTERN
 from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
 

@@ -1,17 +1,17 @@
-"""The default strategy: bisection guided by where the curve probably crosses the threshold.
+"""The strategies: bisection, the paper's walk, and the default, bisection guided by where the curve probably crosses.
 
-Interpolate, truncate, project (ITP; Oliveira and Takahashi, 2020): a crossing is read off the settings so far, moved a
-little towards the middle, and kept where halving could still end in time. So no falling curve takes more than `MOST`
-settings whose verdicts are true; where noise turns one, or there is no steady state, halving takes as many as it needs.
+Bisection and the walk assume only that more processor time is never worse. The default interpolates, truncates,
+projects (ITP; Oliveira and Takahashi, 2020): a crossing is read off the settings so far, moved a little towards the
+middle, and kept where halving could still end in time. So no falling curve takes more than `MOST` settings whose
+verdicts are true; where noise turns one, or there is no steady state, halving takes as many as it needs.
 """
 
 from collections.abc import Sequence
 from math import ceil, floor
 
 from rarms_iac.measuring.search.crossings import crossings_of
-from rarms_iac.measuring.search.stepwise import bisect
 from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, sufficient
-from rarms_iac.model.outcomes import Measure, SearchStep
+from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchStep
 
 MOST = 8
 """Settings with true verdicts that a curve takes at most: bisection tells 1..100 % and "none" apart by 7, and one."""
@@ -59,3 +59,48 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
     reach = 2 ** (MOST - 1 - len(history))  # as wide may a bracket be that halving still ends in time
     lowest, highest = max(failed + 1, passed - reach), min(passed - 1, failed + reach)
     return Measure(reserve=max(lowest, min(chosen, highest)), until_clear=True)
+
+
+WALK_STEP = 10
+
+
+def bisect(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
+    """Halve what is left down to one point: the least passing whole per cent.
+
+    Args:
+        history: the settings so far, in the order in which they were run.
+
+    Returns:
+        The next setting, or how the search ends.
+    """
+    bracket = bracket_of(history)
+    match bracket:
+        case NotAchievable() | NotResolved():
+            return bracket
+        case Bracket(passed=None) if bracket.stays_above:
+            return Measure(reserve=100, until_clear=True)  # whether anything has a steady state
+        case Bracket(passed=passed):
+            low, high = bracket.widest
+            if passed is not None and (high - low == 1):
+                return sufficient(history, passed)
+            return Measure(reserve=(low + high) // 2, until_clear=True)
+
+
+def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
+    """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
+
+    Args:
+        history: the settings of this walk, in their order.
+
+    Returns:
+        The next setting, or how the search ends.
+    """
+    if not history:
+        return Measure(reserve=WALK_STEP, until_clear=True)
+    last = history[-1]
+    if last.passed:
+        return sufficient(history, last.reserve)
+    if last.reserve == 100:
+        # To the letter: what is not shown to meet the APT there has no reservation that does.
+        return NotAchievable(reserve=100)
+    return Measure(reserve=last.reserve + WALK_STEP, until_clear=True)

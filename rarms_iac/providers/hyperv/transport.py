@@ -1,17 +1,25 @@
 """Running scripts on a Hyper-V host: here through its PowerShell, elsewhere through the system's ssh.
 
-Both are given the same bytes and say the same: lines, and an exit code.
+Both are given the same bytes and say the same: lines, and an exit code. Over ssh there is one fixed command, and
+scripts on its standard input; `templates/powershell/bootstrap.ps1` says how the input is read there. The command's
+words are plain ASCII without spaces or quotes, so that it means the same to cmd.exe, PowerShell and every other shell
+that sshd may start.
 """
 
+import hashlib
+import re
 import shutil
 import sys
 import tempfile
+from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
 from rarms_iac.model.host import Connect
+from rarms_iac.powershell.templates import as_script, read
 from rarms_iac.providers.channel import (
     SSH_FAILED,
     Channel,
@@ -21,8 +29,7 @@ from rarms_iac.providers.channel import (
     open_channel,
     ssh_words,
 )
-from rarms_iac.providers.hyperv import bootstrap
-from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost, WaitLimits
 
 STOPPING_SECONDS = 120.0  # for a script to remove what it made
 SHELLS = ("pwsh", "powershell")
@@ -110,7 +117,7 @@ class LocalTransport:
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
         """See the protocol; the bootstrap starts it here, too, since it notices when rarms is gone."""
         program = self._program()
-        words = (program, *bootstrap.remote_words(SHELLS[0])[1:])
+        words = (program, *remote_words(SHELLS[0])[1:])
         with (
             _ready_channel(self._host, "this computer", program, words) as channel,
             _session(channel, script, arguments) as session,
@@ -119,9 +126,9 @@ class LocalTransport:
 
     def _program(self) -> str:
         for shell in SHELLS:
-            if found := shutil.which(bootstrap.program_of(shell)):
+            if found := shutil.which(program_of(shell)):
                 return found
-        names = " or ".join(bootstrap.program_of(shell) for shell in SHELLS)
+        names = " or ".join(program_of(shell) for shell in SHELLS)
         raise HostFailed(
             self._host,
             f"{names} is not on this computer, which the manifest says is the host",
@@ -142,10 +149,10 @@ class SshTransport:
     ) -> ScriptExited | ScriptLost:
         """See the protocol; nothing is sent before the other end says that it is ready."""
         with self._ready() as channel:
-            channel.send(bootstrap.frame(script, arguments))
+            channel.send(frame(script, arguments))
             refusal = _RefusalListener(listener)
-            ended = _follow(channel, silence_s, refusal, lambda: channel.send(bootstrap.STOP))
-            if isinstance(ended, ScriptExited) and ended.code == bootstrap.FAILED_CODE and refusal.reason:
+            ended = _follow(channel, silence_s, refusal, lambda: channel.send(STOP))
+            if isinstance(ended, ScriptExited) and ended.code == FAILED_CODE and refusal.reason:
                 raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "run it again")
             if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
                 return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
@@ -158,8 +165,8 @@ class SshTransport:
             yield session
 
     def _ready(self) -> AbstractContextManager[Channel]:
-        words = ssh_words(self._connect.ssh, bootstrap.remote_words(self._connect.shell))
-        return _ready_channel(self._host, self._connect.ssh, bootstrap.program_of(self._connect.shell), words)
+        words = ssh_words(self._connect.ssh, remote_words(self._connect.shell))
+        return _ready_channel(self._host, self._connect.ssh, program_of(self._connect.shell), words)
 
 
 class _BootstrapSession:
@@ -187,11 +194,11 @@ class _BootstrapSession:
 @contextmanager
 def _session(channel: Channel, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[_BootstrapSession]:
     """Run a script behind a bootstrap that is ready, until it has removed what it made."""
-    channel.send(bootstrap.frame(script, arguments))
+    channel.send(frame(script, arguments))
     try:
         yield _BootstrapSession(channel)
     finally:
-        channel.send(bootstrap.STOP)
+        channel.send(STOP)
         with suppress(SilenceTimeout):
             while channel.next_line(STOPPING_SECONDS, lambda: None) is not None:
                 continue
@@ -205,8 +212,8 @@ class _RefusalListener:
         self.reason = ""
 
     def line(self, text: str) -> None:
-        if text.startswith(bootstrap.FAILED):
-            self.reason = text.removeprefix(bootstrap.FAILED).strip()
+        if text.startswith(FAILED):
+            self.reason = text.removeprefix(FAILED).strip()
         else:
             self._listener.line(text)
 
@@ -222,7 +229,7 @@ def _ready_channel(host: str, target: str, program: str, words: Sequence[str]) -
         HostFailed: ssh does not get through, or PowerShell does not start.
     """
     with open_channel(host, words) as channel:
-        if await_line(channel, host, target, lambda line: line == bootstrap.READY) is None:
+        if await_line(channel, host, target, lambda line: line == READY) is None:
             message = f"{program} does not start on {target} (exit code {channel.code()}): "
             raise HostFailed(
                 host,
@@ -273,3 +280,58 @@ def _follow(
     if code is None:
         return ScriptLost(why="it closed its output and did not end")
     return ScriptExited(code=code, last_lines=channel.error_lines)
+
+
+READY = "rarms-bootstrap/1 ready"
+FAILED = "rarms-bootstrap/1 failed"
+FAILED_CODE = 90
+STOP = b"s"
+
+_PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
+_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1")
+
+
+def render_bootstrap() -> bytes:
+    """The bootstrap as a reader sees it."""
+    return as_script(read("bootstrap.ps1"))
+
+
+@cache
+def command() -> str:
+    """The same without remarks and indentation: what really travels, before it is encoded."""
+    lines = [line.strip() for line in read("bootstrap.ps1").splitlines()]
+    return "\n".join(line for line in lines if line and not line.startswith("#"))
+
+
+def program_of(shell: str) -> str:
+    """The program behind `connect.shell`."""
+    return _PROGRAMS[shell]
+
+
+def remote_words(shell: str) -> tuple[str, ...]:
+    """The command that ssh starts at the other end; `-InputFormat None` leaves its standard input to the bootstrap."""
+    encoded = b64encode(command().encode("utf-16-le")).decode("ascii")
+    options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
+    return (program_of(shell), *options, "-EncodedCommand", encoded)
+
+
+def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
+    """The arguments of a script that changes something."""
+    lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
+    return ("-AsJson", *lock, *(("-Abandon",) if abandoning else ()))
+
+
+def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
+    """The bytes for the bootstrap's standard input: lengths and digests first, then the scripts as they are.
+
+    Raises:
+        ValueError: a file has a name that the bootstrap would refuse.
+    """
+    names = [script.runs, *sorted(name for name in script.files if name != script.runs)]
+    bodies = [script.files[name].encode("ascii") for name in names]
+    for name in names:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} cannot be a script's name")
+    rows = [f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}" for name, body in zip(names, bodies, strict=True)]
+    table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
+    return b"".join([b"%08d" % len(table), table, *bodies])

@@ -19,8 +19,7 @@ from rarms_iac.model.state import RegistryValue, State, ValueKind
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine
-from rarms_iac.providers.simulated.parse import description
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine, description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,

@@ -13,7 +13,21 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, fetch
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
+from rarms_iac.providers.simulated.content import (
+    Content,
+    SimulatedMachine,
+    description,
+    empty,
+    facts_of,
+    next_id,
+    partitions_of,
+    read_content,
+    stands_for,
+    tasks_of,
+    to_state,
+    visible_disks,
+    write_content,
+)
 from rarms_iac.providers.simulated.operations import (
     address_of,
     change_machine,
@@ -23,17 +37,6 @@ from rarms_iac.providers.simulated.operations import (
     refuse_task_change,
     with_new_disk,
     with_new_machine,
-)
-from rarms_iac.providers.simulated.parse import (
-    description,
-    facts_of,
-    partitions_of,
-    read_content,
-    stands_for,
-    tasks_of,
-    to_state,
-    visible_disks,
-    write_content,
 )
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
 from rarms_iac.storage.disk import make_room

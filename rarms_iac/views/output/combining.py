@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.views.output.common import FORMAT_VERSION, Format
+from rarms_iac.views.output.common import Output
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,10 +37,9 @@ class TrailSettingOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TuneOutput:
+class TuneOutput(Output):
     """`rarms tune`. Amounts are per cent of one logical processor (140: 1.4 LP); `written`: the manifest's file."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["tune"] = "tune"
     platform: str
     hosts: tuple[str, ...]  # of the platform, that share the capacity
@@ -79,10 +78,9 @@ class CandidateOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CandidatesOutput:
+class CandidatesOutput(Output):
     """`rarms graph --candidates`."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["candidates"] = "candidates"
     application: str
     candidates: tuple[CandidateOutput, ...]
@@ -100,10 +98,9 @@ class NodeOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GraphOutput:
+class GraphOutput(Output):
     """`rarms graph`."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["graph"] = "graph"
     application: str
     nodes: tuple[NodeOutput, ...]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.views.output.common import FORMAT_VERSION, Format
+from rarms_iac.views.output.common import Output
 from rarms_iac.views.output.plan import AttributeOutput
 
 
@@ -34,10 +34,9 @@ class DriftedHostOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriftOutput:
+class DriftOutput(Output):
     """`rarms drift`."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["drift"] = "drift"
     application: str
     compared: bool  # with the manifest; false: it has no layout, and only what was changed on the hosts is told
@@ -70,10 +69,9 @@ class ExaminedHostOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DoctorOutput:
+class DoctorOutput(Output):
     """`rarms doctor`: what makes a plan ineffective or unsafe on each host."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["doctor"] = "doctor"
     application: str
     hosts: tuple[ExaminedHostOutput, ...]
@@ -109,10 +107,9 @@ class HostRunOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StepEndedOutput:
+class StepEndedOutput(Output):
     """`rarms apply`, `undo`: a step that ended, on a line of its own as soon as it did."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["step"] = "step"
     host: str
     number: int  # from 1
@@ -123,10 +120,9 @@ class StepEndedOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOutput:
+class RunOutput(Output):
     """`rarms apply`, `undo`: how a run ended; the last line, after those of its steps."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["run"] = "run"
     ending: Literal["done", "nothing", "refused", "failed", "interrupted"]
     hosts: tuple[HostRunOutput, ...]
@@ -172,10 +168,9 @@ class ComponentResultOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentRunOutput:
+class ComponentRunOutput(Output):
     """`rarms run`: what each component showed, without any reservation."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["component_run"] = "component_run"
     components: tuple[ComponentResultOutput, ...]
     findings: tuple[Diagnostic, ...]
@@ -195,10 +190,9 @@ class PastRunOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HistoryOutput:
+class HistoryOutput(Output):
     """`rarms history`: the oldest run of each host first."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["history"] = "history"
     application: str
     runs: tuple[PastRunOutput, ...]
@@ -247,10 +241,9 @@ class ThresholdStatusOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StatusOutput:
+class StatusOutput(Output):
     """`rarms status`."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["status"] = "status"
     application: str
     hosts: tuple[HostStatusOutput, ...]

@@ -5,7 +5,7 @@ from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.output.combining import TrailSettingOutput
-from rarms_iac.views.output.common import FORMAT_VERSION, Format
+from rarms_iac.views.output.common import Output
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,10 +71,9 @@ class ExperimentOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasureOutput:
+class MeasureOutput(Output):
     """`rarms measure`; `not_begun`: components whose turn an early end left out."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["measure"] = "measure"
     experiments: tuple[ExperimentOutput, ...]
     not_begun: tuple[tuple[str, ...], ...]
@@ -109,10 +108,9 @@ class ProvenHostOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProveOutput:
+class ProveOutput(Output):
     """`rarms prove`: every component in the applied layout; `met`: each index was shown to meet its threshold."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["prove"] = "prove"
     interference: str | None
     met: bool
@@ -130,13 +128,12 @@ class ExplanationStepOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ComponentExplanationOutput:
+class ComponentExplanationOutput(Output):
     """`rarms explain COMPONENT`. `cr` is per cent of P1's virtual processors, null where nothing was looked up.
 
     What is reserved is null where nothing says how much; a component that runs on the host itself has steps only.
     """
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["walk"] = "walk"
     component: str
     partition: str | None = None
@@ -181,10 +178,9 @@ class HeadroomOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SelectionOutput:
+class SelectionOutput(Output):
     """`rarms select`: an APT that was chosen, in the index's own unit (ms, %, /s), and what follows from it."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["selection"] = "selection"
     component: str
     index: str
@@ -301,10 +297,9 @@ class ReportTuningOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportOutput:
+class ReportOutput(Output):
     """`rarms report`: what was measured, and what each threshold reserves."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["report"] = "report"
     application: str
     measurements: tuple[ReportMeasurementOutput, ...]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.views.output.common import FORMAT_VERSION, Format
+from rarms_iac.views.output.common import Output
 
 Value = bool | int | str | None
 
@@ -132,10 +132,9 @@ class PlacementOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanOutput:
+class PlanOutput(Output):
     """`rarms plan`, `show`, `import`, `release`, `destroy`, `stop`, `start`: a plan."""
 
-    format_version: Format = FORMAT_VERSION
     kind: Literal["plan"] = "plan"
     plan: str
     application: str
@@ -164,13 +163,12 @@ class ScriptOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptsOutput:
+class ScriptsOutput(Output):
     """`rarms show --script`."""
 
     plan: str
     scripts: tuple[ScriptOutput, ...]
     kind: Literal["scripts"] = "scripts"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +193,7 @@ class ScriptStepOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptDifferenceOutput:
+class ScriptDifferenceOutput(Output):
     """`rarms show --script --against`: what differs step by step."""
 
     old: str
@@ -204,4 +202,3 @@ class ScriptDifferenceOutput:
     steps: tuple[ScriptStepOutput, ...]
     same: int
     kind: Literal["script_difference"] = "script_difference"
-    format_version: Format = FORMAT_VERSION

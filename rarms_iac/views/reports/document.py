@@ -5,9 +5,8 @@ from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.combining import TrailSettingOutput
-from rarms_iac.views.output.common import output_of
+from rarms_iac.views.output.common import as_json, output_of
 from rarms_iac.views.output.measuring import (
     ReportCapacityOutput,
     ReportDifferenceOutput,

@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure

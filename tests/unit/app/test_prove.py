@@ -12,7 +12,7 @@ from rarms_iac.model.measurement import SettingEvidence
 from rarms_iac.model.state import Partition
 from rarms_iac.providers.simulated.measuring import Simulated
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
-from rarms_iac.storage.datalog.configuration import Proven, read_entries
+from rarms_iac.storage.datalog.decisions import Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders import a_host
 from tests.unit.cli.running import Ran, rarms

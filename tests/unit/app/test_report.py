@@ -11,7 +11,7 @@ from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource, today_utc
 from rarms_iac.storage.datalog import files as log_files
-from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
+from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage.datalog.configuration import Chosen, read_entries
+from rarms_iac.storage.datalog.decisions import Chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms

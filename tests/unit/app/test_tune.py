@@ -10,7 +10,7 @@ from pathlib import Path
 import openpyxl
 import pytest
 
-from rarms_iac.storage.datalog.configuration import last_chosen, read_entries
+from rarms_iac.storage.datalog.decisions import last_chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.builders_measured import a_setting

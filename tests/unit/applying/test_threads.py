@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.applying.plan_summary import threads_of
+from rarms_iac.applying.goals import threads_of
 from rarms_iac.applying.review.host_effects import classes_above, review_task_classes
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.plan import HostPlan, Purpose, ThreadClass

@@ -6,8 +6,7 @@ import pytest
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.cli.applying import ask, code_of
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.interrupts import Interrupted
+from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.session import Session
 from rarms_iac.views.terminal import Terminal
 

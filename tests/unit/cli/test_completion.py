@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.cli.shape import command_shapes
+from rarms_iac.cli.commands.help_commands import command_shapes
 from rarms_iac.cli.table import COMMANDS
 from rarms_iac.storage.shipped import known_codes
 from rarms_iac.views.completion import Shell

@@ -7,8 +7,7 @@ import pytest
 
 from rarms_iac.app.errors import BUG, Outcome, UseCaseError, system_finding
 from rarms_iac.cli import entry
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.interrupts import Interrupted, Interrupts
+from rarms_iac.cli.ending import ExitCode, Interrupted, Interrupts
 from rarms_iac.cli.session import Session
 from rarms_iac.views.terminal import Terminal
 

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions, SnapshotFile
 from rarms_iac.cli import options
-from rarms_iac.cli.shape import command_shapes
+from rarms_iac.cli.commands.help_commands import command_shapes
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.completion import flags_of
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 import rarms_iac
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.ending import ExitCode
 from rarms_iac.storage.datalog.files import append_setting
 from rarms_iac.storage.datalog.log import Recorded
 from tests.builders_measured import a_series, a_setting

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.diff.digests import moved_parts, part_digests
+from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.state import Mark, Partition, RegistryValue, RunState, State, TaskClass, ValueKind
 from tests.builders_plan import facts, settings

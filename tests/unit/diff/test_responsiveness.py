@@ -1,7 +1,6 @@
 from dataclasses import replace
 
-from rarms_iac.diff.digests import moved_parts, part_digests
-from rarms_iac.diff.drift import DriftKind, drift
+from rarms_iac.diff.drift import DriftKind, drift, moved_parts, part_digests
 from rarms_iac.model.changes import Address, Create, Delete, Update
 from rarms_iac.model.operations import RemoveTaskClass, WriteTaskClass, WriteTaskRecord
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskRecord, ValueKind

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from rarms_iac.powershell.difference import Detail, difference
-from rarms_iac.powershell.outline import Outline, ScriptCall, outline
+from rarms_iac.powershell.outline import Detail, Outline, ScriptCall, difference, outline
 from rarms_iac.powershell.render import render_apply
 from tests import builders_plan as build
 from tests.unit.powershell.plans import marked, rendered_plan

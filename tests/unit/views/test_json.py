@@ -5,8 +5,7 @@ import jsonschema
 import pytest
 
 from rarms_iac.storage.shipped import shipped
-from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output.common import ExplanationOutput
+from rarms_iac.views.output.common import ExplanationOutput, as_json
 from rarms_iac.views.plan_json import plan_json
 from scripts.output_schema import output_schema
 from tests.builders_plan import a_rich_plan, create, host_plan, plan, task

@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tune import TuningResult
 from rarms_iac.planner.combining.oracle import Answer
-from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.reports.spreadsheet import trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text

@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from rarms_iac.storage.datalog.configuration import Chosen, Proven, ProvenIndex, append_entry, last_chosen, read_entries
+from rarms_iac.storage.datalog.decisions import Chosen, Proven, ProvenIndex, append_entry, last_chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders_measured import a_bench, a_subject
 

@@ -3,7 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun, append_run, read_runs, tuning_path
+from rarms_iac.storage.datalog.decisions import (
+    TrailSetting,
+    TunedPartition,
+    TuningRun,
+    append_run,
+    read_runs,
+    tuning_path,
+)
 
 RUN = TuningRun(
     when="2026-11-21T12:00:00Z",

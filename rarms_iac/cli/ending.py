@@ -1,4 +1,7 @@
-"""Ctrl-C and SIGTERM: at once where nothing is at stake, after the running step where a host is being changed."""
+"""How a command ends: the exit codes that a script or a pipeline may rely on, and what Ctrl-C and SIGTERM do.
+
+An interrupt ends a command at once where nothing is at stake, after the running step where a host is being changed.
+"""
 
 import contextlib
 import os
@@ -6,10 +9,35 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import IntEnum
 from types import FrameType
 from typing import TextIO
 
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome
+
+
+class ExitCode(IntEnum):
+    """How a command ended."""
+
+    DONE = 0  # done, nothing to do, or warnings only
+    FAILED = 1  # the tool or the host failed
+    FOUND = 2  # plan: changes; validate: errors; fmt --check: not formatted; drift: the host changed
+    REFUSED = 3  # host moved, busy or locked; plan stale, edited or used; another run unfinished
+    NO = 4  # errors in the manifest, does not fit
+    NOT_APPLIED = 5  # drift: only not applied yet
+    USAGE = 64
+    INTERRUPTED = 130  # Ctrl-C; can be resumed
+    TERMINATED = 143
+
+
+CODES = {
+    Outcome.FAILED: ExitCode.FAILED,
+    Outcome.REFUSED: ExitCode.REFUSED,
+    Outcome.NEGATIVE: ExitCode.NO,
+    Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
+}
+"""How a command ends whose use case ended without an answer."""
+
 
 SIGNALS = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINATED}
 

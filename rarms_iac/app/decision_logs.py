@@ -1,21 +1,36 @@
-"""Writing configuration logs: what was chosen for each CoI, whenever that is not what its log says already."""
+"""The logs of decisions beside the data logs: what was chosen for each CoI, and the runs of tuning.
 
-from collections.abc import Iterable
+A configuration log is written whenever a choice is not what it says already; the log of tuning has each run, and its
+last ones are read for reports.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac import __version__
-from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
+from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of, why_outdated
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
+from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import names_of, rests_on_a_log
+from rarms_iac.planner.reservations import Names, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size
-from rarms_iac.storage.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
+from rarms_iac.storage.datalog.decisions import (
+    Chosen,
+    TuningRun,
+    append_entry,
+    append_run,
+    last_chosen,
+    read_entries,
+    read_runs,
+    tuning_path,
+)
 from rarms_iac.storage.datalog.files import configuration_path, read_log
 
 
@@ -113,3 +128,58 @@ def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
         return None
     append_entry(path, chosen)
     return path
+
+
+def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
+    """Write a run into the platform's log of tuning; a run that was stopped, or asked for nothing, is left out.
+
+    Args:
+        hosts: Those of the manifest, below whose folder the log lies.
+        platform: Of the host that was measured on.
+        run: As it ended.
+
+    Raises:
+        UseCaseError: The log is damaged (negative), or another run does not let go of it (refused).
+        OSError: It cannot be written.
+    """
+    if run.ending == "stopped" or not run.trail:
+        return
+    with hold_configuration_logs(Path(hosts.folder)), log_errors():
+        append_run(tuning_path(Path(hosts.folder), platform), run)
+
+
+def tunings_of(measurements: Measurements) -> Iterator[PlatformTuning]:
+    """Yield the last run of every platform of the manifest that has one, platforms by name.
+
+    Args:
+        measurements: those beside the manifest.
+
+    Yields:
+        A run a platform, with what does not hold any more.
+
+    Raises:
+        UseCaseError: A log is damaged (negative).
+    """
+    hosts = {host.platform: host for _, host in sorted(measurements.system.hosts.items(), reverse=True)}
+    for platform, host in sorted(hosts.items()):
+        with log_errors():
+            runs = read_runs(tuning_path(measurements.folder, platform))
+        if runs:
+            outdated = outdated_compounds(runs[-1:], measurements, host)
+            yield PlatformTuning(platform=platform, run=runs[-1], outdated=outdated)
+
+
+def outdated_compounds(runs: Sequence[TuningRun], measurements: Measurements, host: Host) -> Mapping[Names, str]:
+    """Say why what was measured of compounds does not hold any more.
+
+    Args:
+        runs: Those whose compounds are meant.
+        measurements: Those beside the manifest.
+        host: On which the compounds were to be.
+
+    Returns:
+        By the sorted names of its members, a clause for each compound that is outdated.
+    """
+    compounds = {tuple(sorted(setting.components)) for run in runs for setting in run.trail}
+    reasons = {names: why_outdated(measurements, host, names) for names in sorted(compounds)}
+    return {names: why for names, why in reasons.items() if why}
