@@ -21,7 +21,7 @@ def output_schema() -> str:
         if isinstance(kind, type) and issubclass(kind, Output) and kind is not Output
     )
     answer = reduce(or_, kinds)
-    adapter: TypeAdapter[Any] = TypeAdapter(Annotated[answer, Field(discriminator="kind")])  # type: ignore[valid-type] # found just now
+    adapter: TypeAdapter[Any] = TypeAdapter(Annotated[answer, Field(discriminator="kind")])  # type: ignore[arg-type]  # found just now
     schema = adapter.json_schema(mode="serialization")
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
