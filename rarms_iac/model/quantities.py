@@ -50,9 +50,7 @@ UNITS: dict[Unit, dict[str, Fraction]] = {
 }
 """Every unit a manifest may write, with its size in the unit we keep."""
 
-MAX_DIGITS = 15
-"""Digits a number may have before and after its point: enough for bytes of a petabyte, too few to slow us down."""
-
+# 15 digits before and after the point: enough for bytes of a petabyte, too few to slow us down.
 _WRITTEN = re.compile(r"(?P<number>[0-9]{1,15}(?:\.[0-9]{1,15})?) ?(?P<unit>[A-Za-z%/][A-Za-z%/]{0,7})")
 
 

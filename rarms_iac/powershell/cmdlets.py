@@ -108,11 +108,6 @@ def cmdlet(name: str, module: str = "") -> Cmdlet | None:
     return cmdlet_facts if cmdlet_facts and (not module or cmdlet_facts.module.lower() == module.lower()) else None
 
 
-def names() -> tuple[str, ...]:
-    """The names of all cmdlets of the tables, sorted."""
-    return tuple(sorted(table.name for table in _tables().values()))
-
-
 def problems_of_call(
     called: Cmdlet, given: Collection[str], *, positional: int = 0, piped: bool = False
 ) -> tuple[CallProblem, ...]:

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.edit.formatting import format_text
-from rarms_iac.manifest.edit.values import remove_value, rename, set_value
+from rarms_iac.manifest.edit.values import remove_value, set_value
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.model.diagnostics import has_errors
 from tests.badly_written import comments, manifests
@@ -92,19 +92,6 @@ def test_removing_a_key_removes_it_alone(text: str, data: st.DataObject) -> None
     kept = remove_value(text, path, heir)
     assert _values(kept) == _without(before, path)
     assert comments(kept) == comments(text)
-
-
-@given(text=manifests(), data=st.data())
-def test_renaming_keeps_everything_else_in_its_order(text: str, data: st.DataObject) -> None:
-    before = _values(text)
-    path = data.draw(st.sampled_from(_paths(before)))
-
-    after = rename(text, path, "new: name")
-
-    parent = _at(before, path[:-1])
-    renamed = {("new: name" if key == path[-1] else key): value for key, value in parent.items()}
-    assert _values(after) == _with(before, path[:-1], renamed)
-    assert comments(after) == comments(text)
 
 
 def _at(value: Any, path: tuple[str, ...]) -> Any:

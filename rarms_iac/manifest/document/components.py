@@ -29,9 +29,6 @@ from rarms_iac.manifest.document.quantities import (
 )
 from rarms_iac.model.system import RunsOn
 
-SIGNALS = ("TERM", "INT", "HUP", "QUIT", "USR1", "USR2", "KILL")
-TIME_UNITS = ("us", "ms", "s", "min", "h")
-
 
 class UntilBlock(Block):
     """When a setting has been measured enough."""

@@ -49,7 +49,6 @@ class _NotNull:
 
 
 T = TypeVar("T")
-V = TypeVar("V")
 
 Maybe = Annotated[T | None, _NotNull()]
 """A field that may be absent, and then is None here."""

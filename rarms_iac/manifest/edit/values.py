@@ -17,13 +17,12 @@ from rarms_iac.manifest.edit.splice import (
     replaced,
     walk,
 )
-from rarms_iac.manifest.edit.write import write_key
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, build_tree, unified
 
 Value = str | int | float | bool | None | Sequence["Value"] | dict[str, "Value"]
 Path = Sequence[str]
 
-__all__ = ["CannotFormat", "NoSuchPlace", "Value", "remove_value", "rename", "set_value"]
+__all__ = ["CannotFormat", "NoSuchPlace", "Value", "remove_value", "set_value"]
 
 
 class NoSuchPlace(LookupError):
@@ -57,16 +56,6 @@ def remove_value(text: str, path: Path, comments_to: Path = ()) -> str:
         NoSuchPlace: there is nothing at the path.
     """
     return _edit(text, lambda plain: _removed(plain, tuple(path), tuple(comments_to)))
-
-
-def rename(text: str, path: Path, name: str) -> str:
-    """The text with the key at the path called `name`.
-
-    Raises:
-        CannotFormat: the text is no manifest.
-        NoSuchPlace: there is nothing at the path, or the name is taken.
-    """
-    return _edit(text, lambda plain: _renamed(plain, tuple(path), name))
 
 
 def _edit(text: str, change: Callable[[str], str]) -> str:
@@ -104,14 +93,6 @@ def _removed(text: str, path: tuple[str, ...], comments_to: tuple[str, ...]) -> 
     comments = comments_at(text, route) if comments_to and not is_only else []
     without = removed(text, route)
     return commented(without, walk(build_tree(without), comments_to), comments) if comments else without
-
-
-def _renamed(text: str, path: tuple[str, ...], name: str) -> str:
-    step = _whole(text, path).steps[-1]
-    if any(entry.key and entry.key.value == name for entry in step.parent.entries):
-        raise NoSuchPlace(path, f"there is a {name} beside it already")
-    key = step.key
-    return text[: key.start] + write_key(name, flow=step.parent.flow).removesuffix(":") + text[key.end :]
 
 
 def _whole(text: str, path: tuple[str, ...]) -> Route:

@@ -97,20 +97,6 @@ def tuning_of(
     return Tuning(candidates=candidates, objective=objective, complete=complete, every_size=every_size)
 
 
-def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
-    """Say what to ask after these answers, or give the result; a pure function.
-
-    Args:
-        tuning: the problem.
-        answers: all answers so far, in any order.
-
-    Returns:
-        `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`. For many calls with ever
-            more answers, one `QuestionSearch` costs less.
-    """
-    return QuestionSearch(tuning=tuning).next_decision(answers)
-
-
 @dataclass(slots=True, kw_only=True)
 class QuestionSearch:
     """Finds the next question while answers come in.
@@ -133,7 +119,7 @@ class QuestionSearch:
             answers: all so far, in any order; at each call at least those of the call before.
 
         Returns:
-            As of the function `next_decision`.
+            `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`.
         """
         tuning = self.tuning
         known = informed(tuning.candidates, answers)

@@ -80,4 +80,4 @@ def test_the_tables_are_what_their_script_makes(tmp_path: Path) -> None:
 
     committed = CHECKOUT / "rarms_iac/powershell/tables/cmdlets.json"
     assert made.read_bytes() == committed.read_bytes()
-    assert len(json.loads(committed.read_text(encoding="utf-8"))) == len(cmdlets.names())
+    assert len(json.loads(committed.read_text(encoding="utf-8"))) == len(cmdlets._tables())

@@ -4,7 +4,7 @@ from textwrap import dedent
 
 import pytest
 
-from rarms_iac.manifest.edit.values import NoSuchPlace, Value, remove_value, rename, set_value
+from rarms_iac.manifest.edit.values import NoSuchPlace, Value, remove_value, set_value
 
 ROBOT = dedent("""\
     # The robot.
@@ -149,5 +149,3 @@ def test_what_is_not_there_is_said() -> None:
         set_value(ROBOT, ("components", "vision", "criticality", "deep"), 1)
     with pytest.raises(NoSuchPlace, match="nothing at this path"):
         remove_value(ROBOT, ("components", "hearing"))
-    with pytest.raises(NoSuchPlace, match="there is a speech beside it already"):
-        rename(ROBOT, ("components", "vision"), "speech")

@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_decision, search, tuning_of
+from rarms_iac.planner.combining.questions import Ask, Best, QuestionSearch, Tuning, search, tuning_of
 from rarms_iac.planner.prediction.members import Predictor
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 
@@ -79,7 +79,7 @@ class Hearing(SilentReporter):
 
 def test_what_is_expected_is_told_with_every_question() -> None:
     tuning, needs = problem(0)
-    step = next_decision(guided(tuning, needs, 0.0), ())
+    step = QuestionSearch(tuning=guided(tuning, needs, 0.0)).next_decision(())
 
     assert isinstance(step, Ask)
     heard = Hearing()
