@@ -15,10 +15,10 @@ import os
 import pickle
 import select
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from base64 import b64decode
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -202,11 +202,10 @@ def bootstrap(folder: Path, how: How, encoded: str) -> int:
 def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
     """Run it as a process of its own, and pass on a wish to stop."""
     (folder / "received").write_text(str(script.parent), encoding="utf-8")
-    own = [sys.executable, "-m", "tests.standin.powershell", str(folder)]
     fixed = ["-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(script)]
-    child = subprocess.Popen([*own, *fixed, *arguments], stdin=subprocess.DEVNULL)
+    child = fork([str(folder), *fixed, *arguments])
     more = True
-    while child.poll() is None:
+    while not (ended := os.waitpid(child, os.WNOHANG))[0]:
         if more and select.select([sys.stdin.buffer], [], [], 0.05)[0]:
             line = os.read(0, 99).decode("ascii")
             suffix = ".next" if line.endswith(".") else ".stop"
@@ -214,7 +213,24 @@ def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
             more = bool(line)
         elif not more:
             time.sleep(0.05)
-    return child.returncode
+    return os.waitstatus_to_exitcode(ended[1])
+
+
+def fork(arguments: Sequence[str]) -> int:
+    """The id of a process that has these arguments, without what a second interpreter would import again."""
+    child = os.fork()
+    if child:
+        return child
+    code = 1
+    try:
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        code = main(arguments)
+    except Exception:  # noqa: BLE001  # whatever it is, it ends this process and does not reach the one it began as
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def receive(place: Path, *, garbles: bool = False) -> tuple[list[str], Path]:

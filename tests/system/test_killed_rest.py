@@ -6,9 +6,13 @@ import sys
 from itertools import cycle
 from pathlib import Path
 
-from tests.crashing import KILLED
+from rarms_iac.storage import disk
+from tests.crashing import KILLED, CrashingDisk
 from tests.effort import LONG
+from tests.files import copy_files
 from tests.needs import CHECKOUT
+from tests.unit.cli import running
+from tests.unit.cli.running import Ran
 
 MANIFEST = """\
 schema: rarms/v1
@@ -31,22 +35,14 @@ TRIED = 5
 """Kills of a usual run, evenly over all effects."""
 
 
-def rarms(folder: Path, *words: str, at: int = 0) -> subprocess.CompletedProcess[str]:
-    """In a process of its own, ended half-way through its effect of this number (0: not at all)."""
-    return subprocess.run(
-        [sys.executable, "-m", "tests.crashing", str(at), "half", *words, "-f", str(folder)],
-        cwd=CHECKOUT,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=120,
-    )
+def killed(folder: Path, *words: str, at: int) -> int:
+    """The exit code of a process of its own that was ended half-way through its effect of this number."""
+    words = ("-m", "tests.crashing", str(at), "half", *words, "-f", str(folder))
+    return subprocess.run([sys.executable, *words], cwd=CHECKOUT, capture_output=True, timeout=120).returncode
 
 
-def applied(folder: Path) -> Path:
-    folder.mkdir()
-    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
-    assert rarms(folder, "apply", "--auto-approve").returncode == 0
-    return folder
+def rarms(folder: Path, *words: str) -> Ran:
+    return running.rarms(*words, "-f", str(folder))
 
 
 def machines(folder: Path) -> dict[str, tuple[str, bool]]:
@@ -59,27 +55,32 @@ def machines(folder: Path) -> dict[str, tuple[str, bool]]:
 
 
 def test_killed_anywhere_the_next_command_starts_what_was_stopped(tmp_path: Path) -> None:
-    whole = applied(tmp_path / "whole")
-    ran = rarms(whole, *MEASURE)
-    assert ran.returncode == 0, ran.stderr
-    effects = int(ran.stderr.rpartition("effects: ")[2])
+    applied = tmp_path / "applied"
+    applied.mkdir()
+    (applied / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    assert rarms(applied, "apply", "--auto-approve").code == 0
+    whole = copy_files(applied, tmp_path / "whole")
+    counting = CrashingDisk(0)
+    with disk.use(counting):
+        assert rarms(whole, *MEASURE).code == 0
+    effects = len(counting.effects)
     as_applied = {"speech": ("running", False), "vision": ("running", False)}
     assert machines(whole) == as_applied
     after, left_stopped = cycle(NEXT), 0
 
     for at in range(1, effects, 1 if LONG else max(1, effects // TRIED)):
-        folder = applied(tmp_path / f"killed-{at}")
-        assert rarms(folder, *MEASURE, at=at).returncode == KILLED
+        folder = copy_files(applied, tmp_path / f"killed-{at}")
+        assert killed(folder, *MEASURE, at=at) == KILLED
         left_stopped += ("off", True) in machines(folder).values()
         words = next(after)
 
         again = rarms(folder, *words)
-        if words is not MEASURE and "earlier" in again.stderr:  # that finished the stop or start; nothing else was done
+        if words is not MEASURE and "earlier" in again.err:  # that finished the stop or start; nothing else was done
             again = rarms(folder, *words)
 
-        assert again.returncode == 0, (at, words, again.stderr)
+        assert again.code == 0, (at, words, again.err)
         if words is not MEASURE:  # P1 and P2 are not theirs to remove
-            assert rarms(folder, *MEASURE).returncode == 0
-        assert machines(folder) == as_applied, (at, words, again.stderr)
-        assert rarms(folder, "drift").returncode == 0
+            assert rarms(folder, *MEASURE).code == 0
+        assert machines(folder) == as_applied, (at, words, again.err)
+        assert rarms(folder, "drift").code == 0
     assert left_stopped > 1
