@@ -200,7 +200,8 @@ limit_slice() ( # to all but what is kept for the host; -1: no limit. A larger q
     [ "$SLICE_LIMIT" = -1 ] || for folder in "$slice"*/; do
         [ -d "$folder" ] || continue
         group=$(basename "$folder")
-        [ "$VERSION" = v1 ] || [ -f "$(in_kernel cpu cpu.max)" ] || continue # systemd gives it a quota when asked to
+        # half of one may be there, which a kill left; and systemd gives it a quota when asked to
+        [ -f "$(in_kernel cpuset tasks)" ] || [ -f "$(in_kernel cpu cpu.max)" ] || continue
         # shellcheck disable=SC2046 # four numbers
         set -- $(kernel_values)
         most=$((SLICE_LIMIT * $3 / 100))

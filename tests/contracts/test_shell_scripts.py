@@ -277,7 +277,7 @@ def test_a_script_killed_before_any_effect_is_finished_by_itself_and_by_rarms(
         lab.undo()
     end = lab.host().observe()
 
-    effects = 0
+    effects = 0 if LONG else -29  # the 12th is in the middle of a removal
     while True:
         effects += 1 if LONG else 41
         assert lab.settled() == plan
