@@ -304,7 +304,8 @@ class Started(Thing):
         self.runner, self.program = runner, program
         self.process = Process(name, info.arguments, runner.process, runner.vm.id)
         host.processes.append(self.process)
-        self.ends = runner.clock + self.takes() if program.work_ms and not program.line else float("inf")
+        self.closes = runner.clock + self.takes() if program.work_ms and not program.line else float("inf")
+        self.ends = float("inf") if program.stays else self.closes
         self.next = runner.clock + self.takes() if program.line else float("inf")
 
     def takes(self) -> float:
@@ -326,6 +327,8 @@ class Started(Thing):
         return ReadLine(self)
 
     def do_kill(self) -> Value:
+        if not self.process.alive:
+            raise ScriptError("Cannot process request because the process has exited.", error_id="InvalidOperation")
         self.process.alive = False
         self.ends = self.runner.clock
         return EMPTY
@@ -350,11 +353,11 @@ class ReadLine(Thing):
 
     def do_wait(self, ms: Value) -> bool:
         process = self.process
-        due = min(process.next, process.ends)
+        due = min(process.next, process.closes)
         process.wait(min(float(number(ms)), max(0.0, due - process.runner.clock)))
         if process.runner.clock < due:
             return False
-        if process.next <= process.ends:
+        if process.next <= process.closes:
             took = process.takes()
             self.line, process.next = process.program.line.format(ms=took), process.next + took
         return True

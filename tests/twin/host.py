@@ -80,6 +80,7 @@ class Program:
 
     work_ms: float = 0.0  # 0: it goes on for ever, and says nothing
     line: str = ""  # with `{ms}` for how long it took
+    stays: bool = False  # it closes its output after its work, and does not end
     code: int = 0
 
 

@@ -1,5 +1,6 @@
 """Measuring on the stand-in for Hyper-V: what it finds, what it records, and that nothing of it stays."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,11 +15,14 @@ from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.providers.hyperv import run as provider
+from rarms_iac.providers.hyperv.guest_samples import FORMAT, read_seen
+from tests.twin import guests
 from tests.twin.host import Program, WindowsHost
 from tests.twin.measuring import CREDENTIAL, MANIFEST, a_measurable_windows
 from tests.twin.run import put
 from tests.twin.run import run as run_script
 from tests.twin.transport import Conversation, TwinTransport
+from tests.twin.values import Value
 
 Measured = Callable[..., measure.MeasureOutcome]
 
@@ -140,6 +144,95 @@ def test_of_settings_that_ssh_brings_as_one_text_the_newest_counts(
     (result,) = measured(a_measurable_windows(), reserves=(40, 50)).results
 
     assert [setting.reserve for setting in result.settings] == [40, 50]
+
+
+def test_a_job_that_closes_its_output_and_stays_is_late(measured: Measured) -> None:
+    host = a_measurable_windows(vision=Program(work_ms=20, stays=True))
+    short = MANIFEST.replace("samples: 60 }", "samples: 3 }, timeout: 1 s, failures: 9")
+
+    (result,) = measured(host, short, reserves=(40,)).results
+
+    assert {sample.failure for sample in result.settings[0].series[0].samples} == {"no exit within 1 s"}
+    assert leftovers(host) == []
+
+
+def test_a_session_that_cannot_be_removed_does_not_keep_the_test_partitions(measured: Measured) -> None:
+    host = a_measurable_windows()
+    host.refusals["Remove-PSSession"] = ("Unspecified", "NotSpecified", "The session is broken.")
+
+    with pytest.raises(UseCaseError) as raised:
+        measured(host, reserves=(40,))
+
+    assert "The session is broken." in str([finding.detail for finding in raised.value.diagnostics])
+    assert leftovers(host) == []
+
+
+def test_a_script_that_waits_for_the_host_may_be_silent_as_long(
+    measured: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    allowed: list[float] = []
+    next_line = Conversation.next_line
+
+    def heard(talk: Conversation, silence_s: float) -> str | None:
+        allowed.append(silence_s)
+        return next_line(talk, silence_s)
+
+    monkeypatch.setattr(Conversation, "next_line", heard)
+
+    measured(a_measurable_windows(), reserves=(40,), lock_timeout_ms=300_000)
+
+    assert allowed[0] == 420  # 300 s for the lock
+    assert min(filter(None, allowed)) == 120  # once it is held
+
+
+def test_counters_that_are_slow_to_read_do_not_pile_up(measured: Measured, monkeypatch: pytest.MonkeyPatch) -> None:
+    counters, next_line = guests.counters, Conversation.next_line
+    behind: list[int] = []
+
+    def slowly(host: WindowsHost, counter_set: str) -> list[Value]:
+        host.clock += 500
+        return counters(host, counter_set)
+
+    def heard(talk: Conversation, silence_s: float) -> str | None:
+        line = next_line(talk, silence_s)
+        seen = read_seen(line or "")
+        if seen and seen.seen.startswith("counted") and "Virtual Processor(rarms-p1)" in seen.name:
+            behind.append(seen.at_ms - int(seen.seen.split(" ")[1]))
+        return line
+
+    monkeypatch.setattr(guests, "counters", slowly)
+    monkeypatch.setattr(Conversation, "next_line", heard)
+    measured(a_measurable_windows(), reserves=(40,))
+
+    assert len(behind) > 2
+    assert max(behind) < 1000
+
+
+@pytest.mark.parametrize(
+    ("source", "ticks"),
+    [("", 330_000), ("samples: { from: json_lines, response_time: { field: took, unit: ms } }, ", 0)],
+)
+def test_only_a_process_a_job_is_started_by_its_period(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str, ticks: int
+) -> None:
+    (tmp_path / "rarms.yaml").write_text(
+        MANIFEST.replace("until", f"arrival: {{ every: 33 ms }}, {source}until"), encoding="utf-8"
+    )
+    monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(a_measurable_windows()))
+
+    script, _removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
+
+    assert f"-PeriodTicks {ticks} " in script.text
+
+
+def test_what_a_guest_prints_besides_is_passed_over() -> None:
+    said = ("counted", "counted 5 x 1 1", "counted 5 1 1", "line x", "ended 1 2", "started", "", "WARNING: 5")
+    lines = [
+        json.dumps({"format": FORMAT, "setting": "1 rest.", "name": "p", "seen": seen, "at_ms": 1}) for seen in said
+    ]
+
+    assert [read_seen(line) for line in lines] == [None] * len(said)
+    assert read_seen(lines[0].replace("counted", "counted 5 1 2 3")) is not None
 
 
 @pytest.mark.parametrize("step", [1, 9, 14, 20, 28, 31])

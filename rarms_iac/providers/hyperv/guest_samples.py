@@ -1,5 +1,6 @@
 """What a measuring script says, as samples: lines of guests on their own clocks, and what the hypervisor counted."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -17,6 +18,13 @@ TICKS_MS = 10_000.0
 
 RUN_TIMES = ("% Total Run Time", "% Guest Run Time", "% Hypervisor Run Time")
 """The counters of a set, in the order in which the script writes them; a machine's waits and dispatches follow."""
+
+_SEEN = re.compile(
+    "begun|(loaded|started) [0-9]+|late [0-9]+ [0-9]+|ended [0-9]+ [0-9]+ -?[0-9]+|line [0-9]+ .*"
+    "|counted [0-9]+( -?[0-9]+){3}(( -?[0-9]+){2})?",
+    re.DOTALL,
+)
+"""What a script says that it saw; a guest may print more."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -151,7 +159,7 @@ def read_seen(line: str) -> Seen | None:
         line: of its output.
 
     Returns:
-        None where it is an event, or noise of the host.
+        None where it is an event, or noise of the host or of a guest.
     """
     if not line.startswith("{"):
         return None
@@ -161,7 +169,8 @@ def read_seen(line: str) -> Seen | None:
         return None
     match document:
         case {"format": str(kind), "setting": str(setting), "name": str(name), "seen": str(seen), "at_ms": int(at_ms)}:
-            return Seen(setting=setting, name=name, seen=seen, at_ms=at_ms) if kind == FORMAT else None
+            is_known = kind == FORMAT and _SEEN.fullmatch(seen) is not None
+            return Seen(setting=setting, name=name, seen=seen, at_ms=at_ms) if is_known else None
         case _:
             return None
 

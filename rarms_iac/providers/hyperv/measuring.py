@@ -195,11 +195,12 @@ class HypervMeasuringHost(LiveHypervHost):
         else:
             self._end_session()
 
-    def _next_line(self, session: ScriptSession) -> str:
+    def _next_line(self, session: ScriptSession, silence_s: float = SILENCE_S) -> str:
         """Return the next line of a script that is to go on.
 
         Args:
             session: in which it runs.
+            silence_s: how many seconds it may say nothing.
 
         Returns:
             A line of its output, whatever it is.
@@ -209,9 +210,9 @@ class HypervMeasuringHost(LiveHypervHost):
             HostFailed: it failed, ended, or says nothing any more.
         """
         try:
-            line = session.next_line(SILENCE_S)
+            line = session.next_line(silence_s)
         except SilenceTimeout:
-            raise self._broken(f"the script said nothing for {SILENCE_S:.0f} s") from None
+            raise self._broken(f"the script said nothing for {silence_s:.0f} s") from None
         if line is None:
             match session.ended():
                 case ScriptExited(code=code, last_lines=lines):
@@ -233,11 +234,13 @@ class HypervMeasuringHost(LiveHypervHost):
         """Run a script, from when it says a certain thing."""
         arguments = arguments_of(self._waits, abandoning=False)
         with self._credential_files(), self._transport.session(self._as_signed(script), arguments) as session:
-            self._wait_until(session, is_ready)
+            self._wait_until(session, is_ready, SILENCE_S + self._waits.lock_ms / 1000)
             yield session
 
-    def _wait_until(self, session: ScriptSession, is_so: Callable[[RunEvent], bool]) -> None:
-        while (event := read_event(self._next_line(session))) is None or not is_so(event):
+    def _wait_until(
+        self, session: ScriptSession, is_so: Callable[[RunEvent], bool], silence_s: float = SILENCE_S
+    ) -> None:
+        while (event := read_event(self._next_line(session, silence_s))) is None or not is_so(event):
             continue
 
     def _credential_files(self) -> AbstractContextManager[None]:
@@ -312,15 +315,16 @@ class HypervMeasuringHost(LiveHypervHost):
         folder = self._base / run.folder
         period = float(run.arrival.period) if isinstance(run.arrival, Periodic) else 0.0
         environment = {name: value for name, value in run.environment.items() if isinstance(value, str)}
+        is_lines = run.samples.source != "per_run"
         return GuestWork(
             partition=partition,
             credential=credential,
             name=component.name,
-            kind="runs" if run.samples.source == "per_run" else "lines",
+            kind="lines" if is_lines else "runs",
             words=run.start.words,
             environment={**environment, **({PERIOD_VARIABLE: f"{period:.12g}"} if period else {})},
             files={name: _base64(folder / name) for name in sorted(run.files)},
-            period_ticks=round(TICKS_MS * period),
+            period_ticks=0 if is_lines else round(TICKS_MS * period),
             timeout_ms=round(float(run.timeout)),
         )
 

@@ -51,11 +51,12 @@ function Invoke-Measuring {
 }
 
 function Clear-Bench {
-    # Whoever listened may be gone: nothing is written here.
-    Clear-Work
-    foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
-    $script:Sessions.Clear()
-    Clear-TestPartition
+    # Whoever listened may be gone: nothing is written here. A guest that is lost does not keep its partition.
+    try {
+        Clear-Work
+        foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
+        $script:Sessions.Clear()
+    } finally { Clear-TestPartition }
 }
 
 function Write-Progressed {
@@ -79,7 +80,7 @@ function Step-Setting {
     }
     if ($script:Jobs.Count -and $script:Clock.ElapsedMilliseconds -ge $script:Due) {
         Write-Counter
-        $script:Due += 1000
+        while ($script:Due -le $script:Clock.ElapsedMilliseconds) { $script:Due += 1000 }  # that may take seconds
     }
     Start-Sleep -Milliseconds 100
 }
@@ -87,12 +88,10 @@ function Step-Setting {
 function Read-Setting {
     # Another one is asked for once the whole line is there; of two that came as one, the newer.
     $path = $PSCommandPath + '.next'
+    $text = ''
     try {
-        $text = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { '' }
-    } catch {
-        Write-Verbose -Message $_.Exception.Message
-        $text = ''
-    }
+        if (Test-Path -LiteralPath $path) { $text = [System.IO.File]::ReadAllText($path) }
+    } catch { Write-Verbose -Message $_.Exception.Message }
     if ($text -cmatch '[0-9]+ (?:rest|run(?: [0-9]{1,3})*)\.$') { $Matches[0] } else { $script:Setting }
 }
 

@@ -133,15 +133,20 @@ function Get-GuestRunner {
                         $limit = $clock.Elapsed.Ticks + 10000 * $work.timeout_ms
                     }
                 }
-                if ($late) { $process.Kill() }
-                while (-not $process.WaitForExit(250)) { $late = $late -or $clock.Elapsed.Ticks -gt $limit }
+                # It may close its output and go on; or end just before it is killed.
+                while (-not $process.WaitForExit(250)) {
+                    $late = $late -or $clock.Elapsed.Ticks -gt $limit
+                    if ($late) { try { $process.Kill() } catch { Write-Verbose -Message $_.Exception.Message } }
+                }
                 $now = $clock.Elapsed.Ticks
                 if ($late) { 'late {0} {1}' -f $due, $now }
                 else { 'ended {0} {1} {2}' -f $due, $now, $process.ExitCode }
                 $due += [long] $work.period_ticks
             }
         } finally {
-            foreach ($process in $running) { if (-not $process.HasExited) { $process.Kill() } }
+            foreach ($process in $running) {
+                try { $process.Kill() } catch { Write-Verbose -Message $_.Exception.Message }  # most have ended
+            }
         }
     }
 }
