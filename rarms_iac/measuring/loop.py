@@ -180,7 +180,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
         HostError: the host did not do what was asked; what is recorded stays.
         OSError: the log cannot be written.
     """
-    recorded = settings = log.settings()
+    settings, new = log.settings(), 0
     context.reporter.experiment_started(experiment, settings)
     with ExitStack() as ends:
         ends.callback(context.reporter.experiment_ended)
@@ -196,9 +196,9 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
                 step = setting
                 break
             log.add(setting)
-            settings = (*settings, setting)
+            settings, new = (*(known for known in settings if not setting.repeats(known)), setting), new + 1
             context.reporter.setting_ended(experiment, setting)
-    return LoopResult(conclusion=step, settings=settings, new=len(settings) - len(recorded))
+    return LoopResult(conclusion=step, settings=settings, new=new)
 
 
 def watch(

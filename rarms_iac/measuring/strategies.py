@@ -4,7 +4,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.measuring.search.bracketing import WIDTH
-from rarms_iac.measuring.search.trials import Goal, Member, NextStep, SearchTrial, not_sufficient, sufficient, trial_of
+from rarms_iac.measuring.search.trials import (
+    Goal,
+    Member,
+    NextStep,
+    SearchTrial,
+    is_finished,
+    not_sufficient,
+    sufficient,
+    trial_of,
+)
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import ExperimentStep, Measure, NotResolved, SearchStep, Sufficient, Swept
@@ -49,13 +58,18 @@ class Searching:
     next_step: NextStep
     most: int  # the highest CR that the host can give
     own_settings_only: bool = False  # it walks through settings that it asked for itself, in its own order
-    _trials: list[SearchTrial] = field(default_factory=list)
+    _judged: dict[int, tuple[SearchTrial, bool]] = field(default_factory=dict)  # by `id` of a setting; does it count?
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
         """See `loop.Strategy`."""
-        # NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once.
-        self._trials += [trial_of(setting, self.goal) for setting in settings[len(self._trials) :]]
-        return self._replay(self._trials) if self.own_settings_only else self._step(self._trials)
+        # NOTE: judging a setting reads all of its samples: each is judged once.
+        recorded_before = not self._judged
+        for setting in settings:
+            if id(setting) not in self._judged:
+                counts = not recorded_before or is_finished(setting, self.goal)
+                self._judged[id(setting)] = trial_of(setting, self.goal), counts
+        trials = [trial for trial, counts in (self._judged[id(setting)] for setting in settings) if counts]
+        return self._replay(trials) if self.own_settings_only else self._step(trials)
 
     def _replay(self, trials: Sequence[SearchTrial]) -> SearchStep:
         """Say what it would ask next, had it asked for those trials that it asks for, and for no others."""

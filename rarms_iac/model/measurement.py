@@ -103,6 +103,17 @@ class Setting:
     seed: int = 0  # that chance was drawn from, where the host draws it
     evidence: SettingEvidence | None = None  # None: the host counts nothing
 
+    def repeats(self, other: "Setting") -> bool:
+        """Tell whether this is the same setting, measured once more: it counts instead of the other.
+
+        Args:
+            other: Measured before.
+
+        Returns:
+            Whether reservation and seed are the same.
+        """
+        return (self.reserve, self.seed) == (other.reserve, other.seed)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bench:

@@ -138,6 +138,22 @@ def is_clear(
     return not any(verdict is None or (patient and isinstance(verdict, WithinNoise)) for verdict in verdicts)
 
 
+def is_finished(setting: Setting, goal: Goal) -> bool:
+    """Tell whether a recorded setting would have ended where it did, had it been measured for this goal.
+
+    One that ended early because it missed another threshold may have too few samples for those of today.
+
+    Args:
+        setting: Recorded, perhaps for other thresholds.
+        goal: What is searched.
+
+    Returns:
+        False: it is to be measured again, for longer.
+    """
+    by_component = {series.component: series for series in setting.series}
+    return any(series.unsettled for series in setting.series) or is_clear(by_component, goal)
+
+
 def _is_precise(series: Series, member: Member, precision: float) -> bool:
     """Whether its response times, whose mean says most to a search, are known that well; True if it shows none."""
     mean = estimate("mean_response_time", series, member.run, error=_PRECISE_BUT_FOR, unseen=False)

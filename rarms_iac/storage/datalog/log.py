@@ -76,11 +76,14 @@ class DataLog:
         """The settings that reservations rest on.
 
         A setting that was measured while something else ran gives way to a later one of the same reservation that had
-        the host to itself, and to every later pass that was measured so to its end.
+        the host to itself, and to every later pass that was measured so to its end. One that was measured again for
+        longer, with the same seed, gives way to that.
         """
         clean = self._last_clean_remeasurement()
         return tuple(
-            record for at, record in enumerate(self.recorded) if not (record.is_busy and self._gives_way(at, clean))
+            record
+            for at, record in enumerate(self.recorded)
+            if not (record.is_busy and self._gives_way(at, clean)) and not self._is_repeated(at)
         )
 
     @property
@@ -102,6 +105,13 @@ class DataLog:
         later = self.recorded[at + 1 :]
         return busy.seed < clean or any(
             record.setting.reserve == busy.reserve and not record.is_busy for record in later
+        )
+
+    def _is_repeated(self, at: int) -> bool:
+        record = self.recorded[at]
+        return any(
+            later.setting.repeats(record.setting) and later.is_busy <= record.is_busy
+            for later in self.recorded[at + 1 :]
         )
 
     def _last_clean_remeasurement(self) -> int:

@@ -226,6 +226,21 @@ def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_miss
     assert min(counts.values()) < 400
 
 
+def test_what_ended_early_for_another_threshold_is_measured_again_where_it_leaves_todays_open(bench: Bench) -> None:
+    vision = bench.experiment.members[0]
+    bench.experiment = replace(bench.experiment, members=(replace(vision, apt={"mean_response_time": at_most(20)}),))
+    assert isinstance(bench.measure().conclusion, NotAchievable)
+    short = {setting.reserve: len(setting.series[0].samples) for setting in bench.measure().settings}
+    bench.experiment = replace(bench.experiment, members=(replace(vision, apt={"maximum_response_time": at_most(84)}),))
+    ended = bench.measure()
+
+    counts = {setting.reserve: len(setting.series[0].samples) for setting in ended.settings}
+    assert isinstance(ended.conclusion, Sufficient)
+    assert short[100] < 400 and counts[ended.conclusion.reserve] == 400
+    assert len(counts) == len(ended.settings), "of a setting that was measured again, the longer counts"
+    assert bench.measure().new == 0
+
+
 def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
     vision = replace(bench.experiment.members[0], apt={"mean_response_time": at_most(200)})
     bench.experiment = replace(bench.experiment, members=(vision,))
