@@ -56,7 +56,7 @@ show_controllers() {
 show_kept_files() {
     [ -d "$FOLDER" ] || return 0
     printf 'd %s\n' "$FOLDER"
-    [ -z "$(find "$FOLDER" -prune \( ! -user 0 -o -perm -020 -o -perm -002 \))" ] || echo 'v open yes'
+    ! is_folder_open || echo 'v open yes'
     show_whole "$FOLDER"/*.json "$JOURNAL"
     [ ! -s "$JOURNAL" ] || [ -z "$(tail -c 1 "$JOURNAL")" ] || echo 'v torn yes'
 }

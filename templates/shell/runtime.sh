@@ -226,10 +226,15 @@ processes() {
     done | sort -u
 }
 
+uptime() { # prints hundredths of a second
+    sed 's/\.\(..\).*/\1/' /proc/uptime
+}
+
 ask_to_end() { # GRACE: tenths of a second that its processes have
-    [ "$1" = 0 ] || processes | xargs -r kill -TERM 2>/dev/null || true
-    for _ in $(seq "$1"); do
-        [ -n "$(processes)" ] || break
+    [ "$1" != 0 ] || return 0
+    until=$(($(uptime) + $1 * 10)) # each look takes time, too
+    processes | xargs -r kill -TERM 2>/dev/null || true
+    while [ "$(uptime)" -lt "$until" ] && [ -n "$(processes)" ]; do
         sleep 0.1
     done
 }
@@ -503,15 +508,16 @@ step() { # NUMBER TITLE [gone=NUMBER] before NAME=VALUE... after NAME=VALUE... s
 
 find_control_groups() {
     for ROOT in /sys/fs/cgroup/unified /sys/fs/cgroup; do
-        offered=" $(cat "$ROOT/cgroup.controllers" 2>/dev/null || true) " VERSION=v2
-        case $CONTROL_GROUPS$offered in automatic*' cpu '* | v2*' cpu '*)
-            [ ! -d /run/systemd/system ] ||
-                VERSION=systemd BOOT=systemd UNITS=/etc/systemd/system SLICE=$(printf '%s' "$SLICE" | tr -c 'a-zA-Z0-9_.' '_').slice
-            return 0
-            ;;
-        esac
+        offered=$({ tr ' ' '\n' <"$ROOT/cgroup.controllers"; } 2>/dev/null | grep -cx -e cpuset -e memory -e cpu || true)
+        [ "$offered" = 3 ] || continue
+        [ "$CONTROL_GROUPS" != v1 ] || continue
+        VERSION=v2
+        [ ! -d /run/systemd/system ] ||
+            VERSION=systemd BOOT=systemd UNITS=/etc/systemd/system SLICE=$(printf '%s' "$SLICE" | tr -c 'a-zA-Z0-9_.' '_').slice
+        return 0
     done
     VERSION=v1
+    [ "$CONTROL_GROUPS" = v1 ] || [ ! -d /run/systemd/system ] || CONTROL_GROUPS=v2 # it keeps no sets of processors there
     for controller in cpuset memory cpuacct cpu; do
         [ -w "$ROOT/$controller/cgroup.procs" ] || CONTROL_GROUPS=v2
         [ "$CONTROL_GROUPS" != v2 ] ||
@@ -523,8 +529,14 @@ held_by() { # OWNER
     refuse "held by $1: try again later, or wait with --lock-timeout SECONDS"
 }
 
+is_folder_open() { # for others than root, who may have put there what root would finish
+    [ -n "$(find "$FOLDER" -prune \( ! -user 0 -o -perm -020 -o -perm -002 \))" ]
+}
+
 hold_host() { # until this shell ends
     mkdir -p "$FOLDER"
+    ! is_folder_open ||
+        refuse "others than root may write to $FOLDER: check the files there, then chown -R root and chmod 700 it"
     chmod 700 "$FOLDER"
     exec 9>>"$FOLDER/lock"
     flock -w "$LOCK_TIMEOUT" 9 || held_by "$(cat "$FOLDER/lock")"

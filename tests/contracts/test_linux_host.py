@@ -23,7 +23,7 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
-from rarms_iac.providers.interface import HostDamaged, HostRefused
+from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused
 from tests import builders
 from tests.contracts.benches import groups_of, open_linux, opened_bench
 from tests.laws.test_damaged_file_laws import ODD_VALUES, PLACED, changed, in_time, paths_in
@@ -149,6 +149,32 @@ def test_what_others_may_write_is_not_believed(host: LinuxHostProvider, tmp_path
 def test_the_folder_is_for_root_alone_once_the_host_is_held(host: LinuxHostProvider, tmp_path: Path) -> None:
     with host.lock("ann@lab"):
         assert (tmp_path / "rarms").stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_others_could_fill_is_refused_before_it_is_closed(
+    host: LinuxHostProvider, tmp_path: Path
+) -> None:
+    (tmp_path / "rarms").chmod(0o777)
+
+    for _ in "12":
+        with pytest.raises(HostDamaged, match="others than root may write"), host.lock("ann@lab"):
+            pass
+
+
+def test_the_kernels_refusal_to_remove_a_leftover_is_told_as_such(
+    host: LinuxHostProvider, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (file,) = (tmp_path / "rarms").glob("*.json")
+    document = json.loads(file.read_bytes())
+    file.write_text(json.dumps({**document, "boot": ""}), encoding="ascii")
+
+    def refuse(*_: object) -> None:
+        raise OSError(16, "Device or resource busy")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(host.tree), "remove", refuse)
+        with pytest.raises(HostFailed, match="vision: the kernel refuses: Device or resource busy"):
+            host.lock("ann@lab").__enter__()
 
 
 def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Path) -> None:

@@ -174,6 +174,9 @@ def test_a_folder_that_others_may_write_to_is_not_trusted(host: RemoteLinuxHost,
 
     with pytest.raises(HostDamaged, match=f"others than root may write to {definition.parent}"):
         host.observe()
+    with pytest.raises(HostDamaged, match="others than root may write"), host.lock("ann@lab"):
+        pass
+    assert definition.parent.stat().st_mode & 0o777 == 0o777
 
 
 def test_the_doctor_names_processes_that_nobody_ends(host: RemoteLinuxHost, tmp_path: Path) -> None:

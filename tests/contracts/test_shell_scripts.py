@@ -21,12 +21,14 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, System
-from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
+from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.script import quote, render_shell_scripts
+from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
 from rarms_iac.storage import disk
+from rarms_iac.storage.shipped import shipped_text
 from tests import builders
 from tests.contracts.benches import kernel_effects_on_disk
 from tests.contracts.test_apply_crashes import a_plan
@@ -312,6 +314,65 @@ def test_an_apply_killed_at_any_effect_is_finished_by_the_script(lab: Lab) -> No
             assert again.returncode == 0, (counting.effects[at - 1], again.stderr)
             assert lab.host().observe() == end, counting.effects[at - 1]
             assert not lab.finish(), counting.effects[at - 1]
+
+
+@pytest.mark.needs("control-groups")
+def test_a_script_trusts_no_folder_that_others_may_fill(lab: Lab) -> None:
+    plan = lab.settled()
+    (lab.folder / "state" / lab.slice_name).chmod(0o777)
+
+    for _ in "12":
+        refused = lab.run(plan)
+        assert (refused.returncode, "others than root may write to" in refused.stderr) == (3, True)
+
+
+def in_runtime(commands: str, folder: Path) -> list[str]:
+    """What commands print behind the functions of a script, on a machine whose `/` is this folder."""
+    text = shipped_text("templates/shell/runtime.sh").replace("/sys/fs/cgroup", f"{folder}/sys/fs/cgroup")
+    text = text.replace("/run/systemd/system", f"{folder}/{SYSTEMD_FOLDER}")
+    done = subprocess.run(
+        ["sh"], input=f"set -eu\nHOST=onboard SLICE=rarms\n{text}\n{commands}\n", capture_output=True, text=True
+    )
+    return done.stdout.splitlines()
+
+
+@pytest.mark.needs("root", "linux")
+@pytest.mark.parametrize("setting", ["automatic", "v1", "v2"])
+@pytest.mark.parametrize("boots_systemd", [True, False])
+@pytest.mark.parametrize(
+    ("version_1", "version_2", "place"),
+    [
+        ((), "cpuset cpu io memory", ""),
+        (("cpuset", "memory", "cpuacct", "cpu"), "", "unified"),
+        (("cpuset", "memory"), "cpu io", "unified"),
+    ],
+)
+def test_a_script_chooses_the_version_that_rarms_chooses(
+    tmp_path: Path, setting: str, boots_systemd: bool, version_1: tuple[str, ...], version_2: str, place: str
+) -> None:
+    root = tmp_path / "sys" / "fs" / "cgroup"
+    for folder in (root / place, *(root / name for name in version_1)):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "cgroup.procs").touch()
+    (root / place / "cgroup.controllers").write_text(version_2)
+    if boots_systemd:
+        (tmp_path / SYSTEMD_FOLDER).mkdir(parents=True)
+    chosen = find_tree("rarms", setting, root)
+
+    printed = in_runtime(f'CONTROL_GROUPS={setting}\nfind_control_groups\necho "$VERSION" "$ROOT"', tmp_path)
+
+    if isinstance(chosen, MissingFeatures):
+        assert printed == []
+    else:
+        kind = "systemd" if isinstance(chosen, GroupTreeSystemd) else chosen.version
+        assert printed == [f"{kind} {root if kind == 'v1' else root / place}"]
+
+
+@pytest.mark.needs("linux")
+def test_the_grace_is_a_time_however_long_a_look_takes(tmp_path: Path) -> None:
+    looks = in_runtime("processes() { sleep 0.3; echo look >&2; echo 99999999; }\nask_to_end 10 2>&1", tmp_path)
+
+    assert 1 < len(looks) < 10
 
 
 @pytest.mark.needs("posix")

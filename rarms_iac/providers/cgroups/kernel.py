@@ -1,9 +1,10 @@
 """Files and folders of control groups: each write is one call that the kernel takes or refuses whole."""
 
+import errno
 import os
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 LOOK_SECONDS = 0.005
@@ -73,7 +74,8 @@ def numbers(text: str) -> tuple[int, ...]:
 
 def read(file: Path) -> str:
     """Return the text of a file, without its line end. Raises OSError."""
-    return file.read_text(encoding="ascii").strip()
+    with _missing_when_removed(file):
+        return file.read_text(encoding="ascii").strip()
 
 
 def read_if_there(file: Path) -> str:
@@ -83,8 +85,20 @@ def read_if_there(file: Path) -> str:
 
 def write(file: Path, text: str) -> None:
     """Write a file in one call: the kernel takes or refuses the whole value. Raises OSError where it refuses."""
-    handle = os.open(file, os.O_WRONLY)
+    with _missing_when_removed(file):
+        handle = os.open(file, os.O_WRONLY)
+        try:
+            os.write(handle, text.encode("ascii"))
+        finally:
+            os.close(handle)
+
+
+@contextmanager
+def _missing_when_removed(file: Path) -> Iterator[None]:
+    """Have the kernel's answer for a group that was removed after its file was opened be that for one that is gone."""
     try:
-        os.write(handle, text.encode("ascii"))
-    finally:
-        os.close(handle)
+        yield
+    except OSError as problem:
+        if problem.errno != errno.ENODEV:
+            raise
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file)) from None

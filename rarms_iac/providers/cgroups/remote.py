@@ -239,6 +239,8 @@ class RemoteLinuxHost(LinuxHostProvider):
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         """See the interface: it is held until the connection ends."""
         with self._connection() as shell:
+            self._refresh()
+            self._refuse_writable_folder()
             code, lines = shell.ask("hold", owner, str(-(-timeout_ms // 1000)), seconds=timeout_ms / 1000)
             if code:
                 raise HostLocked(self.name, text_of(lines) or "another process")

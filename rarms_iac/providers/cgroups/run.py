@@ -124,9 +124,8 @@ class LinuxHostProvider(JournaledHost):
     def machine(self) -> LinuxMachine:
         """The machine below."""
         if self._known_machine is None:
-            self._known_machine = self._read_machine()
-            if self.tree.boot:
-                self._known_machine = replace(self._known_machine, boot=self.tree.boot)
+            machine, boot = self._read_machine(), self.tree.boot
+            self._known_machine = replace(machine, boot=boot) if boot else machine
         return self._known_machine
 
     def _find_tree(self) -> GroupTree | MissingFeatures:
@@ -290,13 +289,16 @@ class LinuxHostProvider(JournaledHost):
     def _recover(self) -> None:
         """Take back what a killed run left half done; the definitions have what was there before."""
         if self._folder.stat().st_mode & 0o077:
+            if any(self._folder.glob("*.json*")):
+                self._refuse_writable_folder()
             self._folder.chmod(0o700)
         with self._kernel_errors(self._settings.slice):
             self._effects.limit_slice(slice_limit(self._host, self._processors))
         for definition in self._definitions():
             remove_leftovers(self._file(definition))
             if definition.group and not definition.boot:
-                self._effects.remove(definition.group)
+                with self._kernel_errors(definition.settings.name):
+                    self._effects.remove(definition.group)
                 self._save(replace(definition, group=""))
             elif definition.changing:
                 self._restore(definition)

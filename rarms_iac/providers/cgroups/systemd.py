@@ -37,6 +37,8 @@ _TARGET = "multi-user.target"
 
 _NOT_IN_A_UNIT = re.compile(r"[^a-zA-Z0-9_.]")
 _WAIT_SECONDS = 10.0
+_SYSTEMCTL_SECONDS = 120.0
+"""More than systemd lets any unit take by itself (DefaultTimeoutStopSec)."""
 
 
 def slice_unit(slice_name: str) -> str:
@@ -148,11 +150,20 @@ def _set(unit: str, *properties: str) -> None:
 def _wait_until(holds: Callable[[], bool], message: str) -> None:
     """Wait until the kernel has what systemd was told: systemd answers before."""
     until = time.monotonic() + _WAIT_SECONDS
-    while not holds():
+    while True:
+        with suppress(FileNotFoundError):  # the controller is not on yet
+            if holds():
+                return
         kernel.wait(until, message)
 
 
 def _systemctl(*words: str) -> None:
-    done = subprocess.run(["systemctl", *words], capture_output=True, text=True, errors="replace", check=False)
+    command = ["systemctl", *words]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", check=False, timeout=_SYSTEMCTL_SECONDS
+        )
+    except subprocess.TimeoutExpired as problem:
+        raise TimeoutError(errno.ETIMEDOUT, str(problem)) from None
     if done.returncode:
         raise OSError(errno.EIO, f"systemctl {' '.join(words)}: {done.stderr.strip()}")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.providers.cgroups import kernel
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from tests.needs import require
@@ -116,6 +117,17 @@ def test_a_process_joins_and_is_ended_with_the_group(tree: GroupTree) -> None:
 
     assert process.wait(10) == -9
     assert tree.names() == ()
+
+
+def test_a_group_that_goes_after_its_file_was_opened_is_one_that_is_gone(tree: GroupTree) -> None:
+    tree.make("vision")
+    opened = os.open(tree.place("vision").join[0], os.O_RDWR)
+    tree.remove("vision")
+
+    for touch in (kernel.read, lambda file: kernel.write(file, "0")):
+        with pytest.raises(FileNotFoundError):
+            touch(Path(f"/proc/self/fd/{opened}"))
+    os.close(opened)
 
 
 def test_removing_ends_what_somebody_put_into_a_group_below(tree: GroupTree) -> None:

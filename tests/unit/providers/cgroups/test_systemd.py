@@ -15,6 +15,7 @@ from rarms_iac.providers.cgroups.groups import GroupValues
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
+from rarms_iac.providers.interface import HostRefused
 from tests import builders
 from tests.contracts.benches import on_linux
 
@@ -139,6 +140,40 @@ def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
 
     with pytest.raises(OSError, match=f"systemctl start {VISION}: Access denied"):
         lab.tree.make(VISION)
+
+
+def test_a_controller_that_is_not_on_yet_is_waited_for(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab.tree.make(VISION)
+    read, looks = type(lab.tree).read, [FileNotFoundError(), FileNotFoundError()]
+
+    def read_later(tree: GroupTreeSystemd, name: str) -> GroupValues:
+        if looks:
+            raise looks.pop()
+        return read(tree, name)
+
+    monkeypatch.setattr(GroupTreeSystemd, "read", read_later)
+
+    lab.tree.write(VISION, GroupValues(shares_percent=80))
+
+    assert looks == []
+
+
+def test_a_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    (lab.folder / "systemctl").write_text("#!/bin/sh\nexec sleep 60\n")
+    monkeypatch.setattr(systemd, "_SYSTEMCTL_SECONDS", 0.1)
+
+    with pytest.raises(TimeoutError, match=f"start.*{VISION}"):
+        lab.tree.make(VISION)
+
+
+def test_a_machine_that_could_not_be_read_whole_is_read_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    host = LinuxHostProvider(on_linux(builders.a_host()), lab.folder / "state")
+    found = iter([MissingFeatures(names=("cpu",)), lab.tree])
+    monkeypatch.setattr(host, "_find_tree", lambda: next(found))
+    with pytest.raises(HostRefused):
+        host.machine  # noqa: B018 - reading it is what fails
+
+    assert host.machine.boot == "systemd"
 
 
 def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_version_1(
