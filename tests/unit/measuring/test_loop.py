@@ -236,7 +236,8 @@ def test_what_ended_early_for_another_threshold_is_measured_again_where_it_leave
 
     counts = {setting.reserve: len(setting.series[0].samples) for setting in ended.settings}
     assert isinstance(ended.conclusion, Sufficient)
-    assert short[100] < 400 and counts[ended.conclusion.reserve] == 400
+    assert short[100] < 400
+    assert counts[ended.conclusion.reserve] == 400
     assert len(counts) == len(ended.settings), "of a setting that was measured again, the longer counts"
     assert bench.measure().new == 0
 
