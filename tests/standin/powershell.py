@@ -48,6 +48,7 @@ class How:
     silent_ms: int = 0  # before the script runs
     refuses: str = ""  # what PowerShell says instead of running a script
     garbles: bool = False  # loses a byte of what it is sent
+    meddles_with: str = ""  # the host or a machine, which somebody changes between rarms' look and its script
 
 
 def save(folder: Path, host: WindowsHost) -> None:
@@ -117,6 +118,8 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
     with mutex(folder) as free:
         host = load(folder)
         host.mutex = "" if free else "held"
+        if not script.name.startswith("observe"):
+            _meddle(host, how.meddles_with)
         for path in script.parent.glob("*.ps1"):
             host.write_file(f"{FOLDER}\\{path.name}", path.read_bytes())
 
@@ -158,6 +161,15 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         if free:
             save(folder, host)
         return code
+
+
+def _meddle(host: WindowsHost, name: str) -> None:
+    """Somebody takes processors out of the host, or changes a machine's weight."""
+    if name == "host":
+        host.logical_processors -= 1
+    for vm in host.vms.values():
+        if vm.name == name:
+            vm.weight += 1
 
 
 def _lock_timeout(given: Sequence[str]) -> int:

@@ -62,6 +62,11 @@ def apply(remote: Remote, *more: str) -> Ended:
     return remote.rarms("apply", "--auto-approve", *more)
 
 
+def change_manifest(remote: Remote, before: str, after: str) -> None:
+    path = remote.folder / "rarms.yaml"
+    path.write_text(path.read_text(encoding="utf-8").replace(before, after), encoding="utf-8", newline="\n")
+
+
 def is_as_wanted(remote: Remote) -> bool:
     planned = remote.rarms("plan")
     return planned.code == 0 and EMPTY in planned.out
@@ -168,6 +173,7 @@ def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_fi
     lost = finish(running)
     assert lost.code == 1, lost
     assert "RARMS250" in lost.err
+    assert "Run `rarms apply`: it asks the host's own journal" in " ".join(lost.err.split())
     remote.ask()
     finished = apply(remote)
     while finished.code == 3:  # the script there goes on until its next step
@@ -176,6 +182,44 @@ def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_fi
     assert finished.code == 0, finished
     assert "finished the run that was begun earlier" in " ".join(finished.err.split())
     assert is_as_wanted(remote)
+
+
+def test_a_host_that_changed_since_rarms_looked_is_not_touched(remote: Remote) -> None:
+    remote.ask(meddles_with="host")
+    refused = apply(remote)
+    remote.ask()
+
+    assert refused.code == 3, refused
+    assert "No step was done. Look with `rarms drift`, then make a new plan." in " ".join(refused.err.split())
+    assert remote.rarms("drift").code == 5, "nothing of it is applied yet"
+    change_manifest(remote, "logical_processors: 8", "logical_processors: 7")
+    assert remote.rarms("plan", "--out", "new.json").code == 2
+    assert remote.rarms("apply", "new.json").code == 0
+
+
+def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Remote) -> None:
+    assert apply(remote).code == 0
+    change_manifest(remote, "reserve: 20 %", "reserve: 24 %")
+    remote.ask(meddles_with="vision")
+    refused = apply(remote)
+    remote.ask()
+
+    assert refused.code == 3, refused
+    assert "Nothing more was changed. Look with `rarms drift`; " in " ".join(refused.err.split())
+    drifted = remote.rarms("drift")
+    assert drifted.code == 2, drifted
+    assert "vision" in drifted.out
+    assert apply(remote).code == 0
+    assert is_as_wanted(remote)
+
+
+def test_an_apply_from_an_elevated_prompt_does_what_one_without_may_not(remote: Remote) -> None:
+    remote.put(an_empty_host().copy(elevated=False, hyperv_administrator=True))
+    examined = remote.rarms("doctor")
+    remote.put(an_empty_host())
+
+    assert "Run `rarms apply` from a prompt that was opened with" in " ".join(examined.out.split())
+    assert apply(remote).code == 0
 
 
 def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: Remote) -> None:

@@ -744,8 +744,8 @@ OTHER_TESTS = {
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Name the components that matter": "test_of_a_large_page_components_can_be_named",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
-    "Run `rarms apply` from a prompt that was opened with": "tests/system/test_doctor_hyperv.py",
-    "see what this kernel lacks: `rarms doctor`": "tests/system/test_doctor.py",
+    "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
+    "see what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
     "or adopt the right machine with": "tests/cases/foreign-mark",
     "Look with `rarms drift`;": "tests/system/test_remote_host.py",  # a script's step failed
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
@@ -755,8 +755,8 @@ OTHER_TESTS = {
     "(`rarms show --script PLAN --guest {inside}": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
-    "somebody changed cpuset.cpus of its group": "tests/contracts/test_linux_host.py",
-    "`rarms apply` starts what is off": "tests/contracts/test_shell_scripts.py",  # after a restart
+    "somebody changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
+    "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     # On Linux, or at another moment, what a situation says:

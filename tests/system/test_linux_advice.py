@@ -1,0 +1,101 @@
+"""What messages about control groups recommend, run on real ones in the situation that each message is about."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import chdir
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from tests.contracts.benches import forget_groups, groups_of, slice_of
+from tests.unit.cli.running import rarms
+
+pytestmark = [pytest.mark.needs("control-groups")]
+
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: advice }}
+hosts:
+  here:
+    provider: linux
+    logical_processors: {processors}
+    memory: 1 GiB
+    keep_for_host: {{ processor: 10 %, memory: 256 MiB }}
+    linux: {{ slice: {slice}, mechanism: deadline }}
+components:
+  eyes:
+    criticality: 20
+    memory: 64 MiB
+    cpu: {{ reserve: 20 % }}
+    apt: {{ mean_response_time: {{ at_most: 25 ms }} }}
+    run: {{ command: [python3, -c, pass], until: {{ samples: 1 }}, samples: {{ from: per_run }} }}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    """A folder with the manifest, which is applied; the machine is as before afterwards."""
+    slice_name = slice_of(tmp_path)
+    text = MANIFEST.format(processors=len(os.sched_getaffinity(0)), slice=slice_name)
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
+    run(tmp_path, "apply", "--auto-approve")
+    yield tmp_path
+    forget_groups(tmp_path)
+    shutil.rmtree(STATE_FOLDER / slice_name, ignore_errors=True)
+
+
+def run(folder: Path, command: str, *words: str, ends: int = 0) -> str:
+    """All that a command says that must end so, in one line."""
+    with chdir(folder):
+        ran = rarms(command, *words)
+    assert ran.code == ends, ran.out + ran.err
+    return " ".join((ran.out + ran.err).split())
+
+
+def test_after_a_restart_of_the_machine_an_apply_starts_what_is_off(folder: Path) -> None:
+    groups_of(folder).remove("eyes")
+    for definition in (STATE_FOLDER / slice_of(folder)).glob("*.json"):
+        text = definition.read_text(encoding="ascii")
+        definition.write_text(text.replace(this_machine().boot, "an earlier start"), encoding="ascii")
+
+    assert "`rarms apply` starts what is off" in run(folder, "doctor")
+    run(folder, "apply", "--auto-approve")
+
+    assert groups_of(folder).names() == ("eyes",)
+    assert "starts what is off" not in run(folder, "doctor")
+
+
+def test_processors_that_somebody_took_from_a_deadline_are_shown_by_plan_and_given_back_by_apply(folder: Path) -> None:
+    groups = groups_of(folder)
+    groups.write("eyes", replace(groups.read("eyes"), processors=(0,)))
+
+    # `rarms prove` refuses before with RARMS119; only a change after that look meets the advice itself.
+    assert "eyes holds 1 of" in run(folder, "run", "eyes")
+    assert "eyes" in run(folder, "plan", ends=2)
+    run(folder, "apply", "--auto-approve")
+
+    assert groups.read("eyes").processors is None
+    assert "without a reservation" not in run(folder, "run", "eyes")
+
+
+def test_where_the_kernel_refuses_the_doctor_looks_at_what_it_lacks(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(16, "Device or resource busy")
+
+    manifest = folder / "rarms.yaml"
+    manifest.write_text(manifest.read_text(encoding="utf-8").replace("64 MiB", "96 MiB"), encoding="utf-8")
+    with monkeypatch.context() as patched:
+        patched.setattr(type(groups_of(folder)), "write", refuse)
+        refused = run(folder, "apply", "--auto-approve", ends=1)
+
+    assert "See what this kernel lacks: `rarms doctor`" in refused
+    run(folder, "doctor")
+    run(folder, "apply", "--auto-approve")
+    assert isinstance(groups_of(folder), GroupTree)
