@@ -70,6 +70,7 @@ def test_after_a_restart_of_the_machine_an_apply_starts_what_is_off(folder: Path
     assert "starts what is off" not in run(folder, "doctor")
 
 
+@pytest.mark.alone  # other tests' deadlines take from what the kernel admits
 def test_processors_that_somebody_took_from_a_deadline_are_shown_by_plan_and_given_back_by_apply(folder: Path) -> None:
     groups = groups_of(folder)
     groups.write("eyes", replace(groups.read("eyes"), processors=(0,)))

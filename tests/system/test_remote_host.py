@@ -213,6 +213,19 @@ def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Re
     assert is_as_wanted(remote)
 
 
+def test_a_machine_whose_mark_names_another_is_adopted_as_recommended(remote: Remote) -> None:
+    assert apply(remote).code == 0
+    host = remote.host
+    (vision,) = (vm for vm in host.vms.values() if vm.name == "vision")
+    vision.notes = re.sub("vm=[0-9a-f]{8}", "vm=00000000", vision.notes)
+    remote.put(host)
+
+    planned = remote.rarms("plan")
+    assert "adopt the right machine with `rarms import PARTITION --id ID`" in " ".join(planned.err.split())
+    assert remote.rarms("import", "vision", "--id", vision.id, "--auto-approve").code == 0
+    assert is_as_wanted(remote)
+
+
 def test_an_apply_from_an_elevated_prompt_does_what_one_without_may_not(remote: Remote) -> None:
     remote.put(an_empty_host().copy(elevated=False, hyperv_administrator=True))
     examined = remote.rarms("doctor")

@@ -746,7 +746,7 @@ OTHER_TESTS = {
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
     "see what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
-    "or adopt the right machine with": "tests/cases/foreign-mark",
+    "or adopt the right machine with": "tests/system/test_remote_host.py",
     "Look with `rarms drift`;": "tests/system/test_remote_host.py",  # a script's step failed
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
