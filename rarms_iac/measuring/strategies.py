@@ -59,15 +59,16 @@ class Searching:
     most: int  # the highest CR that the host can give
     own_settings_only: bool = False  # it walks through settings that it asked for itself, in its own order
     _judged: dict[int, tuple[SearchTrial, bool]] = field(default_factory=dict)  # by `id` of a setting; does it count?
+    _has_begun: bool = False  # what comes after the first step was measured for this goal
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
         """See `loop.Strategy`."""
         # NOTE: judging a setting reads all of its samples: each is judged once.
-        recorded_before = not self._judged
         for setting in settings:
             if id(setting) not in self._judged:
-                counts = not recorded_before or is_finished(setting, self.goal)
+                counts = self._has_begun or is_finished(setting, self.goal)
                 self._judged[id(setting)] = trial_of(setting, self.goal), counts
+        self._has_begun = True
         trials = [trial for trial, counts in (self._judged[id(setting)] for setting in settings) if counts]
         return self._replay(trials) if self.own_settings_only else self._step(trials)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.machine import this_machine
 from rarms_iac.providers.cgroups.run import STATE_FOLDER
 from tests.contracts.benches import forget_groups, groups_of, slice_of
@@ -99,4 +98,4 @@ def test_where_the_kernel_refuses_the_doctor_looks_at_what_it_lacks(
     assert "See what this kernel lacks: `rarms doctor`" in refused
     run(folder, "doctor")
     run(folder, "apply", "--auto-approve")
-    assert isinstance(groups_of(folder), GroupTree)
+    assert groups_of(folder).read("eyes").memory == 96 * 2**20

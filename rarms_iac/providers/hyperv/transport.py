@@ -36,6 +36,14 @@ SHELLS = ("pwsh", "powershell")
 OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """Nobody but the owner, Administrators and SYSTEM, wherever `TEMP` points."""
 
+READY = "rarms-bootstrap/1 ready"
+FAILED = "rarms-bootstrap/1 failed"
+FAILED_CODE = 90
+STOP = b"s"
+
+_PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
+_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1")
+
 
 class Listener(Protocol):
     """Who runs a script: told each line, and asked whether to stop."""
@@ -280,15 +288,6 @@ def _follow(
     if code is None:
         return ScriptLost(why="it closed its output and did not end")
     return ScriptExited(code=code, last_lines=channel.error_lines)
-
-
-READY = "rarms-bootstrap/1 ready"
-FAILED = "rarms-bootstrap/1 failed"
-FAILED_CODE = 90
-STOP = b"s"
-
-_PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
-_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1")
 
 
 def render_bootstrap() -> bytes:

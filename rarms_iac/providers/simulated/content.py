@@ -38,6 +38,20 @@ from rarms_iac.storage.digest import canonical, parse_json
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
 
+FORMAT = "rarms-simulated-host/1"
+DISK_FOLDER = "C:\\disks"
+"""The folder of a simulated host's disks, as its facts name it."""
+
+_HEAD = re.compile(r'\{"format":"(?P<format>[^"\\]{1,60})","checksum":"(?P<checksum>[0-9a-f]{64})","content":')
+_TAIL = "}\n"
+_PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
+
+LONGEST_NAME = 100
+"""Characters of a machine's name (windows.md 10)."""
+
+MOST_PROCESSORS = {1: 64, 2: 240}
+"""Virtual processors by generation (windows.md 2)."""
+
 Values = Mapping[str, RegistryValue]
 
 
@@ -151,15 +165,6 @@ def empty(host: str) -> Content:
 def next_id(content: Content, name: str) -> str:
     """The id of the next machine, if it is called so."""
     return str(uuid.uuid5(uuid.UUID(content.id), f"{name}/{content.made + 1}"))
-
-
-FORMAT = "rarms-simulated-host/1"
-DISK_FOLDER = "C:\\disks"
-"""The folder of a simulated host's disks, as its facts name it."""
-
-_HEAD = re.compile(r'\{"format":"(?P<format>[^"\\]{1,60})","checksum":"(?P<checksum>[0-9a-f]{64})","content":')
-_TAIL = "}\n"
-_PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
 
 
 def write_content(content: Content) -> bytes:
@@ -334,14 +339,6 @@ def _check_id(path: str, text: str) -> None:
         sound = False
     if not sound:
         raise NotDecodable(path, f"{quoted(text)} is no id")
-
-
-LONGEST_NAME = 100
-"""Characters of a machine's name (windows.md 10)."""
-
-
-MOST_PROCESSORS = {1: 64, 2: 240}
-"""Virtual processors by generation (windows.md 2)."""
 
 
 def out_of_range(settings: PartitionSettings) -> str:
