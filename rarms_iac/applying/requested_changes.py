@@ -17,6 +17,10 @@ from rarms_iac.storage.digest import set_of_settings
 
 Locator = Callable[[Address], Place | None]
 
+NO_SUCH_MACHINE = Finding.error("RARMS195", "No machine on the host has this id")
+TAKEN = Finding.error("RARMS196", "The machine or the partition is taken already")
+NOT_MANAGED = Finding.error("RARMS197", "This partition is not managed by this application")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopScope:
@@ -128,11 +132,6 @@ def _started(partition: Partition) -> Partition:
         state=RunState.RUNNING,
         mark=replace(partition.mark, stopped_by=StoppedBy.NOBODY),
     )
-
-
-NO_SUCH_MACHINE = Finding.error("RARMS195", "No machine on the host has this id")
-TAKEN = Finding.error("RARMS196", "The machine or the partition is taken already")
-NOT_MANAGED = Finding.error("RARMS197", "This partition is not managed by this application")
 
 
 def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic | None:

@@ -28,6 +28,11 @@ probability of 0.00074, in 1 % of runs: 21 looks count like 14 independent ones,
 (`benchmarks/verdicts.py` simulates it). So the bounds of a setting hold whenever it ended, and need not know why.
 """
 
+_TINY = 1e-300
+_TERMS = 400
+_HALVINGS = 52
+_NORMAL_ENOUGH = 400.0  # degrees of freedom from which Student's t is the normal within 0.3 %
+
 
 def shared_error(parts: int, error: float = ERROR) -> float:
     """Share an error among several statements, so that it holds for all of them together (union bound).
@@ -89,12 +94,6 @@ ERRORS_EXPLAINED: Final = (
     "beyond it."
 )
 """The same words in the terminal, in the report and in the documentation."""
-
-
-_TINY = 1e-300
-_TERMS = 400
-_HALVINGS = 52
-_NORMAL_ENOUGH = 400.0  # degrees of freedom from which Student's t is the normal within 0.3 %
 
 
 def normal_quantile(probability: float) -> float:

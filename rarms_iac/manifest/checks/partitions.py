@@ -31,6 +31,13 @@ TOGETHER_IS_SEPARATED = Finding.error("RARMS052", "Components that must be toget
 HOST_COMPONENT_WITH_CPU = Finding.error("RARMS059", "A component that runs on the host has settings of a partition")
 NO_COMMON_HOST = Finding.error("RARMS093", "Components of one partition have no host in common")
 
+BELOW_MEMBERS = Finding.warning("RARMS065", "A partition has less memory than its components")
+MEMORY_OVER_HOST = Finding.error("RARMS066", "More memory than any host has")
+NOT_A_MACHINES = Finding.error("RARMS067", "Memory that Hyper-V does not take")
+
+
+_MEBIBYTE = 2**20
+
 
 def several_partitions(system: System) -> Iterator[Violation]:
     """Every partition but the first that lists a component."""
@@ -223,14 +230,6 @@ def _no_common_host_violation(system: System, path: Path, inside: list[Component
         detail=f"These components share a partition, but no host is allowed for all of them: {each}.",
         advice="Allow a common host in `hosts` of each, or put them into different partitions.",
     )
-
-
-BELOW_MEMBERS = Finding.warning("RARMS065", "A partition has less memory than its components")
-MEMORY_OVER_HOST = Finding.error("RARMS066", "More memory than any host has")
-NOT_A_MACHINES = Finding.error("RARMS067", "Memory that Hyper-V does not take")
-
-
-_MEBIBYTE = 2**20
 
 
 def partition_memory_below_members(system: System) -> Iterator[Violation]:

@@ -15,6 +15,16 @@ _ALIGNED = 64  # trailing comments of neighbouring lines line up while the lines
 
 _LONGEST_KEY = 1000  # YAML allows 1024 characters up to the colon
 
+# What some YAML, 1.1 or 1.2, would not read as text; quotes that a user put around these stay.
+_NOT_TEXT = re.compile(
+    r"(?i:~|null|true|false|yes|no|on|off|y|n|<<|=)|[-+]?\.(?i:inf|nan)|[-+.]?[0-9][-+0-9a-fA-FxoXO_.:eETZ ]*|"
+)
+# Text that needs no quotes to be read as what it is, by people too: a pattern or a formula keeps its own.
+_PLAIN = re.compile(r"(?:[\w./]|--?\w)(?:[\w ./+=@~%,-]|:(?=\w))*")
+_BREAKS_FLOW = re.compile(r"[,\[\]{}:?]")
+_QUANTITY = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([A-Za-z%/]+)")
+_SHORT_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\0": "\\0"}
+
 
 class KeyTooLong(ValueError):
     """A key that only the form `? key` can hold, which no manifest needs."""
@@ -217,17 +227,6 @@ def _text(lines: list[WrittenLine]) -> str:
 def _aligned(run: list[WrittenLine]) -> list[str]:
     column = max((len(line.text) for line in run if len(line.text) <= _ALIGNED), default=0)
     return [f"{line.text.ljust(column)}  {line.comment}" for line in run]
-
-
-# What some YAML, 1.1 or 1.2, would not read as text; quotes that a user put around these stay.
-_NOT_TEXT = re.compile(
-    r"(?i:~|null|true|false|yes|no|on|off|y|n|<<|=)|[-+]?\.(?i:inf|nan)|[-+.]?[0-9][-+0-9a-fA-FxoXO_.:eETZ ]*|"
-)
-# Text that needs no quotes to be read as what it is, by people too: a pattern or a formula keeps its own.
-_PLAIN = re.compile(r"(?:[\w./]|--?\w)(?:[\w ./+=@~%,-]|:(?=\w))*")
-_BREAKS_FLOW = re.compile(r"[,\[\]{}:?]")
-_QUANTITY = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([A-Za-z%/]+)")
-_SHORT_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\0": "\\0"}
 
 
 def one_line(scalar: Scalar, *, flow: bool = False, quantity: bool = False) -> str:
