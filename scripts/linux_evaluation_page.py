@@ -20,7 +20,8 @@ from rarms_iac.model.run import Periodic
 from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.find_tree import find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.statistics.errors import ERROR, share_interval
+from rarms_iac.statistics.distributions import share_interval
+from rarms_iac.statistics.errors import ERROR
 from scripts.linux_evaluation import (
     BROWSERS,
     FDP,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.evidence import TRIES, disturbance, with_evidence
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     memory_for_load,
@@ -20,7 +21,7 @@ from rarms_iac.measuring.partitions import (
     shapes_of_test_partitions,
 )
 from rarms_iac.measuring.search.trials import is_clear
-from rarms_iac.measuring.settling import TRIES, Contender, Settling, disturbance, wants_all_processors, with_evidence
+from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting, SettingEvidence, columns_of

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.measuring.settling import disturbance
+from rarms_iac.measuring.evidence import disturbance
 from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import Provenance, Recorded

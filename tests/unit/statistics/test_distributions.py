@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from rarms_iac.statistics.errors import beta_quantile, share_below, share_interval, student_quantile
+from rarms_iac.statistics.distributions import beta_quantile, share_below, share_interval, student_quantile
 
 
 @pytest.mark.parametrize(
