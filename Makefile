@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-linux test test-long test-lowest lint test-windows generated figures evaluation pictures docs bench clean
+.PHONY: help demo demo-linux test test-long test-lowest lint test-laboratory test-windows generated figures evaluation pictures docs bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -27,6 +27,9 @@ test-long: $(TESTS) ## The same with the large counts, then unit tests and laws 
 
 test-lowest: $(TESTS) ## The unit tests and laws with the lowest allowed versions of all dependencies
 	@scripts/lowest-versions
+
+test-laboratory: $(TESTS) ## The tests of benchmarks, the paper's figures and the Linux evaluation
+	@.venv/bin/python -m pytest --numprocesses auto laboratory/tests
 
 lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and the house rules
 	@scripts/lint

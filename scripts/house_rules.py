@@ -32,7 +32,8 @@ EMPTY_NAMES = frozenset(
 TESTS = Path("tests/unit")
 TESTED_ROOMS = ("diff", "model", "planner", "running", "statistics", "storage")
 """Whose tests name things as the package does; the rest of what is no package binds no `one`."""
-BESIDE_THE_PACKAGE = (Path("tests"), Path("benchmarks"), Path("scripts"))
+LABORATORY = Path("laboratory")
+BESIDE_THE_PACKAGE = (Path("tests"), LABORATORY, Path("scripts"))
 
 WITH_CONTRACTS = ("app/", "diff/", "measuring/", "planner/", "providers/interface.py", "statistics/", "storage/")
 """Where every public function and method says all of what it takes, gives back and raises."""
@@ -49,9 +50,13 @@ def breaches(package: Path) -> Iterator[str]:
             yield from _contracts_in_part(path, tree)
         if module not in MAY_READ:
             yield from _other_readers(path, tree)
+        yield from _imports_of_the_laboratory(path, tree)
     for path in sorted(path for room in BESIDE_THE_PACKAGE for path in room.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
         names = EMPTY_NAMES if any(path.is_relative_to(TESTS / room) for room in TESTED_ROOMS) else frozenset({"one"})
-        yield from _names_that_say_nothing(path, ast.parse(path.read_text(encoding="utf-8")), names)
+        yield from _names_that_say_nothing(path, tree, names)
+        if not path.is_relative_to(LABORATORY):
+            yield from _imports_of_the_laboratory(path, tree)
 
 
 def _classes_of_two_meanings(trees: dict[Path, ast.Module]) -> Iterator[str]:
@@ -150,6 +155,19 @@ def _opens_a_file(call: ast.Call) -> bool:
             return not call.args or any(isinstance(mode, ast.Constant) for mode in modes)
         case _:
             return False
+
+
+def _imports_of_the_laboratory(path: Path, tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        match node:
+            case ast.ImportFrom(module=str(module)):
+                modules = [module]
+            case ast.Import(names=names):
+                modules = [alias.name for alias in names]
+            case _:
+                continue
+        if any(module.split(".")[0] == LABORATORY.name for module in modules):
+            yield f"{path.as_posix()}:{node.lineno}: the laboratory imports the package, and nothing imports it"
 
 
 def main() -> int:

@@ -21,7 +21,8 @@ LOOK_ERROR: Final = ERROR / 14
 
 The largest of the standardised means at 40, 57, 80, ... 40,000 samples lies above 3.18, where one lies with a
 probability of 0.00074, in 1 % of runs: 21 looks count like 14 independent ones, since they share their samples
-(`benchmarks/verdicts.py` simulates it). So the bounds of a setting hold whenever it ended, and need not know why.
+(`laboratory/benchmarks/verdicts.py` simulates it). So the bounds of a setting hold whenever it ended, and need not know
+why.
 """
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.fleet import manifest as fleet
 from rarms_iac.model.diagnostics import Finding, Place, Severity
 from rarms_iac.views.markdown import findings_markdown
 from rarms_iac.views.pull_request import LONGEST_COMMENT, failure_comment, marker
 from tests.files import copy_files
+from tests.fleet import manifest as fleet
 from tests.unit.cli.running import rarms
 
 HEAD = "schema: rarms/v1\napplication: { name: cell }\n"

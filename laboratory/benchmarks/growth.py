@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 
-from benchmarks.timing import Figure, interleaved, median_ratio, report
+from laboratory.benchmarks.timing import Figure, interleaved, median_ratio, report
 from rarms_iac.applying.goals import HostGoal, goals_of
 from rarms_iac.applying.prepare import PlanningRequest, prepare
 from rarms_iac.diff.compare import compare

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import yaml
 
-from benchmarks.fleet import manifest
-from benchmarks.timing import Figure, interleaved, median_ratio, report
+from laboratory.benchmarks.timing import Figure, interleaved, median_ratio, report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import validate
 from rarms_iac.manifest.edit.formatting import format_text
+from tests.fleet import manifest
 
 ROUNDS = 15
 FORMATTED = 5

@@ -1,4 +1,4 @@
-"""Whether the simulated host foretells the least reservation on this Linux: `-m benchmarks.linux_prediction`.
+"""Whether the simulated host foretells the least reservation on this Linux: `-m laboratory.linux.prediction`.
 
 Ten programs of known kinds run alone first: what a job consumes and how long it waits is their demand. With it the
 simulated host says from which reservation on the mean response time is short enough; then real runs beside a busy loop
@@ -14,6 +14,16 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
+from laboratory.linux.experiments import (
+    BUSY,
+    COMPONENT_GROUP,
+    Laboratory,
+    Record,
+    laboratory,
+    series_of,
+    value_of,
+    work_of,
+)
 from rarms_iac.model.measurement import P2_WEIGHT
 from rarms_iac.model.run import Elapsed, Field, Run, Samples
 from rarms_iac.model.system import Component
@@ -27,16 +37,6 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from scripts.linux_experiments import (
-    BUSY,
-    COMPONENT_GROUP,
-    Laboratory,
-    Record,
-    laboratory,
-    series_of,
-    value_of,
-    work_of,
-)
 from tests.builders import a_component, a_run, milliseconds
 
 PROGRAM = """\

@@ -1,9 +1,9 @@
 """Whether what `rarms measure` finds enough is enough: random components on the simulated host, against long runs.
 
-`python -m benchmarks.measuring [COMPONENTS [ANSWERS]]` measures so many components (2,000 unless said), of 0.5 to 500
-ms, closed and periodic, by every strategy. The same settings are measured once. What is found is run again from another
-seed, until it is decided or for as long as it takes to know its index closely. An answer is wrong where that run shows
-a threshold to be missed. ANSWERS is a file of JSON Lines: components that it has are not measured again.
+`python -m laboratory.benchmarks.measuring [COMPONENTS [ANSWERS]]` measures so many components (2,000 unless said), of
+0.5 to 500 ms, closed and periodic, by every strategy. The same settings are measured once. What is found is run again
+from another seed, until it is decided or for as long as it takes to know its index closely. An answer is wrong where
+that run shows a threshold to be missed. ANSWERS is a file of JSON Lines: components that it has are not measured again.
 """
 
 import json
@@ -19,8 +19,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import cast
 
-from benchmarks.components import walk
-from benchmarks.timing import Figure, report
+from laboratory.benchmarks.components import walk
+from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.measuring.loop import MeasuringContext, MeasuringReporter, SettingsLog, measure
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.search import STRATEGIES

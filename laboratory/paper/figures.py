@@ -5,10 +5,10 @@ The same code gives the same bytes; tests hold the numbers with fewer jobs.
 
 from pathlib import Path
 
-from scripts.paper_drawing import Chart, draw
-from scripts.paper_experiments import FDP, PPP, SRP, VSP, Loaded, figure_1, figure_3, figure_3_together, figure_4
+from laboratory.paper.drawing import Chart, draw
+from laboratory.paper.experiments import FDP, PPP, SRP, VSP, Loaded, figure_1, figure_3, figure_3_together, figure_4
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 SEEDS = (1, 2, 3)
 JOBS = 300
 UNTIL_MS = 20_000.0

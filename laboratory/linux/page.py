@@ -1,6 +1,6 @@
-"""Writes docs/evaluation.md and its figures from what `scripts.linux_evaluation` recorded.
+"""Writes docs/evaluation.md and its figures from what `laboratory.linux.evaluation` recorded.
 
-Usage: python -m scripts.linux_evaluation_page FOLDER-OF-THE-ROBOT LOG
+Usage: python -m laboratory.linux.page FOLDER-OF-THE-ROBOT LOG
 """
 
 import os
@@ -13,16 +13,7 @@ from math import inf, isfinite
 from pathlib import Path
 from statistics import median
 
-from benchmarks.linux_prediction import demand_of, foretold
-from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.measurement import run_of
-from rarms_iac.model.run import Periodic
-from rarms_iac.model.system import Component
-from rarms_iac.providers.cgroups.find_tree import find_tree
-from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.statistics.distributions import share_interval
-from rarms_iac.statistics.errors import ERROR
-from scripts.linux_evaluation import (
+from laboratory.linux.evaluation import (
     BROWSERS,
     FDP,
     JUDGED,
@@ -37,7 +28,7 @@ from scripts.linux_evaluation import (
     components_of,
     rules,
 )
-from scripts.linux_experiments import (
+from laboratory.linux.experiments import (
     LONG_S,
     MEASURED_JOBS,
     MEASURED_S,
@@ -52,10 +43,19 @@ from scripts.linux_experiments import (
     values_of,
     work_of,
 )
-from scripts.linux_verdicts import DRAWS, FARTHEST, NEAREST, VerdictCount, count_verdicts
-from scripts.paper_drawing import Chart, draw
+from laboratory.linux.prediction import demand_of, foretold
+from laboratory.linux.verdicts import DRAWS, FARTHEST, NEAREST, VerdictCount, count_verdicts
+from laboratory.paper.drawing import Chart, draw
+from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.measurement import run_of
+from rarms_iac.model.run import Periodic
+from rarms_iac.model.system import Component
+from rarms_iac.providers.cgroups.find_tree import find_tree
+from rarms_iac.providers.cgroups.groups import GroupTree
+from rarms_iac.statistics.distributions import share_interval
+from rarms_iac.statistics.errors import ERROR
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 INTRODUCTION = """\
 Written by `make evaluation`, as root, from the real components of `manifests/delivery-robot-linux`: nothing here is
 simulated. Reservations are shares of control groups, the interfering load is a busy loop on every processor. The

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.verdicts import (
+from laboratory.benchmarks.verdicts import (
     APT,
     BEFORE,
     FAR,

@@ -1,6 +1,6 @@
-"""Measures the Linux delivery robot on this machine, as root, for `scripts.linux_evaluation_page`.
+"""Measures the Linux delivery robot on this machine, as root, for `laboratory.linux.page`.
 
-Usage: python -m scripts.linux_evaluation FOLDER-OF-THE-ROBOT LOG [SECONDS]
+Usage: python -m laboratory.linux.evaluation FOLDER-OF-THE-ROBOT LOG [SECONDS]
 
 LOG holds what is done already. After SECONDS (none: never) it ends with exit code 3 where there is more to do.
 """
@@ -15,9 +15,9 @@ from math import ceil
 from pathlib import Path
 from statistics import fmean
 
+from laboratory.linux.experiments import Experiment, Log, laboratory, meets, percentile, usage, values_in
 from rarms_iac.manifest.load import load
 from rarms_iac.model.system import Component
-from scripts.linux_experiments import Experiment, Log, laboratory, meets, percentile, usage, values_in
 
 FDP, SRP, PPP, VSP = "face-detection", "speech-recognition", "path-planning", "video-streaming"
 RESERVES = (10, 15, 20, 30, 50, 80)

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from scripts.paper_drawing import Chart, draw
-from scripts.paper_experiments import FDP, PPP, SRP, VSP, Loaded, figure_1, figure_3, figure_4
+from laboratory.paper.drawing import Chart, draw
+from laboratory.paper.experiments import FDP, PPP, SRP, VSP, Loaded, figure_1, figure_3, figure_4
 from tests.effort import examples
 
 SEEDS = (11, 12)  # others than the page's

@@ -8,8 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.fleet import manifest
-from benchmarks.timing import Figure, command, interleaved, median_ratio, report
+from laboratory.benchmarks.timing import Figure, command, interleaved, median_ratio, report
+from tests.fleet import manifest
 
 ROUNDS = 31
 RICH = "import rich.console, rich.table, rich.text, rich.segment, rich.cells"

@@ -2,8 +2,8 @@
 
 from statistics import fmean
 
-from benchmarks.components import NOISES, component
-from benchmarks.search import DEFAULT, HALVED, SHAPES, Result, results
+from laboratory.benchmarks.components import NOISES, component
+from laboratory.benchmarks.search import DEFAULT, HALVED, SHAPES, Result, results
 from tests.effort import examples
 
 

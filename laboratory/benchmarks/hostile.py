@@ -5,7 +5,7 @@ import tempfile
 from datetime import date
 from pathlib import Path
 
-from benchmarks.timing import Figure, report, seconds
+from laboratory.benchmarks.timing import Figure, report, seconds
 from rarms_iac.manifest.load import load
 from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile, manifest
 

@@ -1,4 +1,4 @@
-"""Processor time consumed beside what is reserved, on control groups of this machine: `-m benchmarks.linux_shares`.
+"""Processor time consumed beside what is reserved, on control groups of this machine: `-m laboratory.linux.shares`.
 
 Two groups with a busy loop on each processor want everything: P1 with the reserve, P2 with the rest. Under `share` the
 weights divide; under `quota` P1 has a limit besides. Needs root. Figures are points of the host; the median of the runs

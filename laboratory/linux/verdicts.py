@@ -7,12 +7,12 @@ from fractions import Fraction
 from math import exp, log
 from statistics import fmean
 
+from laboratory.linux.evaluation import JUDGED
+from laboratory.linux.experiments import Log, value_of
 from rarms_iac.model.measurement import Series, run_of
 from rarms_iac.model.outcomes import Met, Missed
 from rarms_iac.model.system import AtLeast, AtMost, Component
 from rarms_iac.statistics.verdicts import judge
-from scripts.linux_evaluation import JUDGED
-from scripts.linux_experiments import Log, value_of
 
 DRAWS = 5
 """Of an index of a run."""

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from benchmarks.timing import Figure, command, interleaved, median_ratio, report, table
+from laboratory.benchmarks.timing import Figure, command, interleaved, median_ratio, report, table
 
 
 def test_tasks_run_in_turn_after_one_run_that_warms_up() -> None:

@@ -74,7 +74,7 @@ def consumed(folder: Path, *words: str) -> tuple[float, float]:
     done = subprocess.run(
         [sys.executable, "-c", COUNTED, *words],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         encoding="utf-8",

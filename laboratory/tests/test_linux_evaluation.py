@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.measurement import Sample, Series
-from rarms_iac.model.system import AtLeast, AtMost, Component
-from scripts.linux_evaluation import (
+from laboratory.linux.evaluation import (
     BROWSERS,
     FDP,
     LOADS,
@@ -23,9 +21,11 @@ from scripts.linux_evaluation import (
     next_experiment,
     rules,
 )
-from scripts.linux_evaluation_page import Findings, Trial, page
-from scripts.linux_experiments import PAIRS, Experiment, Log, Record, meets, percentile, value_of, values_of
-from scripts.linux_verdicts import VerdictCount, count_verdicts
+from laboratory.linux.experiments import PAIRS, Experiment, Log, Record, meets, percentile, value_of, values_of
+from laboratory.linux.page import Findings, Trial, page
+from laboratory.linux.verdicts import VerdictCount, count_verdicts
+from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.system import AtLeast, AtMost, Component
 from tests.builders import a_component, at_most
 
 COMPONENT = replace(

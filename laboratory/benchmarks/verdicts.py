@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from benchmarks.components import NOISES, deviation_of_logarithm
-from benchmarks.timing import Figure, report
+from laboratory.benchmarks.components import NOISES, deviation_of_logarithm
+from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.run import Run, SampleCount

@@ -1,8 +1,8 @@
 """What `rarms measure` runs, the search and what makes it agree with a plan, beside halving and the paper's walk.
 
-`python -m benchmarks.search [COMPONENTS]` takes so many components a noise level (1,000 unless said), spread evenly
-over the shapes of `components.py`. An answer is *right* when it truly meets the APT within 1 % (a success rate: 1
-point) and reserves at most 1 point above the least CR that meets an APT stricter by as much, or by what all samples
+`python -m laboratory.benchmarks.search [COMPONENTS]` takes so many components a noise level (1,000 unless said), spread
+evenly over the shapes of `components.py`. An answer is *right* when it truly meets the APT within 1 % (a success rate:
+1 point) and reserves at most 1 point above the least CR that meets an APT stricter by as much, or by what all samples
 allowed can tell at the declared error.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing import Pool
 from statistics import NormalDist, fmean
 
-from benchmarks.components import (
+from laboratory.benchmarks.components import (
     ADVERSARIAL,
     ALLOWED,
     NAMED,
@@ -26,7 +26,7 @@ from benchmarks.components import (
     goal_of,
     walk,
 )
-from benchmarks.timing import Figure, report
+from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS

@@ -6,11 +6,11 @@ import tempfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
-from benchmarks.fleet import manifest
-from benchmarks.timing import Figure, command, consumed, report, seconds
+from laboratory.benchmarks.timing import Figure, command, consumed, report, seconds
 from rarms_iac.cli.main import main as rarms
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
+from tests.fleet import manifest
 
 COMPONENTS = 1_000
 ROUNDS = 5
