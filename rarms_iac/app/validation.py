@@ -66,7 +66,7 @@ def _each_once(findings: Iterable[Sequence[Diagnostic]]) -> tuple[Diagnostic, ..
 
 
 def validate_manifest(source: ManifestSource) -> Validation:
-    """Check one manifest with its overlays; structural errors do not hide what is wrong elsewhere.
+    """Check one manifest with its overlays; what it means is checked once its structure is right.
 
     Args:
         source: the manifest, its overlays, and the day by which acceptances expire.
@@ -75,7 +75,7 @@ def validate_manifest(source: ManifestSource) -> Validation:
         Its findings, in the order of their places.
     """
     loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
-    system = loaded.system or loaded.remaining
+    system = loaded.system
     if system is None:
         return Validation(sources=loaded.sources, findings=loaded.diagnostics, accepted=())
     # Imported here: what cannot be read does not need the planner.
@@ -83,9 +83,6 @@ def validate_manifest(source: ManifestSource) -> Validation:
 
     errors = [finding for finding in loaded.diagnostics if finding.severity is Severity.ERROR]
     beyond = declared_host_findings(Manifest(source=source, system=system, loaded=loaded), errors)
-    if loaded.system is None:
-        more = [finding for finding in beyond if finding.severity is Severity.ERROR]
-        return Validation(sources=loaded.sources, findings=in_order([*loaded.diagnostics, *more]), accepted=())
     remaining, accepted = apply_acceptances(
         in_order([*loaded.diagnostics, *beyond]),
         system.policy,

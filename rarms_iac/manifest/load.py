@@ -6,18 +6,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from rarms_iac.manifest.overlays import Combined, combine
+from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
 
 DEFAULT_NAME = "rarms.yaml"
 
@@ -27,7 +24,6 @@ class Loaded:
     """A manifest with its overlays; `system` is None where an error prevents one."""
 
     system: System | None
-    remaining: System | None  # beside structural errors: what the manifest says elsewhere; for `validate` alone
     places: Places
     diagnostics: tuple[Diagnostic, ...]  # ordered; an error may stand beside a system
     sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
@@ -86,8 +82,9 @@ def load(
     try:
         system = _to_system(combined.value)
     except ValidationError as problem:
-        findings, remaining = _with_structural_errors(problem, combined, lambda rest: checks(rest, places, today))
-        return _loaded(texts, None, places, findings, remaining)
+        from rarms_iac.manifest.document.messages import findings_of_structure
+
+        return _loaded(texts, None, places, findings_of_structure(problem, combined.value, places))
     return _loaded(texts, system, places, list(checks(system, places, today)))
 
 
@@ -96,53 +93,6 @@ def _to_system(document: Any) -> System:
     from rarms_iac.manifest.to_system import to_system
 
     return to_system(ManifestDocument.model_validate(document))
-
-
-def _with_structural_errors(
-    problem: "ValidationError", combined: Combined, checks: Callable[[System], Iterable[Diagnostic]]
-) -> tuple[list[Diagnostic], System | None]:
-    """The structural errors, with the errors of what is right in structure; and that part."""
-    from pydantic import ValidationError
-
-    from rarms_iac.manifest.document.errors import MOST_ERRORS, structure_errors
-    from rarms_iac.manifest.document.messages import findings_of_structure
-    from rarms_iac.manifest.partial import without_errors
-
-    findings = findings_of_structure(problem, combined.value, combined.places)
-    if problem.error_count() > MOST_ERRORS:
-        return findings, None
-    paths = [error.path for error in structure_errors(problem, combined.value, combined.places)]
-    findings += _errors_beside_wrong_keys(combined.value, paths, checks)
-    partial = without_errors(combined.value, paths)
-    if partial is None:
-        return findings, None
-    document, gap = partial
-    try:
-        remaining = _to_system(document)
-    except ValidationError:
-        return findings, None
-    findings += [finding for finding in checks(remaining) if not gap.explains(finding)]
-    return findings, None if gap.lacks_hosts else remaining
-
-
-def _errors_beside_wrong_keys(
-    document: Any, paths: list[tuple[str | int, ...]], checks: Callable[[System], Iterable[Diagnostic]]
-) -> list[Diagnostic]:
-    """What is wrong with an entry beside its structural errors."""
-    from pydantic import ValidationError
-
-    from rarms_iac.manifest.partial import without_errors
-
-    for _ in range(2):
-        partial = without_errors(document, paths, depth=3)
-        if partial is None:
-            break
-        remaining, gap = partial
-        try:
-            return [finding for finding in checks(_to_system(remaining)) if gap.admits(finding)]
-        except ValidationError as lacking:  # an entry needs a key that was left out: the next round goes without it
-            paths = [*paths, *(error["loc"][:2] for error in lacking.errors(include_url=False))]
-    return []
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
@@ -175,12 +125,10 @@ def _loaded(
     system: System | None,
     places: Places,
     findings: list[Diagnostic],
-    remaining: System | None = None,
 ) -> Loaded:
     about_texts = [diagnostic for text in texts for diagnostic in text.diagnostics]
     return Loaded(
         system=None if has_errors(about_texts) else system,
-        remaining=remaining,
         places=places,
         diagnostics=in_order([*about_texts, *findings]),
         sources={text.source.file: text.source.lines for text in texts},

@@ -115,63 +115,13 @@ def test_a_reserve_that_was_never_measured_is_a_note_until_its_log_is_there(tmp_
     assert codes(after.findings) == ["RARMS107"]
 
 
-def test_structural_and_semantic_errors_come_in_one_round(tmp_path: Path) -> None:
-    wrong = [component("a", more=", together: [nobody, c]"), component("b"), component("c", memory="512")]
+def test_meaning_is_judged_once_the_structure_is_right(tmp_path: Path) -> None:
+    parts = component("a", more=", together: [nobody, c]"), component("b"), component("c", memory="512")
+    wrong = validated(manifest(tmp_path, *parts))
+    right = validated(manifest(tmp_path, *parts[:2], component("c")))
 
-    found = validated(manifest(tmp_path, *wrong))
-
-    assert codes(found.findings) == ["RARMS014", "RARMS042", "RARMS019"]
-    assert "nobody" in found.findings[1].detail
-
-
-def test_an_entry_with_a_structural_error_shows_its_other_errors_in_the_same_round(tmp_path: Path) -> None:
-    file = manifest(
-        tmp_path,
-        component("a", memory="512", more=", together: [nobody, b], apart: [b], hosts: [faar], task: Trakcing"),
-        component("b", "10 %", more=", aparts: [a], criticalty: 5, interference: webcam"),
-        "  c: { critical: 3, together: [nobody-else], cpu: { reserve: 95 %, limit: 5 % } }\n",
-    )
-
-    findings = validated(file).findings
-
-    assert [(finding.code, finding.place and finding.place.path) for finding in findings] == [
-        ("RARMS019", "components.a.memory"),
-        ("RARMS042", "components.a.together[0]"),
-        ("RARMS049", "components.a.apart[0]"),
-        ("RARMS042", "components.a.hosts[0]"),
-        ("RARMS054", "components.a.task"),
-        ("RARMS015", "components.b.aparts"),
-        ("RARMS015", "components.b.criticalty"),
-        ("RARMS042", "components.b.interference"),
-        ("RARMS016", "components.c.criticality"),
-        ("RARMS015", "components.c.critical"),
-        ("RARMS042", "components.c.together[0]"),
-    ]
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        "interference: { browsers: { kind: webcam } }\n",
-        "tasks: { Tracking: { priority: high } }\n",
-        "partitions:\n  a: { components: [a, c], memory: 1 }\n",
-        "polcy: { interference: browsers }\n",
-    ],
-)
-def test_what_a_structural_error_leaves_open_is_no_second_error(tmp_path: Path, wrong: str) -> None:
-    file = manifest(
-        tmp_path,
-        component("a", "10 %", more=", interference: browsers"),
-        component("b", "10 %", more=", task: Tracking"),
-        component("c", "10 %"),
-    )
-    right = "" if "browsers: " in wrong else "interference: { browsers: { kind: browser } }\n"
-    tasks = "" if "Tracking" in wrong else "tasks: { Tracking: { category: Medium, priority: 5 } }\n"
-    file.write_text(file.read_text(encoding="utf-8") + wrong + right + tasks, encoding="utf-8", newline="\n")
-
-    findings = validated(file).findings
-
-    assert len({finding.place and finding.place.line for finding in findings}) == 1
+    assert codes(wrong.findings) == ["RARMS019"]
+    assert codes(right.findings) == ["RARMS042"]
 
 
 def test_an_error_of_a_host_leaves_sums_open(tmp_path: Path) -> None:
