@@ -4,6 +4,8 @@ A program begins with `load`; what it returns goes into `measure`, `tune`, `plan
 (docs/library.md). Each of them is imported when it is first asked for, so that `import rarms_iac` costs nothing.
 """
 
+from rarms_iac.model.version import __version__
+
 TYPE_CHECKING = False  # type checkers know this name; to import typing would double the time of `rarms --version`
 
 if TYPE_CHECKING:
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
     from rarms_iac.app.tune import tune_components as tune
 
 __all__ = ["__version__", "apply", "load", "measure", "plan", "prove", "tune"]
-
-__version__ = "0.1.0"
 
 _FUNCTIONS = {
     "apply": ("applying", "apply"),

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac import __version__
 from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of, why_outdated
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
@@ -18,6 +17,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component
+from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import Names, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rarms_iac import __version__
 from rarms_iac.app.data_logs import subject_of
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
@@ -18,6 +17,7 @@ from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.state import Partition
+from rarms_iac.model.version import __version__
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of

@@ -39,7 +39,7 @@ from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_
 from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
-from rarms_iac.storage.shipped import known_codes
+from rarms_iac.storage.finding_pages import known_codes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,7 +21,7 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.storage.shipped import known_codes
+from rarms_iac.storage.finding_pages import known_codes
 
 _PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
 """What a whole plan can find."""

@@ -8,7 +8,6 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal, assert_never
 
-from rarms_iac import __version__
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import USUAL_SEED, refuse_unknown
@@ -30,6 +29,7 @@ from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.system import Component, Disruption, RunsOn
+from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.providers.measuring import MeasuringHost

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from rarms_iac import __version__
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_tuning
@@ -25,6 +24,7 @@ from rarms_iac.app.tuning_subject import Experiments, bench_of, subject_of_tunin
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
+from rarms_iac.model.version import __version__
 from rarms_iac.planner import findings
 from rarms_iac.planner.combining.oracle import Always, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 
-from rarms_iac import __version__
 from rarms_iac.applying.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
 from rarms_iac.applying.requested_changes import (
     EVERY_PARTITION,
@@ -34,6 +33,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, Totals
 from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.powershell.guests import GuestTask

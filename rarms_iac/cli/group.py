@@ -97,7 +97,7 @@ def _status_without_command(context: click.Context) -> int | None:
 
 def _version(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
     if value:
-        from rarms_iac import __version__
+        from rarms_iac.model.version import __version__
 
         context.find_root().obj.terminal.data(f"rarms {__version__}\n")
         context.exit()

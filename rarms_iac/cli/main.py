@@ -2,7 +2,7 @@
 
 import sys
 
-from rarms_iac import __version__
+from rarms_iac.model.version import __version__
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -6,7 +6,7 @@ from datetime import date
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
 from rarms_iac.model.wording import suggestion
-from rarms_iac.storage.shipped import finding_page, known_codes, may_be_accepted, severity_line
+from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
 EXPIRED = Finding.warning("RARMS095", "An acceptance has expired")
 UNUSED = Finding.warning("RARMS096", "An acceptance is not used")

@@ -18,7 +18,7 @@ from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, StartAction, S
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.templates import VM
 from rarms_iac.storage.codec import encode
-from rarms_iac.storage.digest import canonical
+from rarms_iac.storage.json_text import canonical
 
 _FREE: Readings = {"taken": False}
 """Nobody else's machine has the name: one that came after the plan must not get a namesake."""

@@ -16,7 +16,7 @@ from rarms_iac.model.wording import remark
 from rarms_iac.powershell.calls import call
 from rarms_iac.powershell.literals import Scalar, literal
 from rarms_iac.powershell.templates import MEASURING_ENTRY, fill, part_text, parts_for, runtime
-from rarms_iac.storage.digest import canonical
+from rarms_iac.storage.json_text import canonical
 
 UNPLANNED = "0" * 12
 """Stands for a plan's id in pending names, marks and names of disks: test partitions belong to no plan."""

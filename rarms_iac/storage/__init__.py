@@ -2,6 +2,7 @@
 
 Paths and frozen values come in, bytes on a disk go out, and the reverse. Begin with `reading.read_file` for what is
 read (a regular file, up to a limit), `replace.replace` for a whole file and `append.append` for a record more. `codec`
-turns frozen values into JSON and back, `digest` gives the same value the same bytes everywhere, `lock` holds a file for
-one process. `plan_file`, `snapshot_file` and `datalog` are formats; `shipped` finds what is installed beside the code.
+turns frozen values into JSON and back, `json_text` gives the same value the same bytes everywhere, `digest` is their
+SHA-256, `lock` holds a file for one process. `plan_file`, `snapshot_file` and `datalog` are formats; `shipped` finds
+what is installed beside the code, and `finding_pages` the findings' pages among it.
 """

@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.reading import LOG_LIMIT, TooLarge, open_regular
 
 Record = Mapping[str, Json]

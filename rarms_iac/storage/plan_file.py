@@ -13,7 +13,8 @@ from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
-from rarms_iac.storage.digest import digest, parse_json, short
+from rarms_iac.storage.digest import digest, short
+from rarms_iac.storage.json_text import parse_json
 
 FORMAT = "rarms-plan/2"
 MAX_BYTES = 64 * 2**20

@@ -7,7 +7,7 @@ from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 
 FORMAT = "rarms-snapshot/1"
 MAX_BYTES = 64 * 2**20

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.model.wording import each_processor
-from rarms_iac.storage.shipped import known_codes
+from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
 from rarms_iac.views.explanation_steps import NO_LAYOUT, steps_of
 from rarms_iac.views.output.common import as_json

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, assert_never
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
-from rarms_iac import __version__
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
+from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.views.console import visible
 from rarms_iac.views.output.common import FindingsOutput, as_json
@@ -93,7 +93,7 @@ def findings_as(
         case OutputFormat.JSON:
             return findings_json(diagnostics, accepted=accepted)
         case OutputFormat.SARIF:
-            from rarms_iac.storage.shipped import finding_page
+            from rarms_iac.storage.finding_pages import finding_page
 
             return as_sarif(in_repository(diagnostics), page=finding_page, accepted=in_repository(accepted))
         case OutputFormat.JUNIT:

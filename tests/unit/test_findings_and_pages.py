@@ -7,7 +7,8 @@ import pytest
 
 import rarms_iac
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.storage.shipped import finding_page, known_codes, severity_line, shipped
+from rarms_iac.storage.finding_pages import finding_page, known_codes, severity_line
+from rarms_iac.storage.shipped import shipped
 from scripts.findings_index import index_of_pages
 
 

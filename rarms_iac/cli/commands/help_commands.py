@@ -11,7 +11,8 @@ from rarms_iac.cli.group import root_group
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.storage.shipped import code_of, finding_page, is_code, known_codes, shipped_text
+from rarms_iac.storage.finding_pages import code_of, finding_page, is_code, known_codes
+from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.views.completion import CommandShape, OptionShape, Shell, completion_script
 from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.finding_forms import OutputFormat

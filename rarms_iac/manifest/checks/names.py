@@ -2,12 +2,12 @@
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from rarms_iac import __version__
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
+from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import MOST_NAMES, in_a_row, suggestion
 
 UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")

@@ -37,7 +37,7 @@ from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
 from rarms_iac.providers.cgroups.machine import NAMESPACE, LinuxMachine
 from rarms_iac.providers.marks import MarkReading, erase_mark, mark_for, read_marks, write_mark
 from rarms_iac.storage.codec import decode, encode
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 
 Format = Literal["rarms-partition/1"]
 LONGEST_NAME = 100

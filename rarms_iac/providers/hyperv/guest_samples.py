@@ -10,7 +10,7 @@ from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.providers.measuring import Work
 from rarms_iac.running.reading import JobAnswer, Unreadable, answer_reader
 from rarms_iac.storage.codec import NotDecodable
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 
 FORMAT = "rarms-seen/1"
 TICKS_MS = 10_000.0

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode_union
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 
 FORMAT = "rarms-observation/1"
 

@@ -44,7 +44,7 @@ from rarms_iac.providers.hyperv.observation import (
 )
 from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.storage.codec import NotDecodable, decode_union
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 
 T = TypeVar("T")
 

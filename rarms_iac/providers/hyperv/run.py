@@ -27,7 +27,7 @@ from rarms_iac.providers.interface import (
     WaitLimits,
 )
 from rarms_iac.storage.codec import NotDecodable, decode
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.reading import read_file
 
 OBSERVE_SECONDS = 300.0

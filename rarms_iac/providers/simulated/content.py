@@ -33,7 +33,7 @@ from rarms_iac.model.state import (
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.storage.codec import NotDecodable, decode
-from rarms_iac.storage.digest import canonical, parse_json
+from rarms_iac.storage.json_text import canonical, parse_json
 
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""

@@ -21,7 +21,8 @@ from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
 from rarms_iac.model.run import Call, Command, Run
 from rarms_iac.model.system import CommandLoad, Component, Interference, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
-from rarms_iac.storage.digest import canonical, digest, short
+from rarms_iac.storage.digest import digest, short
+from rarms_iac.storage.json_text import canonical
 from rarms_iac.storage.reading import open_regular
 
 FILE = "file "

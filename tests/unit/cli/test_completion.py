@@ -7,7 +7,7 @@ import pytest
 
 from rarms_iac.cli.commands.help_commands import command_shapes
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.storage.shipped import known_codes
+from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.completion import Shell
 from tests.unit.cli.running import rarms
 

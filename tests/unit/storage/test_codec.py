@@ -16,7 +16,8 @@ from rarms_iac.model.plan import Readings, Undo, UndoLevel
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost
 from rarms_iac.model.system import Measured
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
-from rarms_iac.storage.digest import canonical, digest, parse_json, short
+from rarms_iac.storage.digest import digest, short
+from rarms_iac.storage.json_text import canonical, parse_json
 from tests import builders
 
 

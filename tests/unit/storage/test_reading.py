@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.codec import NotDecodable
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.reading import NotRegular, TooLarge, read_file, read_input
 from tests.needs import require
 

@@ -1,4 +1,4 @@
-from rarms_iac.storage.shipped import finding_page
+from rarms_iac.storage.finding_pages import finding_page
 from rarms_iac.views.console import columns, render
 from rarms_iac.views.explain import page_text, unknown_code
 

@@ -1,0 +1,88 @@
+"""JSON as text: one canonical form to write, and a strict reading of what came from outside."""
+
+import json
+from math import isfinite
+from typing import Any
+
+from rarms_iac.model.wording import quoted
+from rarms_iac.storage.codec import Json, NotDecodable, encode
+
+_SHAPE = bytes.maketrans(b"123456789E", b"000000000e")
+_HUGE = (b"e000", b"e+000", b"0" * 300)
+"""What a number has that may be too large, when all its digits are 0."""
+
+
+def canonical(value: object) -> str:
+    """The value as JSON with sorted keys and no spaces, in ASCII.
+
+    What `storage.codec` can write, and plain JSON. The same value gives the same text on every system, whatever the
+    order of its mappings.
+
+    Args:
+        value: a frozen value, or JSON.
+
+    Returns:
+        One line of ASCII.
+    """
+    return json.dumps(_as_json(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def parse_json(text: str) -> Json:
+    """The JSON of a text that came from outside.
+
+    Args:
+        text: of a file that was read up to its limit.
+
+    Returns:
+        Dictionaries, lists, texts, finite numbers, booleans and None.
+
+    Raises:
+        NotDecodable: it is not JSON, says a key twice, is nested too deeply, or holds NaN or an overlong number.
+    """
+    # A callback for every number would double the time of a long log: it is set where a number may be too large.
+    # NOTE: a regular expression for this takes longer than the JSON.
+    shape = text.encode("utf-8", "surrogatepass").translate(_SHAPE)
+    parse_float = _finite if any(huge in shape for huge in _HUGE) else None
+    del shape
+    try:
+        data: Json = json.loads(
+            text, object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant, parse_float=parse_float
+        )
+    except RecursionError:
+        raise NotDecodable("", "it is nested too deeply") from None
+    except NotDecodable:
+        raise
+    except ValueError as problem:
+        raise NotDecodable("", f"it is not JSON ({problem})") from None
+    return data
+
+
+def _as_json(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, dict):
+        return {key: _as_json(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_json(part) for part in value]
+    return encode(value)
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        names = [name for name, _ in pairs]
+        raise NotDecodable(
+            "", f"the key {quoted(next(name for name in names if names.count(name) > 1))} is there twice"
+        )
+    return found
+
+
+def _finite(digits: str) -> float:
+    number = float(digits)
+    if not isfinite(number):
+        raise NotDecodable("", f"{digits[:20]} is too large a number")
+    return number
+
+
+def _refuse_constant(name: str) -> Json:
+    raise NotDecodable("", f"{name} is no number")
