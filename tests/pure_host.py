@@ -1,4 +1,4 @@
-"""A host of values only: what an operation makes of a state, written down a second time, independent of the steps."""
+"""A host of values only: it takes steps as apply does, and is strict about what Hyper-V changes only while off."""
 
 from dataclasses import dataclass, field, replace
 
@@ -7,27 +7,24 @@ from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     CreatePartition,
-    EraseMark,
     EraseTaskRecord,
+    MachineOperation,
     Operation,
     RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
-    RenamePartition,
     SetActions,
     SetCpu,
     SetMemory,
     SetProcessors,
     SetSecureBoot,
-    StartPartition,
-    StopPartition,
     TaskOperation,
-    WriteMark,
     WriteTaskClass,
     WriteTaskRecord,
+    partition_after,
 )
 from rarms_iac.model.plan import Readings, Scope, Step
-from rarms_iac.model.state import Mark, Partition, Responsiveness, RunState, StartAction, State, TaskClass
+from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
 from tests.strategies import some_settings
 
 
@@ -159,41 +156,21 @@ def _set(now: Responsiveness, operation: TaskOperation) -> Responsiveness:
             return replace(now, record=None)
 
 
-def _changed(old: Partition, operation: Operation) -> Partition:
+def _changed(old: Partition, operation: MachineOperation) -> Partition:
     settings = old.settings
     match operation:
-        case RenamePartition(name=name):
-            return replace(old, settings=replace(settings, name=name))
-        case WriteMark(application=application, name=name, set=written, stopped_by=stopped_by):
-            machine = old.id[:8]
-            mark = Mark(application=application, name=name, machine=machine, set=written, stopped_by=stopped_by)
-            return replace(old, mark=mark)
-        case EraseMark():
-            return replace(old, mark=None)
-        case SetProcessors(processors=processors):
+        case SetProcessors():
             assert not settings.running, "processors change only while it is off"
-            return replace(old, settings=replace(settings, processors=processors))
-        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+        case SetCpu(reserve=reserve, limit=limit):
             assert reserve <= limit
-            return replace(old, settings=replace(settings, reserve=reserve, limit=limit, weight=weight))
-        case SetMemory(memory=memory, dynamic=dynamic):
+        case SetMemory(dynamic=dynamic):
             assert dynamic == settings.dynamic_memory or not settings.running
-            return replace(old, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
+        case SetActions(stop=stop):
             assert stop is None or not settings.running, "its stop action changes only while it is off"
-            actions = replace(
-                settings,
-                start_action=start or settings.start_action,
-                stop_action=stop or settings.stop_action,
-                checkpoints=checkpoints or settings.checkpoints,
-            )
-            return replace(old, settings=actions)
-        case SetSecureBoot(secure_boot=secure_boot):
+        case SetSecureBoot():
             assert not settings.running, "its secure boot changes only while it is off"
-            return replace(old, settings=replace(settings, secure_boot=secure_boot))
-        case StartPartition():
-            return replace(old, settings=replace(settings, running=True), state=RunState.RUNNING)
-        case StopPartition():
-            return replace(old, settings=replace(settings, running=False), state=RunState.OFF)
-        case _:
+        case RemovePartition():
             raise AssertionError(f"{operation} is of no machine that is there")
+        case _:
+            pass
+    return partition_after(old, operation)

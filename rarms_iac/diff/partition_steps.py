@@ -31,12 +31,11 @@ from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.layout import Making
 from rarms_iac.model.operations import (
     CreatePartition,
-    EraseMark,
     RemoveDisk,
     RemovePartition,
     RenamePartition,
     StopPartition,
-    WriteMark,
+    mark_operation,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Disk, DiskKind, Facet, Partition, PartitionSettings, RunState, State
@@ -63,13 +62,11 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     builder = StepBuilder(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
     name = address.partition
     assert after.mark is not None, "what rarms makes, it marks"
-    yield mark_step(builder, after.mark, None, "from now on it is known as ours, whatever happens")
+    yield mark_step(builder, after.mark, "from now on it is known as ours, whatever happens")
     for facet in (Facet.PROCESSORS, Facet.CPU, Facet.ACTIONS):
         yield facet_step(builder, facet, wanted, wanted)
     yield builder.step(
         RenamePartition(partition=name, name=wanted.name),
-        RenamePartition(partition=name, name=wanted.name),
-        builder.now,
         ("name",),
         "last, so that a machine of this name is always whole",
     )
@@ -147,10 +144,10 @@ def update_partition(
     for facet in sorted(changed & _VALUES, key=lambda facet: (_takes_more(facet, before, after), _ORDER.index(facet))):
         yield facet_step(builder, facet, before.settings, after.settings)
     if Facet.NAME in changed:
-        yield rename_step(builder, before.settings.name, after.settings.name)
+        yield rename_step(builder, after.settings.name)
     old = builder.now.mark
     if after.mark is not None and (old is None or old.written != after.mark.written):
-        yield mark_step(builder, after.mark, old, "the mark says what was last written")
+        yield mark_step(builder, after.mark, "the mark says what was last written")
     if after.settings.running and not builder.now.settings.running:
         yield start_step(builder)
 
@@ -190,7 +187,7 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
         return
     builder = StepBuilder(address=address, now=before, reason=reason)
     why = "two partitions change names: one steps aside" if between else "the manifest calls it so now"
-    yield mark_step(builder, replace(mark, name=name), mark, why)
+    yield mark_step(builder, replace(mark, name=name), why)
 
 
 def _with_mark_name(before: Partition, name: str) -> Partition:
@@ -271,9 +268,8 @@ def adopt_partition(address: Address, before: Partition, after: Partition, reaso
         One step.
     """
     assert after.mark is not None, "what rarms adopts, it marks"
-    yield mark_step(
-        StepBuilder(address=address, now=before, reason=reason), after.mark, None, "only the mark is written"
-    )
+    builder = StepBuilder(address=address, now=before, reason=reason)
+    yield mark_step(builder, after.mark, "only the mark is written")
 
 
 def release_partition(address: Address, before: Partition, reason: Reason) -> Iterator[Step]:
@@ -287,23 +283,10 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
     Yields:
         One step; its undo writes the mark again.
     """
-    mark = before.mark
-    assert mark is not None, "only what is ours is released"
+    assert before.mark is not None, "only what is ours is released"
     builder = StepBuilder(address=address, now=before, reason=reason)
-    yield builder.step(
-        EraseMark(partition=address.partition, machine=address.machine),
-        WriteMark(
-            partition=address.partition,
-            application=mark.application,
-            name=mark.name,
-            set=mark.set,
-            stopped_by=mark.stopped_by,
-            machine=address.machine,
-        ),
-        replace(before, mark=None),
-        ("mark", "set"),
-        "the machine stays as it is",
-    )
+    operation = mark_operation(None, address.partition, address.machine)
+    yield builder.step(operation, ("mark", "set"), "the machine stays as it is")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,14 +3,12 @@
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil
-from typing import Any
 
 from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.readings import partition_readings
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.operations import (
-    EraseMark,
-    Operation,
+    MachineOperation,
     RenamePartition,
     SetActions,
     SetCpu,
@@ -19,7 +17,9 @@ from rarms_iac.model.operations import (
     SetSecureBoot,
     StartPartition,
     StopPartition,
-    WriteMark,
+    mark_operation,
+    partition_after,
+    reverse,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import plain, show_bytes, show_period
@@ -50,45 +50,30 @@ class StepBuilder:
     grace_ms: int = ceil(GRACE)  # for its guest to shut down
     new: bool = False  # made by this plan: its own undo removes it, and its first values are the host's affair
 
-    def step(
-        self,
-        operation: Operation,
-        undo: Operation,
-        after: Partition,
-        names: tuple[str, ...],
-        why: str,
-        *,
-        title: str = "",
-        disruption: Disruption = Disruption.LIVE,
-        lost: str = "",
-    ) -> Step:
-        """Make the step from the machine as it is now to `after`.
+    def step(self, operation: MachineOperation, names: tuple[str, ...], why: str, *, title: str = "") -> Step:
+        """Make the step of an operation on the machine as it is now.
 
         Args:
-            operation: the call.
-            undo: the call that takes it back; not used on a new machine.
-            after: the machine once the call is done.
+            operation: the call; on a new machine the removal of that machine takes it back.
             names: the readings that the step compares before and after.
             why: told after the reason of the change.
             title: the call in a few words; empty: as the operation says it.
-            disruption: how much the call disturbs.
-            lost: what the undo cannot bring back; empty: nothing.
 
         Returns:
-            The step; from now on the builder's machine is `after`.
+            The step, done live; from now on the builder's machine is as the operation leaves it.
         """
-        before, self.now = self.now, after
-        level = UndoLevel.PARTIAL if lost else UndoLevel.FULL
+        before, self.now = self.now, partition_after(self.now, operation)
+        undo = Undo(level=UndoLevel.FULL, operation=reverse(operation, before, grace_ms=self.grace_ms))
         return Step(
             address=self.address,
             title=title or str(operation),
             operation=operation,
             before=some_readings(before, () if self.new else names),
-            after=some_readings(after, names),
-            undo=_WITH_ITS_MACHINE if self.new else Undo(level=level, operation=undo, message=lost),
-            disruption=disruption,
+            after=some_readings(self.now, names),
+            undo=_WITH_ITS_MACHINE if self.new else undo,
+            disruption=Disruption.LIVE,
             claim_before=claim_of(before),
-            claim_after=claim_of(after),
+            claim_after=claim_of(self.now),
             comment=f"{self.reason.message}; {why}" if self.reason.message else why,
             place=self.reason.place,
         )
@@ -111,38 +96,24 @@ def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
     return {name: everything[name] for name in ("exists", *names)}
 
 
-def mark_step(builder: StepBuilder, new: Mark, old: Mark | None, why: str) -> Step:
-    """Write the mark; the undo writes the old one, or erases the new one where there was none.
+def mark_step(builder: StepBuilder, mark: Mark, why: str) -> Step:
+    """Write the mark; the undo writes the one that is there now, or erases the new one where there is none.
 
     Args:
         builder: of the machine as it is at this step; it goes on with the new mark.
-        new: the mark to write; its machine's id is set here.
-        old: the mark that is there now; None: none.
+        mark: the mark to write; its machine's id is set here.
         why: the comment of the step.
 
     Returns:
         The step, titled with the mark and its digest of the settings.
     """
     address = builder.address
-    marked = replace(builder.now, mark=replace(new, machine=builder.now.id[:8]))
-
-    def write(mark: Mark) -> WriteMark:
-        return WriteMark(
-            partition=address.partition,
-            application=mark.application,
-            name=mark.name,
-            set=mark.set,
-            stopped_by=mark.stopped_by,
-            machine=address.machine,
-        )
-
-    undo = write(old) if old else EraseMark(partition=address.partition, machine=address.machine)
-    mark = write(new)
-    return builder.step(mark, undo, marked, ("mark", "set"), why, title=f"{mark}, set {new.written}")
+    operation = mark_operation(mark, address.partition, address.machine)
+    return builder.step(operation, ("mark", "set"), why, title=f"{operation}, set {mark.written}")
 
 
 def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: PartitionSettings) -> Step:
-    """Give the machine all that `new` has of this facet, in one call; its undo gives it what `old` has.
+    """Give the machine all that `new` has of this facet, in one call; its undo gives it what it has now.
 
     Args:
         builder: of the machine on its way.
@@ -160,7 +131,6 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
         fields = tuple(name for name in fields if getattr(old, name) != getattr(new, name))
     if facet is Facet.CPU and (old.quota_period_us or new.quota_period_us):
         fields = (*fields, "quota_period_us")
-    settings: dict[str, Any] = {name: getattr(new, name) for name in fields}
     needs_state = facet in {Facet.PROCESSORS, Facet.SECURE_BOOT} or (
         facet is Facet.MEMORY and builder.now.state is RunState.OFF
     )
@@ -168,15 +138,13 @@ def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: 
     operation = _operation(facet, builder.address, new, fields)
     return builder.step(
         operation,
-        _operation(facet, builder.address, old, fields),
-        replace(builder.now, settings=replace(builder.now.settings, **settings)),
         (*fields, *(("state",) if needs_state else ())),
         _why_here(facet, old, new, is_new=builder.new),
         title=str(operation) if builder.new else _title(facet, old, new),
     )
 
 
-def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tuple[str, ...]) -> Operation:
+def _operation(facet: Facet, address: Address, to: PartitionSettings, fields: tuple[str, ...]) -> MachineOperation:
     partition, machine = address.partition, address.machine
     match facet:
         case Facet.PROCESSORS:
@@ -243,25 +211,22 @@ def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is
     return "after the others gave back" if after > before else "nothing is taken or given back"
 
 
-def rename_step(builder: StepBuilder, old: str, new: str) -> Step:
+def rename_step(builder: StepBuilder, name: str) -> Step:
     """Give the machine another name, the one that people see.
 
     Args:
         builder: of the machine as it is at this step; it goes on with the new name.
-        old: its name now, for the undo.
-        new: its name after this step.
+        name: its name after this step.
 
     Returns:
         The step, whose undo gives the old name back.
     """
     address = builder.address
     return builder.step(
-        RenamePartition(partition=address.partition, name=new, machine=address.machine),
-        RenamePartition(partition=address.partition, name=old, machine=address.machine),
-        replace(builder.now, settings=replace(builder.now.settings, name=new)),
+        RenamePartition(partition=address.partition, name=name, machine=address.machine),
         ("name",),
         "its settings stay",
-        title=f"name {old} -> {new}",
+        title=f"name {builder.now.settings.name} -> {name}",
     )
 
 
@@ -281,15 +246,12 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
     address, was_running = builder.address, builder.now.settings.running
     stop = builder.step(
         StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
-        StartPartition(partition=address.partition, machine=address.machine),
-        replace(builder.now, settings=replace(builder.now.settings, running=False), state=RunState.OFF),
         ("running", "state"),
         why,
         title=f"stop it ({describe_stop(builder.grace_ms)})" if was_running else "turn it off",
-        disruption=Disruption.PARTITION_STOP,
-        lost=STARTS_ANEW,
     )
-    return stop if was_running else replace(stop, undo=_NOT_PAUSED_AGAIN)
+    undo = replace(stop.undo, level=UndoLevel.PARTIAL, message=STARTS_ANEW) if was_running else _NOT_PAUSED_AGAIN
+    return replace(stop, disruption=Disruption.PARTITION_STOP, undo=undo)
 
 
 def describe_stop(grace: int) -> str:
@@ -317,11 +279,11 @@ def start_step(builder: StepBuilder, why: str = "after all that it is to have is
     address, was_off = builder.address, builder.now.state is RunState.OFF
     start = builder.step(
         StartPartition(partition=address.partition, machine=address.machine),
-        StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
-        replace(builder.now, settings=replace(builder.now.settings, running=True), state=RunState.RUNNING),
         ("running", "state"),
         why,
-        lost="" if was_off else "it is turned off, not saved again",
     )
+    if was_off:
+        return start
     # What was saved cannot be so again: its undo leaves it off, and asks no more than that.
-    return start if was_off else replace(start, before={"exists": True, "running": False})
+    undo = replace(start.undo, level=UndoLevel.PARTIAL, message="it is turned off, not saved again")
+    return replace(start, before={"exists": True, "running": False}, undo=undo)

@@ -22,12 +22,15 @@ from rarms_iac.model.operations import (
     EraseTaskRecord,
     Operation,
     RemoveTaskClass,
+    TaskOperation,
     WriteMark,
     WriteTaskClass,
     WriteTaskRecord,
+    reverse_task,
+    values_operation,
 )
-from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass, TaskRecord
+from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,9 +180,12 @@ def write_registry(
     assert after.record is not None, "what rarms writes, it records"
     old_values, old_record = (before.values, before.record) if before else ({}, None)
     if after.record != old_record:
-        yield _record_step(address, _recorded_name(before or after), old_record, after.record, reason)
+        name = _recorded_name(before or after)
+        writing = WriteTaskRecord(task=name, inside=address.partition, record=after.record)
+        yield _registry_step(address, writing, before, reason)
     if dict(old_values) != dict(after.values):
-        yield _values_step(address, old_values, after.values, reason)
+        operation = values_operation(_registry_name(address), address.partition, after.values)
+        yield _registry_step(address, operation, before, reason)
 
 
 def restore_registry(address: Address, before: TaskClass | Responsiveness, reason: Reason) -> Iterator[Step]:
@@ -198,39 +204,55 @@ def restore_registry(address: Address, before: TaskClass | Responsiveness, reaso
     if isinstance(before, Responsiveness):
         restored = {name: value for name, value in restored.items() if name == SYSTEM_RESPONSIVENESS}
     if dict(before.values) != dict(restored):
-        yield _values_step(address, before.values, restored, reason)
-    yield _record_step(address, _recorded_name(before), before.record, None, reason)
+        operation = values_operation(_registry_name(address), address.partition, restored)
+        yield _registry_step(address, operation, before, reason)
+    name, application = _recorded_name(before), before.record.application
+    erasing = EraseTaskRecord(task=name, inside=address.partition, application=application)
+    yield _registry_step(address, erasing, before, reason)
 
 
 def _recorded_name(resource: TaskClass | Responsiveness) -> str:
     return resource.name if isinstance(resource, TaskClass) else SYSTEM_RESPONSIVENESS
 
 
-def _record_step(address: Address, name: str, old: TaskRecord | None, new: TaskRecord | None, reason: Reason) -> Step:
-    def operation(record: TaskRecord | None, other: TaskRecord | None) -> Operation:
-        if record is not None:
-            return WriteTaskRecord(task=name, inside=address.partition, record=record)
-        assert other is not None
-        return EraseTaskRecord(task=name, inside=address.partition, application=other.application)
-
-    why = "first, so that what was there before can be brought back" if new else "last, after what was there is back"
-    before, after, forward = record_readings(old), record_readings(new), operation(new, old)
-    return _registry_step(address, forward, operation(old, new), before, after, str(forward), reason, why)
+def _registry_name(address: Address) -> str:
+    return SYSTEM_RESPONSIVENESS if address.responsiveness else address.task
 
 
-def _values_step(address: Address, old: Values, new: Values, reason: Reason) -> Step:
-    name = SYSTEM_RESPONSIVENESS if address.responsiveness else address.task
-
-    def operation(values: Values) -> Operation:
-        if not values:
-            return RemoveTaskClass(task=name, inside=address.partition)
-        return WriteTaskClass(task=name, inside=address.partition, values=dict(values))
-
-    why = "threads see it when their Windows starts again"
-    if address.responsiveness:
-        why = "MMCSS reads it when the host starts again"
-    before, after, forward = values_readings(old), values_readings(new), operation(new)
-    return _registry_step(address, forward, operation(old), before, after, _title(forward, old, new), reason, why)
+def _registry_step(
+    address: Address, operation: TaskOperation, before: TaskClass | Responsiveness | None, reason: Reason
+) -> Step:
+    values, record = (before.values, before.record) if before else ({}, None)
+    match operation:
+        case WriteTaskRecord() | EraseTaskRecord():
+            new_record = operation.record if isinstance(operation, WriteTaskRecord) else None
+            readings = record_readings(record), record_readings(new_record)
+            title = str(operation)
+            why = "last, after what was there is back"
+            if new_record:
+                why = "first, so that what was there before can be brought back"
+        case WriteTaskClass() | RemoveTaskClass():
+            new_values = operation.values if isinstance(operation, WriteTaskClass) else {}
+            readings = values_readings(values), values_readings(new_values)
+            title = _title(operation, values, new_values)
+            why = "threads see it when their Windows starts again"
+            if address.responsiveness:
+                why = "MMCSS reads it when the host starts again"
+        case _:
+            assert_never(operation)
+    return Step(
+        address=address,
+        title=title,
+        operation=operation,
+        before=readings[0],
+        after=readings[1],
+        undo=Undo(level=UndoLevel.FULL, operation=reverse_task(operation, before)),
+        disruption=disruption_of_task(address.partition),
+        claim_before=NO_CLAIM,
+        claim_after=NO_CLAIM,
+        comment=f"{reason.message}; {why}" if reason.message else why,
+        place=reason.place,
+    )
 
 
 def _title(operation: Operation, old: Values, new: Values) -> str:
@@ -242,28 +264,3 @@ def _title(operation: Operation, old: Values, new: Values) -> str:
         if old.get(name) != new[name]
     ]
     return f"set {', '.join(words)}" if words else "remove what is not wanted"
-
-
-def _registry_step(
-    address: Address,
-    operation: Operation,
-    undo: Operation,
-    before: Readings,
-    after: Readings,
-    title: str,
-    reason: Reason,
-    why: str,
-) -> Step:
-    return Step(
-        address=address,
-        title=title,
-        operation=operation,
-        before=before,
-        after=after,
-        undo=Undo(level=UndoLevel.FULL, operation=undo),
-        disruption=disruption_of_task(address.partition),
-        claim_before=NO_CLAIM,
-        claim_after=NO_CLAIM,
-        comment=f"{reason.message}; {why}" if reason.message else why,
-        place=reason.place,
-    )

@@ -21,6 +21,7 @@ from rarms_iac.model.operations import (
     SetMemory,
     SetProcessors,
     WriteMark,
+    applied,
 )
 from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.state import (
@@ -129,24 +130,14 @@ def _new_settings(name: str, memory: int) -> PartitionSettings:
 
 def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
     """Return the definition after an operation on it."""
-    settings, machine = definition.settings, definition.id
     match operation:
-        case SetProcessors(processors=processors):
-            settings = replace(settings, processors=processors)
-        case SetCpu(reserve=reserve, limit=limit, weight=weight, quota_period_us=period):
-            settings = replace(settings, reserve=reserve, limit=limit, weight=weight, quota_period_us=period)
-        case SetMemory(memory=memory, dynamic=dynamic):
-            settings = replace(settings, memory=memory, dynamic_memory=dynamic)
-        case SetActions(start=start):
-            settings = replace(settings, start_action=start or settings.start_action)
-        case RenamePartition(name=name):
-            settings = replace(settings, name=name)
         case WriteMark(application=application, name=name, set=digest, stopped_by=stopped_by):
-            mark = mark_for(machine, application, name, digest, stopped_by)
+            mark = mark_for(definition.id, application, name, digest, stopped_by)
             return replace(definition, notes=write_mark(definition.notes, mark))
         case EraseMark():
             return replace(definition, notes=erase_mark(definition.notes))
-    return replace(definition, settings=settings)
+        case _:
+            return replace(definition, settings=applied(definition.settings, operation))
 
 
 def out_of_range(settings: PartitionSettings) -> str:

@@ -93,39 +93,20 @@ def refuse_disk_removal(content: Content, operation: operations.RemoveDisk) -> R
 
 def change_machine(content: Content, machine: SimulatedMachine, operation: operations.MachineOperation) -> Content:
     """The content after the operation on this machine."""
-    settings = machine.settings
     match operation:
         case operations.RemovePartition():
             return content.without_machine(machine.id)
-        case operations.RenamePartition(name=name):
-            changed = replace(machine, settings=replace(settings, name=name))
         case operations.WriteMark(application=application, name=name, set=settings_digest, stopped_by=stopped_by):
             mark = mark_for(machine.id, application, name, settings_digest, stopped_by)
             changed = replace(machine, notes=write_mark(machine.notes, mark))
         case operations.EraseMark():
             changed = replace(machine, notes=erase_mark(machine.notes))
-        case operations.SetProcessors(processors=processors):
-            changed = replace(machine, settings=replace(settings, processors=processors))
-        case operations.SetCpu(reserve=reserve, limit=limit, weight=weight):
-            changed = replace(machine, settings=replace(settings, reserve=reserve, limit=limit, weight=weight))
-        case operations.SetMemory(memory=memory, dynamic=dynamic):
-            changed = replace(machine, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
-        case operations.SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            actions = replace(
-                settings,
-                start_action=start or settings.start_action,
-                stop_action=stop or settings.stop_action,
-                checkpoints=checkpoints or settings.checkpoints,
-            )
-            changed = replace(machine, settings=actions)
-        case operations.SetSecureBoot(secure_boot=secure_boot):
-            changed = replace(machine, settings=replace(settings, secure_boot=secure_boot))
         case operations.StartPartition():
             changed = machine.now(RunState.RUNNING)
         case operations.StopPartition():
             changed = machine.now(RunState.OFF)
         case _:
-            assert_never(operation)
+            changed = replace(machine, settings=operations.applied(machine.settings, operation))
     return content.with_machine(changed)
 
 

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.operations import (
@@ -17,6 +17,7 @@ from rarms_iac.model.operations import (
     SetSecureBoot,
     StartPartition,
     StopPartition,
+    applied,
 )
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
@@ -106,14 +107,13 @@ def refuse_change(
 ) -> Refusal | None:
     """Why this cannot be done to this machine now, None where it can."""
     match operation:
-        case SetProcessors(processors=processors):
-            return _refuse_running(machine, "its processor count") or _refuse_settings(
-                replace(machine.settings, processors=processors)
-            )
+        case SetProcessors():
+            after = applied(machine.settings, operation)
+            return _refuse_running(machine, "its processor count") or _refuse_settings(after)
         case SetCpu() if machine.state is RunState.SAVED:
             return _refuse_running(machine, "its reserve")
-        case SetCpu(reserve=reserve, limit=limit, weight=weight):
-            return _refuse_settings(replace(machine.settings, reserve=reserve, limit=limit, weight=weight))
+        case SetCpu() | RenamePartition():
+            return _refuse_settings(applied(machine.settings, operation))
         case SetMemory():
             return _refuse_memory(operation, machine, content, facts, guest_build)
         case SetActions(stop=stop) if stop:
@@ -123,8 +123,6 @@ def refuse_change(
             return Refusal(message=f"{name} is of generation 1, which has no secure boot", advice="make it again")
         case SetSecureBoot():
             return _refuse_running(machine, "secure boot")
-        case RenamePartition(name=name):
-            return _refuse_settings(replace(machine.settings, name=name))
         case StartPartition():
             return _refuse_start(machine, content, facts)
         case StopPartition() if machine.state is RunState.BUSY:
@@ -154,7 +152,7 @@ def _refuse_memory(
     operation: SetMemory, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
 ) -> Refusal | None:
     settings = machine.settings
-    wanted = replace(settings, memory=operation.memory, dynamic_memory=operation.dynamic)
+    wanted = applied(settings, operation)
     if wanted == settings:
         return None
     if problem := _refuse_settings(wanted):
