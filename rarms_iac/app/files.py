@@ -11,7 +11,6 @@ from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
 
 if TYPE_CHECKING:
     from rarms_iac.model.plan import Plan
-    from rarms_iac.storage.plan_file import PlanFileError
 
 
 def read_input_file(path: str, limit: int, origin: str) -> bytes:
@@ -95,7 +94,7 @@ def make_folder(path: str) -> None:
 
 
 def read_plan_file(path: str) -> "Plan":
-    """Read a sealed plan.
+    """Read a sealed plan, whose scripts are what its operations make.
 
     Args:
         path: as the user gave it; `-` is standard input.
@@ -104,27 +103,41 @@ def read_plan_file(path: str) -> "Plan":
         The plan, as it was sealed.
 
     Raises:
-        UseCaseError: the file cannot be read (failed), is no plan or was edited (refused).
+        UseCaseError: the file cannot be read (failed), is no plan of this version or was edited (refused).
     """
-    from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
+    from rarms_iac.storage.plan_file import MAX_BYTES
 
-    try:
-        return read_plan(read_input_file(path, MAX_BYTES, "rarms plan --out FILE"))
-    except PlanFileError as error:
-        raise refuse_plan_file(path, error) from error
+    return plan_in(path, read_input_file(path, MAX_BYTES, "rarms plan --out FILE"))
 
 
-def refuse_plan_file(path: str, error: "PlanFileError") -> UseCaseError:
-    """Make the error for a file that is not used as a plan.
+def plan_in(path: str, data: bytes) -> "Plan":
+    """Take the plan out of a file that was read (`read_plan_file`).
 
     Args:
         path: the file, as it was named.
-        error: why it is not used, and what to do.
+        data: all of it.
 
     Returns:
-        An error to raise; it ends the use case as refused.
+        The plan, as it was sealed.
+
+    Raises:
+        UseCaseError: it is no plan of this version or was edited (refused).
     """
-    return UseCaseError(Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", f"{error.advice}.")])
+    from rarms_iac.applying.scripts import edited_script
+    from rarms_iac.storage.plan_file import PlanEdited, PlanFileError, read_plan
+
+    try:
+        plan = read_plan(data)
+        if name := edited_script(plan):
+            raise PlanEdited(
+                f"its script {name} is not what its steps make: it was edited, and sealed anew",
+                "Make the plan again: `rarms plan --out FILE`",
+            )
+    except PlanFileError as error:
+        raise UseCaseError(
+            Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", f"{error.advice}.")]
+        ) from error
+    return plan
 
 
 def folder_of(manifest: str) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.files import make_folder, read_input_file, refuse_plan_file, write_file
+from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
 from rarms_iac.app.wiring import shell_scripts
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding
@@ -18,7 +18,7 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.outline import Outline, ScriptDifference, difference, outline
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
-from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
+from rarms_iac.storage.plan_file import MAX_BYTES
 
 OBSERVE_NAME = "observe.ps1"
 SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
@@ -277,10 +277,7 @@ def _outline_in(path: str, like: PlanScript) -> Outline:
     """What the script of this file does, or that of the same name in the plan that it is."""
     data = _read_script(path)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
-        try:
-            scripts = {script.name: script for script in plan_scripts(read_plan(data))}
-        except PlanFileError as error:
-            raise refuse_plan_file(path, error) from error
+        scripts = {script.name: script for script in plan_scripts(plan_in(path, data))}
         if like.name not in scripts:
             names = ", ".join(scripts) or "none"
             raise RequestError(f"{path} is a plan without a script {like.name}. It has: {names}.")

@@ -30,13 +30,12 @@ from rarms_iac.model.changes import Address, Adopt, Change, Delete, Release
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, has_errors, in_order
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, Totals
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, Totals
 from rarms_iac.model.state import Partition, State, StoppedBy
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.powershell.guests import GuestTask
 from rarms_iac.storage.plan_file import identified
 
 Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
@@ -108,7 +107,7 @@ def prepare(request: PlanningRequest, observed: Mapping[str, State]) -> Planning
     if has_errors(remaining):
         return PlanningResult(plan=None, findings=remaining, accepted=accepted)
     bare = _plan(request, tuple(part.plan for part in parts), goals.layout, remaining, accepted)
-    plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
+    plan, wrong = with_scripts(bare)
     return PlanningResult(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
 
 
@@ -154,7 +153,6 @@ class _HostPart:
     plan: HostPlan
     addresses: tuple[str, ...]
     findings: tuple[Diagnostic, ...]
-    guests: tuple[GuestTask, ...]  # classes of guests that nobody could look into: only their scripts know
 
 
 def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) -> _HostPart:
@@ -165,6 +163,7 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
     steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
     here = [partition for partition in (layout.partitions if layout else ()) if partition.host == goal.name]
     mechanisms = {partition.name: partition.mechanism for partition in here if partition.mechanism}
+    guests = _guest_tasks(request, goal)
     plan = HostPlan(
         host=request.system.hosts[goal.name],
         facts=goal.observed.facts,
@@ -182,8 +181,8 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
         components={partition.name: partition.components for partition in here},
         mechanisms=mechanisms or None,
         stopped=_staying_stopped(request, goal),
+        guest_tasks=guests or None,
     )
-    guests = _guest_tasks(request, goal)
     reviewed = ReviewedPlan(
         system=request.system,
         places=request.places,
@@ -196,14 +195,13 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
     )
     return _HostPart(
         plan=plan,
-        addresses=tuple(str(change.address) for change in (*difference.changes, *(guest.step for guest in guests))),
+        addresses=tuple(str(change.address) for change in (*difference.changes, *guests)),
         findings=(
             *difference.findings,
             *stuck,
             *review_plan(reviewed),
-            *guest_scripts_by_hand(plan, guests, goal.rules.locate),
+            *guest_scripts_by_hand(plan, goal.rules.locate),
         ),
-        guests=guests,
     )
 
 
@@ -211,14 +209,11 @@ def _guest_tasks(request: PlanningRequest, goal: HostGoal) -> tuple[GuestTask, .
     """The classes that the guests' scripts write, as far as they are targets, by partition and name."""
     application, rules = request.system.application.name, goal.rules
     machines = {vm.mark.name: vm.id for vm in goal.observed.of(application).partitions if vm.mark}
-    tasks = (
-        guest_task(task, application, rules.replaceable, rules.locate, machines.get(task.inside, ""))
-        for task in goal.by_hand
-    )
+    tasks = (guest_task(task, rules.replaceable, rules.locate, machines.get(task.inside, "")) for task in goal.by_hand)
     return tuple(
         task
         for task in sorted(tasks, key=lambda task: (task.partition, task.name))
-        if is_below(str(task.step.address), request.targets)
+        if is_below(str(task.address), request.targets)
     )
 
 

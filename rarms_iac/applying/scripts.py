@@ -1,15 +1,14 @@
 """The scripts of a plan: for Hyper-V hosts the exact texts that run, inspected before anybody sees them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
-from rarms_iac.powershell.guests import GuestTask
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
@@ -19,25 +18,19 @@ BY_HAND = Finding.note("RARMS160", "A guest's script is run by hand")
 NO_LITERAL = Finding.error("RARMS162", "A value cannot be written into a script")
 
 Locate = Callable[[Address], Place | None]
-GuestTasks = Mapping[str, tuple[GuestTask, ...]]
-"""By host: the classes of guests that nobody could look into, by partition, then name."""
 
 
-def guest_task(
-    task_class: TaskClass, application: str, replaceable: frozenset[str], locate: Locate, machine: str
-) -> GuestTask:
+def guest_task(task_class: TaskClass, replaceable: frozenset[str], locate: Locate, machine: str) -> GuestTask:
     """A class that is wanted in a guest into which nobody could look, as the guest's script writes it.
 
     Args:
         task_class: as it is wanted.
-        application: whose record it gets.
         replaceable: names in lower case of shipped classes that may be taken over.
         locate: where the manifest names it.
         machine: the id of the partition's machine; empty where there is none yet.
     """
     assert task_class.record is not None, "what is wanted is recorded"
     return GuestTask(
-        application=application,
         partition=task_class.inside,
         name=task_class.name,
         values=task_class.values,
@@ -48,12 +41,12 @@ def guest_task(
     )
 
 
-def guest_scripts_by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], locate: Locate) -> Iterator[Diagnostic]:
+def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagnostic]:
     """That the scripts of guests do not run with the host's: nothing reaches into a guest."""
     if host_plan.facts.provider is not ProviderKind.HYPERV:
         return
     observed = {inside for inside in insides(host_plan) if inside}
-    for inside in sorted(observed | {task.partition for task in tasks}):
+    for inside in sorted(observed | {task.partition for task in host_plan.guest_tasks or ()}):
         name = script_name(host_plan, inside)
         how = (
             "was looked into" if inside in observed else "could not be looked into: its own record decides what is done"
@@ -76,7 +69,7 @@ def of_the_host_itself(state: State) -> State:
     return replace(state, tasks=tuple(task for task in state.tasks if not task.inside))
 
 
-def with_scripts(plan: Plan, tasks: GuestTasks) -> tuple[Plan, tuple[Diagnostic, ...]]:
+def with_scripts(plan: Plan) -> tuple[Plan, tuple[Diagnostic, ...]]:
     """The plan with the scripts of its Hyper-V hosts, and what forbids to show or run one of them."""
     hosts: list[HostPlan] = []
     findings: list[Diagnostic] = []
@@ -84,7 +77,7 @@ def with_scripts(plan: Plan, tasks: GuestTasks) -> tuple[Plan, tuple[Diagnostic,
         scripts: Mapping[str, bytes] = {}
         if part.facts.provider is ProviderKind.HYPERV:
             try:
-                scripts = scripts_of(part, plan, tasks.get(part.host.name, ()))
+                scripts = scripts_of(part, plan)
             except NoLiteral as error:
                 findings.append(_no_literal(part, error))
         findings += inspected(scripts)
@@ -92,7 +85,7 @@ def with_scripts(plan: Plan, tasks: GuestTasks) -> tuple[Plan, tuple[Diagnostic,
     return replace(plan, hosts=tuple(hosts)), tuple(findings)
 
 
-def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ()) -> Mapping[str, bytes]:
+def scripts_of(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
     """Every script of a host by its file name, undo scripts included; none for a Windows in which nothing is done.
 
     Where the plan exists, a scheduler under which reserves have no effect was accepted, or no reserve is asked for.
@@ -105,9 +98,26 @@ def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ())
     if all(step.address.task and step.address.partition for step in host_plan.steps):
         for undo in (False, True):
             made.pop(script_name(host_plan, undo=undo), None)
-    for inside, classes in groupby(tasks, key=lambda task: task.partition):
+    for inside, classes in groupby(host_plan.guest_tasks or (), key=lambda task: task.partition):
         made |= render_guest(host_plan, plan, inside, tuple(classes))
     return dict(sorted(made.items()))
+
+
+def edited_script(plan: Plan) -> str | None:
+    """Name the first script of a plan that is not, to the byte, what the plan's operations make; None: all are.
+
+    A seal has no key: whoever edits a script can seal the file anew.
+    """
+    for part in plan.hosts:
+        try:
+            made = scripts_of(part, plan) if part.facts.provider is ProviderKind.HYPERV else {}
+        except NoLiteral:
+            made = {}
+        rendered = {name: text.decode("ascii") for name, text in made.items()}
+        for name in sorted(rendered.keys() | part.scripts.keys()):
+            if rendered.get(name) != part.scripts.get(name):
+                return name
+    return None
 
 
 def inspected(scripts: Mapping[str, bytes]) -> Iterator[Diagnostic]:

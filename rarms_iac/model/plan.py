@@ -20,7 +20,7 @@ from rarms_iac.model.operations import (
     StopPartition,
     WriteMark,
 )
-from rarms_iac.model.state import SPARSE, HostFacts
+from rarms_iac.model.state import SPARSE, HostFacts, RegistryValue
 from rarms_iac.model.system import Disruption
 
 Reading = bool | int | str
@@ -123,6 +123,24 @@ class ThreadClass:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GuestTask:
+    """A task class as it is to be in a guest that nobody could look into: its script decides by what it finds there."""
+
+    partition: str
+    name: str
+    values: Mapping[str, RegistryValue]
+    set: str  # digest of the values
+    replace: bool  # one that was there before may be taken over
+    machine: str = ""  # id of the partition's machine, where there is one
+    place: Place | None = None
+
+    @property
+    def address(self) -> Address:
+        """Where the class is to be."""
+        return Address(partition=self.partition, task=self.name, machine=self.machine)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostPlan:
     """The part of a plan for one host: changes, and steps in their order."""
 
@@ -145,6 +163,8 @@ class HostPlan:
     stopped: tuple[str, ...] = ()  # partitions that `rarms stop` stopped and that stay so; for the reader
     # By partition of a Linux host: how its reservation is kept and why; for the reader.
     mechanisms: Mapping[str, str] | None = field(default=None, metadata=SPARSE)
+    # By partition, then name: what the scripts write in guests that nobody could look into.
+    guest_tasks: tuple[GuestTask, ...] | None = field(default=None, metadata=SPARSE)
 
 
 class Purpose(StrEnum):

@@ -4,15 +4,9 @@ One guarded piece a class. The class must be free: not there, ours already, or o
 was there before is kept by the script itself, once, in the guest's own record; its undo script brings that back.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
-from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
-from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.operations import WriteTaskClass
-from rarms_iac.model.plan import Reading, Step, Undo, UndoLevel
-from rarms_iac.model.state import RegistryValue
+from rarms_iac.model.plan import GuestTask, Reading, Step, Undo, UndoLevel
 from rarms_iac.model.system import Disruption
 from rarms_iac.powershell.calls import NO_EMPTY_KEYS, VALUE, ScriptPiece, call, task_value_calls
 from rarms_iac.powershell.literals import literal
@@ -20,55 +14,41 @@ from rarms_iac.powershell.literals import literal
 LOST = "what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GuestTask:
-    """A task class as it is to be in a guest."""
-
-    application: str
-    partition: str
-    name: str
-    values: Mapping[str, RegistryValue]
-    set: str  # digest of the values
-    replace: bool  # one that was there before may be taken over
-    machine: str = ""  # id of the partition's machine, where there is one
-    place: Place | None = None
-
-    @property
-    def step(self) -> Step:
-        """The step that people are shown; no state is claimed, so its readings are empty."""
-        return Step(
-            address=Address(partition=self.partition, task=self.name, machine=self.machine),
-            title=f"write the class {self.name}, and keep what was there before",
-            operation=WriteTaskClass(task=self.name, inside=self.partition, values=self.values),
-            before={},
-            after={},
-            undo=Undo(level=UndoLevel.PARTIAL, operation=None, message=LOST),
-            disruption=Disruption.PARTITION_STOP,
-            claim_before=Claim(),
-            claim_after=Claim(),
-            comment="what the guest holds is not known here: its own record decides; threads see it when it restarts",
-            place=self.place,
-        )
+def step_of(task: GuestTask) -> Step:
+    """The step that people are shown; no state is claimed, so its readings are empty."""
+    return Step(
+        address=task.address,
+        title=f"write the class {task.name}, and keep what was there before",
+        operation=WriteTaskClass(task=task.name, inside=task.partition, values=task.values),
+        before={},
+        after={},
+        undo=Undo(level=UndoLevel.PARTIAL, operation=None, message=LOST),
+        disruption=Disruption.PARTITION_STOP,
+        claim_before=Claim(),
+        claim_after=Claim(),
+        comment="what the guest holds is not known here: its own record decides; threads see it when it restarts",
+        place=task.place,
+    )
 
 
-def forward(task: GuestTask) -> ScriptPiece:
+def forward(task: GuestTask, application: str) -> ScriptPiece:
     """The piece that writes the class."""
-    whose = {"Task": literal(task.name), "Application": literal(task.application)}
+    whose = {"Task": literal(task.name), "Application": literal(application)}
     names = sorted(task.values)
     values: dict[str, Reading] = {
         f"{VALUE}{name}": f"{registry_value.kind.value}:{registry_value.data}"
         for name, registry_value in sorted(task.values.items())
     }
     return ScriptPiece(
-        address=str(task.step.address),
-        action=task.step.title,
+        address=str(task.address),
+        action=step_of(task).title,
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
         before={"taken": False},
         after={
             "exists": True,
             "values": ", ".join(sorted(name.lower() for name in names)),
             **values,
-            **_recorded(task),
+            **_recorded(task, application),
         },
         calls=(
             call("Save-TaskRecord", **whose, Digest=literal(task.set)),
@@ -78,18 +58,18 @@ def forward(task: GuestTask) -> ScriptPiece:
     )
 
 
-def back(task: GuestTask) -> ScriptPiece:
+def back(task: GuestTask, application: str) -> ScriptPiece:
     """The piece that brings back what was there before rarms."""
-    whose = {"Task": literal(task.name), "Application": literal(task.application)}
+    whose = {"Task": literal(task.name), "Application": literal(application)}
     return ScriptPiece(
-        address=str(task.step.address),
+        address=str(task.address),
         action=f"bring back what {task.name} was before rarms",
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
-        before={"taken": False, **_recorded(task)},
+        before={"taken": False, **_recorded(task, application)},
         after={"record": "", "set": "", **NO_EMPTY_KEYS},
         calls=(call("Restore-TaskClass", **whose), call("Clear-TaskRecord", **whose)),
     )
 
 
-def _recorded(task: GuestTask) -> dict[str, Reading]:
-    return {"record": task.application, "set": task.set}
+def _recorded(task: GuestTask, application: str) -> dict[str, Reading]:
+    return {"record": application, "set": task.set}

@@ -12,10 +12,20 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StopPartition
-from rarms_iac.model.plan import HostPlan, Plan, Readings, Step, UndoLevel, describe_stop, owner_of, partition_summaries
+from rarms_iac.model.plan import (
+    GuestTask,
+    HostPlan,
+    Plan,
+    Readings,
+    Step,
+    UndoLevel,
+    describe_stop,
+    owner_of,
+    partition_summaries,
+)
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.calls import DEVICE_READER, READER, ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
-from rarms_iac.powershell.guests import GuestTask, back, forward
+from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.powershell.templates import (
     ENTRY,
@@ -135,9 +145,10 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
     """
     name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
     last = len(tasks) - 1
-    pieces = [_GuardedPiece(piece=forward(task), steps=(task.step,)) for task in tasks]
+    pieces = [_GuardedPiece(piece=forward(task, plan.application), steps=(step_of(task),)) for task in tasks]
     taken_back = [
-        _GuardedPiece(piece=back(task), steps=(task.step,), undoes=last - at) for at, task in enumerate(reversed(tasks))
+        _GuardedPiece(piece=back(task, plan.application), steps=(step_of(task),), undoes=last - at)
+        for at, task in enumerate(reversed(tasks))
     ]
     never = {"accept_scheduler": literal(False)}
     bare = {"undo": literal(""), "undo_digest": literal(""), **never}

@@ -11,6 +11,7 @@ from typing import ClassVar, cast
 
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, short
@@ -115,7 +116,7 @@ def read_plan(data: bytes) -> Plan:
         The plan, of which seal and id were checked.
 
     Raises:
-        PlanUnreadable: not a plan file, or of another format version.
+        PlanUnreadable: not a plan file, or made by another version of rarms.
         PlanEdited: seal or id do not fit the content.
     """
     document = _parsed(data)
@@ -123,6 +124,11 @@ def read_plan(data: bytes) -> Plan:
     if seal != _seal(document):
         raise PlanEdited(
             "its seal does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`"
+        )
+    if document.get("rarms_version") != __version__:
+        raise PlanUnreadable(
+            f"rarms {quoted(document.get('rarms_version'))} made it, and this is rarms {__version__}",
+            "Make the plan again with this version of rarms: `rarms plan --out FILE`",
         )
     try:
         plan = decode(Plan, document)

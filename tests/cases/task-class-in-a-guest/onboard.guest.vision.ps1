@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5da07e7a84be of application robot, for the guest of partition vision.
+    rarms apply script: plan 926722d92d38 of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '926722d92d38'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '5411e7ec9f688581b81523eb8aefcd9711477cbe446f5078f165ba987993e6e5'
+        UndoDigest = 'e333d6cb08097b5058669ffcdb4ce445a20977bcc00b17219770c57e4c7a6381'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

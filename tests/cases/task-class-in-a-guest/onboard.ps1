@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5da07e7a84be of application robot, for the host itself.
+    rarms apply script: plan 926722d92d38 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5da07e7a84be'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '926722d92d38'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ddf50fd878bcfbd451faa91c4ea5b2eb05432255ec627aac802094ee4ff17680'
+        UndoDigest = 'c66ed1f04e634242580821ebd53611306237502d81553487d83412b8812d74fd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
