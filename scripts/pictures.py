@@ -60,7 +60,7 @@ def on_a_terminal(words: str, folder: str, stream: str) -> str:
 def _read(terminal: int) -> bytes:
     try:
         return os.read(terminal, 65536)
-    except OSError:  # nobody holds the other side any more
+    except OSError:  # the other side is closed
         return b""
 
 

@@ -130,7 +130,7 @@ def case(kind: str, seed: int, distance: float = NEAR) -> Case:
 
 
 def _two_modes(kind: str, chance: random.Random, distance: float) -> Case:
-    """Every job takes 100 ms, give or take 1 %, but for a few that take twice as long, and that nobody saw at first."""
+    """Every job takes 100 ms, give or take 1 %, but for a few that take twice as long, and that were not seen at first."""
     rare = chance.choice((0.005, 0.02, 0.05, 0.2))
     away = chance.gauss(0.0, distance)
     if kind.startswith("p95"):
@@ -350,7 +350,7 @@ def _beside(name: str, false: int, count: int) -> list[Figure]:
 
 
 BEFORE = {"normal": 666.0, "two modes": 432.0, "long tail": 2691.0}
-"""Samples that a setting took before every bound counted in a job that nobody saw, with the same series."""
+"""Samples that a setting took before every bound counted in a job that was not seen, with the same series."""
 
 
 def effort(data: str, seed: int) -> tuple[Series, dict[str, Threshold]]:

@@ -36,7 +36,7 @@ HOST_MEMORY_MIB = 4096.0
 RESERVES = tuple(range(10, 101, 10))
 PAIRS = ((50, 50), (75, 25), (75, 0))
 BROWSERS = (0, 1, 2, 5, 10)
-PRIORITIES = {FDP: 30, SRP: 31}  # Fig. 3's; whoever names no task class has the ordinary priority
+PRIORITIES = {FDP: 30, SRP: 31}  # Fig. 3's; a component without a task class has the ordinary priority
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -179,7 +179,7 @@ def _table_4(four: dict[tuple[int, int], dict[int, float]]) -> list[str]:
         "Reserves of P1 and P2 in per cent, mean response times in ms. The paper: a reservation does not hide",
         "interrupts.",
         "",
-        "![Browsers slow face detection whatever is reserved](figures/figure-4.svg)",
+        "![Browsers slow face detection at every reservation](figures/figure-4.svg)",
         "",
         _row("browsers", *(f"{p1}/{p2}" for p1, p2 in pairs), "the paper"),
         "|---:|" + "---:|" * len(pairs) + "---|",

@@ -81,7 +81,7 @@ def test_figure_3_ordinary_threads_hold_below_70_per_cent_and_degrade_above(
     assert [len(below), len(above)] == [3, 5]
     assert max(below) < REPEATS
     assert all(before < after for before, after in pairwise([max(below), *above])), "ever worse"
-    assert above[1] > 2 * REPEATS, "at 86 % nobody takes it for noise"
+    assert above[1] > 2 * REPEATS, "at 86 % it is no noise"
     assert above[-1] > 0.5
 
 

@@ -247,7 +247,7 @@ def _next_command(
     if unmeasured:
         return NextCommand(command="rarms measure", reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):
-        return NextCommand(command="rarms drift", reason="tells what somebody changed on a host")
+        return NextCommand(command="rarms drift", reason="tells what was changed on a host")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command="rarms plan", reason="shows what is not applied yet")
     if holding < asked and not any(host.problems for host in hosts):

@@ -19,7 +19,7 @@ DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
-UNKNOWN = Finding.error("RARMS250", "Nobody heard how the run ended")
+UNKNOWN = Finding.error("RARMS250", "It is unknown how the run ended")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
 SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
 

@@ -222,15 +222,15 @@ def _kind_in_registry(
 def _describe(kind: DriftKind) -> str:
     match kind:
         case DriftKind.HOST_CHANGED:
-            return "somebody changed it on the host since rarms wrote it"
+            return "it was changed on the host since rarms wrote it"
         case DriftKind.NOT_APPLIED:
             return "the manifest wants something else than was last applied"
         case DriftKind.BOTH:
-            return "somebody changed it on the host, and the manifest wants something else than was last applied"
+            return "it was changed on the host, and the manifest wants something else than was last applied"
         case DriftKind.MISSING:
             return "the host has nothing of ours under this name: never applied, or removed by somebody"
         case DriftKind.REMOVED:
-            return "rarms left it on the host, and it is gone: somebody removed it, or its mark"
+            return "rarms left it on the host, and it is gone: it, or its mark, was removed with another tool"
         case DriftKind.UNUSED:
             return "the manifest no longer wants it; it is stopped"
 

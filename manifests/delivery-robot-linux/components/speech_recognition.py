@@ -38,7 +38,7 @@ def understand(decoder: Decoder, samples: bytes) -> str:
 
 
 def main() -> None:
-    """Listens to one command a period until nobody wants to know, or to as many as the arguments say."""
+    """Listens to one command a period until its reader has gone, or to as many as the arguments say."""
     options = argparse.ArgumentParser()
     options.add_argument("--period-ms", type=float, default=0.0)
     options.add_argument("commands", type=int, nargs="?")

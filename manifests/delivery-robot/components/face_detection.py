@@ -53,7 +53,7 @@ def detect(frame: Frame) -> tuple[int, int]:
 
 
 def main() -> None:
-    """Frames until nobody listens, or as many as the first argument says."""
+    """Frames until its reader has gone, or as many as the first argument says."""
     chance = random.Random(1)  # noqa: S311 - the same frames every time
     frames = int(sys.argv[1]) if len(sys.argv) > 1 else sys.maxsize
     for _ in range(frames):

@@ -52,7 +52,7 @@ def distance(one: Features, other: Features) -> float:
 
 
 def main() -> None:
-    """Commands until nobody listens, or as many as the first argument says."""
+    """Commands until its reader has gone, or as many as the first argument says."""
     chance = random.Random(2)  # noqa: S311 - the same commands every time
     known = {word: features(spoken(word, random.Random(word))) for word in WORDS}  # noqa: S311 - the same voice
     commands = int(sys.argv[1]) if len(sys.argv) > 1 else sys.maxsize

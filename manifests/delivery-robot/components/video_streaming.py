@@ -26,7 +26,7 @@ def encoded(frame: bytes, last: bytes) -> bytes:
 
 
 def main() -> None:
-    """Frames, one a period, until nobody listens, or as many as the first argument says."""
+    """Frames, one a period, until its reader has gone, or as many as the first argument says."""
     frames = int(sys.argv[1]) if len(sys.argv) > 1 else sys.maxsize
     last, due = picture(0), time.perf_counter()
     for number in range(1, frames + 1):

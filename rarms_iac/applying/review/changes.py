@@ -27,7 +27,7 @@ NOT_ASKED = Finding.warning("RARMS255", "A guest is turned off without being ask
 DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
 VHD = Finding.error("RARMS257", "A machine of generation 2 takes no .vhd disk")
-CHANGED_OUTSIDE = Finding.note("RARMS311", "Somebody changed the host since rarms wrote it")
+CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
 SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name")
 
 

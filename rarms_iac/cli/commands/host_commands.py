@@ -88,7 +88,7 @@ def history_command(
 def drift_command(
     session: Session, *, source: ManifestSource, host_selection: HostSelection, as_json: bool
 ) -> ExitCode:
-    """Tell what somebody changed on the hosts, and what is not applied yet. Only reads.
+    """Tell what was changed on the hosts, and what is not applied yet. Only reads.
 
     Exit code 2 where a host was changed, 5 where something is only not applied yet, 0 where there is neither.
     """

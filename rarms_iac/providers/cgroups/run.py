@@ -61,7 +61,7 @@ GroupOperation = SettingOperation | RemovePartition | StartPartition | StopParti
 """Operations on a partition that exists."""
 
 ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
-OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that nobody stopped with rarms")
+OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that were not stopped with rarms")
 NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = "look at the host again: `rarms plan`"
@@ -162,7 +162,7 @@ class LinuxHostProvider(JournaledHost):
         )
         if names:
             message = f"{counted(len(names), 'partition')} of {self.name} ran until the machine stopped, or until "
-            message += f"somebody removed the control group: {in_a_row(names)}."
+            message += f"the control group was removed: {in_a_row(names)}."
             advice = "`rarms apply` starts what is off, and so does the plan's script: `sh HOST.sh --boot`. Have the "
             advice += 'machine do that at each start (docs/linux.md, "After the machine starts").'
             yield OFF_WITHOUT_STOP.at(None, message, advice, address=f"host/{self.name}")

@@ -649,7 +649,7 @@ SITUATIONS = {
     "somebody changed a host, and the status says so": Situation(
         steps=(write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
         words=("status",),
-        messages=("tells what somebody changed on a host",),
+        messages=("tells what was changed on a host",),
         recommends=("rarms drift",),
     ),
     "nothing is applied, and the status says so": Situation(
