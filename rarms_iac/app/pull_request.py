@@ -177,4 +177,4 @@ def _logs_of(manifest: Manifest) -> dict[str, tuple[LogUse, str]]:
 
 
 def _apply_scripts(made: Plan) -> dict[str, PlanScript]:
-    return {script.name: script for script in plan_scripts(made) if not script.undo and not script.is_shell}
+    return {script.name: script for script in plan_scripts(made) if not script.undo}

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
-from rarms_iac.app.wiring import shell_scripts
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
@@ -49,11 +48,6 @@ class PlanScript:
         return ScriptKind.UNDO if self.undo else ScriptKind.APPLY
 
     @property
-    def is_shell(self) -> bool:
-        """Whether it is a Linux host's, which a shell runs; otherwise PowerShell does."""
-        return self.name.endswith(".sh")
-
-    @property
     def sha256(self) -> str:
         """The SHA-256 digest of the script's bytes, in hexadecimal."""
         return hashlib.sha256(self.text.encode("ascii")).hexdigest()
@@ -75,8 +69,8 @@ def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
         plan: the plan.
 
     Returns:
-        The scripts by host, then by name. They are not inspected yet: `inspect_scripts` does that with those that are
-            shown or written.
+        The scripts by host, then by name; of a Linux host none. They are not inspected yet: `inspect_scripts` does that
+            with those that are shown or written.
     """
     return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan)))
 
@@ -91,10 +85,7 @@ def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
         UseCaseError: one of them does not pass the inspection (failed).
     """
     wrong = [
-        problem
-        for script in scripts
-        if not script.is_shell
-        for problem in inspect(script.text.encode("ascii"), script.kind, script.name)
+        problem for script in scripts for problem in inspect(script.text.encode("ascii"), script.kind, script.name)
     ]
     if wrong:
         raise UseCaseError(Outcome.FAILED, wrong)
@@ -233,11 +224,9 @@ def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
         The steps that only one has, or that differ.
 
     Raises:
-        RequestError: the file is a plan without such a script, or the script is a shell's.
+        RequestError: the file is a plan without such a script.
         UseCaseError: it is neither, was edited, or does not pass the inspection.
     """
-    if script.is_shell:
-        raise RequestError(f"Steps of PowerShell scripts are compared; {script.name} is a shell script: use diff.")
     return difference(_outline_in(path, script), _outline_of(script))
 
 
@@ -294,7 +283,7 @@ def _texts(part: HostPlan, plan: Plan) -> Mapping[str, str]:
     if part.scripts:
         return part.scripts
     if part.facts.provider is ProviderKind.LINUX:
-        return shell_scripts(part, plan)
+        return {}
     return {name: text.decode("ascii") for name, text in scripts_of(part, plan).items()}
 
 
@@ -302,7 +291,7 @@ def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:
     begin = f"{part.host.name}.guest."
     scripts = []
     for name, text in sorted(texts.items()):
-        undo = name.endswith((".undo.ps1", ".undo.sh"))
+        undo = name.endswith(".undo.ps1")
         guest = name.removeprefix(begin).split(".")[0] if name.startswith(begin) else ""
         scripts.append(PlanScript(name=name, host=part.host.name, guest=guest, undo=undo, text=text))
     return scripts

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import assert_never
@@ -12,7 +12,6 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
-from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import System
 from rarms_iac.providers.interface import HostFailed, LiveHost
@@ -54,22 +53,6 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
             from rarms_iac.providers.cgroups.run import LinuxHostProvider
 
             return LinuxHostProvider(host)
-
-
-def shell_scripts(host_plan: HostPlan, plan: Plan) -> Mapping[str, str]:
-    """Make the script that does a Linux host's part of a plan, and the one that takes it back.
-
-    Args:
-        host_plan: that part.
-        plan: what it is part of.
-
-    Returns:
-        The texts by their file names; none where the plan changes nothing there.
-    """
-    from rarms_iac.providers.cgroups.run import STATE_FOLDER
-    from rarms_iac.providers.cgroups.script import render_shell_scripts
-
-    return render_shell_scripts(host_plan, plan, STATE_FOLDER)
 
 
 def open_bench(system: System, name: str, folder: str, state_path: str) -> MeasuringHost | None:

@@ -4,6 +4,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.scripts import PlanScript
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
@@ -40,19 +42,10 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     lines = (_highlighted(plain) if colour else plain).split("\n")
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
-    records = _line_of_records(lines)
-    if records and not whole:
-        text = "the records of these steps for the journal; --whole shows them"
-        numbered[records:] = [f"{'':>{width}}  ... lines {records + 1} to {len(lines)}: {text}"]
     for piece in () if whole else reversed(split_script(plain + "\n").fixed):
         fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --whole shows it"
         numbered[piece.first - 1 : piece.last] = [f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}"]
     return "\n".join(numbered) + "\n"
-
-
-def _line_of_records(lines: Sequence[str]) -> int:
-    """The index of the line from which on a shell script holds what its journal gets; 0: it is none."""
-    return next((at for at, line in enumerate(lines) if line == "# --- records"), 0)
 
 
 def _highlighted(text: str) -> str:
@@ -93,10 +86,13 @@ def _begins_call(before: Token | None) -> bool:
     return before is None or before.kind is TokenKind.NEWLINE or before.text in {"{", "(", "|", ";", "="}
 
 
-def left_out(scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[str]:
+def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[str]:
     """Yield what is to be said of the scripts of a plan that are not shown."""
     guests = sorted({script.guest for script in scripts if script.guest} - {script.guest for script in selected})
-    if not selected:
+    linux = [part.host.name for part in plan.hosts if part.facts.provider is ProviderKind.LINUX and part.steps]
+    if linux:
+        yield f"A Linux host has no script, so {', '.join(linux)} has none: `rarms apply` does the plan's steps itself."
+    elif not selected:
         yield "The plan changes nothing on the hosts themselves."
     if guests:
         yield f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME)."

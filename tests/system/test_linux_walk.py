@@ -1,14 +1,11 @@
-"""The way of an operator over a Linux host: plan, apply, drift, undo, script, destroy, on real control groups.
+"""The way of an operator over a Linux host: plan, apply, drift, undo, destroy, on real control groups.
 
 It runs on the kernel of this machine, and in `tests/linux_machine/` with control groups of version 2 and with systemd.
 """
 
-import json
 import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -43,13 +40,6 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     shutil.rmtree(STATE_FOLDER / slice_of(tmp_path), ignore_errors=True)
 
 
-def seen(folder: Path) -> dict[str, Any]:
-    """What a snapshot of the host holds of its partitions, by name, but for their ids."""
-    assert rarms("snapshot", "-f", str(folder), "--out", str(folder / "snapshot.json")).code == 0
-    state: Any = json.loads((folder / "snapshot.json").read_text(encoding="utf-8"))
-    return {found["settings"]["name"]: found["settings"] for found in state["state"]["partitions"]}
-
-
 @pytest.mark.needs("control-groups")
 @pytest.mark.alone
 def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
@@ -76,20 +66,5 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
     assert rarms("destroy", *where, "--auto-approve").code == 0
     assert tree.names() == ()
 
-
-@pytest.mark.needs("control-groups")
-@pytest.mark.alone
-def test_the_shown_script_run_by_sh_does_what_apply_does(folder: Path) -> None:
-    where = ("-f", str(folder))
-    assert rarms("apply", *where, "--auto-approve").code == 0
-    applied = seen(folder)
-    assert rarms("destroy", *where, "--auto-approve").code == 0
-    assert seen(folder) == {}
-
-    assert rarms("show", "--script", *where, "--out", str(folder / "scripts")).code == 0
-    (script,) = (folder / "scripts").rglob("onboard.sh")
-    done = subprocess.run(["sh", str(script)], capture_output=True, text=True, timeout=600)
-
-    assert done.returncode == 0, done.stderr
-    assert seen(folder) == applied
-    assert rarms("plan", *where).code == 0
+    shown = rarms("show", "--script", *where)
+    assert "A Linux host has no script, so onboard has none" in " ".join(shown.err.split())

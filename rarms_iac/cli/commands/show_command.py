@@ -120,7 +120,11 @@ def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form
     scripts = plan_scripts(plan)
     selected = select_scripts(scripts, selection, plan)
     if form.out is not None:
-        return _write(session, scripts_to_write(scripts, selected, selection), form.out)
+        written = scripts_to_write(scripts, selected, selection)
+        _write(session, written, form.out)
+        for sentence in left_out(plan, scripts, written):
+            session.terminal.talk(sentence)
+        return ExitCode.DONE
     inspect_scripts(selected)
     if form.against is not None:
         script = only_script(selected, "--against")
@@ -137,18 +141,15 @@ def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form
     else:
         for script in selected:
             _show_script(session, script.name, script.text, whole=form.whole)
-    for sentence in left_out(scripts, selected):
+    for sentence in left_out(plan, scripts, selected):
         session.terminal.talk(sentence)
     return ExitCode.DONE
 
 
-def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> ExitCode:
+def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> None:
     inspect_scripts(scripts)
     for path in write_scripts(scripts, folder):
         session.terminal.talk(f"Wrote {path}.")
-    if not scripts:
-        session.terminal.talk("The plan changes nothing, so it has no scripts.")
-    return ExitCode.DONE
 
 
 def _check(session: Session, path: str, *, as_json: bool) -> ExitCode:
@@ -177,6 +178,5 @@ def _show_transport(session: Session, form: ScriptForm) -> ExitCode:
 
 
 def _show_script(session: Session, heading: str, text: str, *, whole: bool) -> None:
-    colour = session.terminal.colour and not heading.endswith(".sh")  # the colours are PowerShell's
-    numbered = script_text(text, colour=colour, whole=whole)
+    numbered = script_text(text, colour=session.terminal.colour, whole=whole)
     session.terminal.data(f"{heading}\n{numbered}\n")

@@ -7,11 +7,13 @@ shell holds the host's lock, so the lock ends with the connection.
 
 import errno
 import re
+import shlex
 import shutil
 import tempfile
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path, PurePosixPath
 
 from rarms_iac.model.host import Connect, Host
@@ -25,7 +27,6 @@ from rarms_iac.providers.cgroups.groups import GroupEffects, GroupTree, GroupVal
 from rarms_iac.providers.cgroups.machine import LinuxMachine, read_machine
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
-from rarms_iac.providers.cgroups.script import quote
 from rarms_iac.providers.channel import Channel, SilenceTimeout, await_line, last_of, open_channel, ssh_words
 from rarms_iac.providers.interface import HostFailed, HostLocked, ObservedHost
 from rarms_iac.providers.journaled import record_line
@@ -39,6 +40,29 @@ ANSWER_SECONDS = 60.0
 _READY = "rarms: user "
 _SAY_USER = f'echo "{_READY}$(id -u)"'
 _END = re.compile(r"end ([0-9]{1,3})")
+
+
+def quote(text: str) -> str:
+    """Return the text as a word of a shell, in ASCII; characters that are not printable are written by their bytes.
+
+    Args:
+        text: of any length; empty gives an empty word.
+
+    Raises:
+        ValueError: it holds a NUL or half a surrogate pair, which no word can.
+    """
+    if "\0" in text:
+        raise ValueError("a word of a shell has no NUL")
+    runs = ((plain, "".join(run)) for plain, run in groupby(text, key=_is_plain))
+    return "".join(shlex.quote(run) if plain else _printed(run) for plain, run in runs) or "''"
+
+
+def _is_plain(character: str) -> bool:
+    return character == "\n" or (character.isascii() and character.isprintable())
+
+
+def _printed(run: str) -> str:
+    return "\"$(printf '" + "".join(f"\\{byte:03o}" for byte in run.encode()) + "')\""
 
 
 class RemoteShell:

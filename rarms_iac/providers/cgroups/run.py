@@ -163,8 +163,8 @@ class LinuxHostProvider(JournaledHost):
         if names:
             message = f"{counted(len(names), 'partition')} of {self.name} ran until the machine stopped, or until "
             message += f"the control group was removed: {in_a_row(names)}."
-            advice = "`rarms apply` starts what is off, and so does the plan's script: `sh HOST.sh --boot`. Have the "
-            advice += 'machine do that at each start (docs/linux.md, "After the machine starts").'
+            advice = "`rarms apply` starts what is off. Have the machine do that at each start (docs/linux.md, "
+            advice += '"After the machine starts").'
             yield OFF_WITHOUT_STOP.at(None, message, advice, address=f"host/{self.name}")
 
     def _without_withheld_time(self) -> Iterator[Diagnostic]:
