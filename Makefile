@@ -19,7 +19,7 @@ demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the
 demo-linux: $(RUNS) ## The same with real components on this Linux, as root; three to five minutes
 	@scripts/demo-linux
 
-test: $(TESTS) ## All tests, with branch coverage
+test: $(TESTS) ## The tests, but for those that CI alone waits for
 	@scripts/test
 
 test-long: $(TESTS) ## The same with the large counts, then unit tests and laws on all Pythons (much longer)
