@@ -130,7 +130,7 @@ def case(kind: str, seed: int, distance: float = NEAR) -> Case:
 
 
 def _two_modes(kind: str, chance: random.Random, distance: float) -> Case:
-    """Every job takes 100 ms, give or take 1 %, but for a few that take twice as long, and that were not seen at first."""
+    """Every job takes 100 ms, give or take 1 %, but for a few that take twice as long, unseen at first."""
     rare = chance.choice((0.005, 0.02, 0.05, 0.2))
     away = chance.gauss(0.0, distance)
     if kind.startswith("p95"):
