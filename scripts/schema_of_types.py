@@ -1,13 +1,15 @@
-"""The JSON Schema of what `storage.codec` writes, made from the same type hints."""
+"""The JSON Schemas of what `storage.codec` writes, made from the same type hints: our files, and output."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from datetime import date
 from enum import Enum
 from fractions import Fraction
 from inspect import cleandoc
 from types import NoneType, UnionType
-from typing import Any, Literal, NewType, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NewType, Union, get_args, get_origin, get_type_hints
+
+from rarms_iac.model.output import OpenBound, OutputText, output_hints
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
@@ -24,72 +26,96 @@ _PLAIN: Mapping[Any, Schema] = {
 
 
 def schema_of(record: type) -> Schema:
-    """The schema of a dataclass, with a definition for each that it uses, sorted by name."""
+    """The schema of a dataclass in a file of ours, with a definition for each that it uses, sorted by name."""
     definitions: dict[str, Schema] = {}
-    reference = _schema(record, definitions)
+    reference = _schema(record, definitions, _stored)
     return {"$schema": DIALECT, **reference, "$defs": dict(sorted(definitions.items()))}
 
 
-def _schema(hint: Any, definitions: dict[str, Schema]) -> Schema:
+def output_schema_of(answers: Iterable[type]) -> Schema:
+    """The schema of output that is one of these dataclasses; fields may be added to any of them."""
+    definitions: dict[str, Schema] = {}
+    references = [_schema(answer, definitions, _output) for answer in answers]
+    return {"$schema": DIALECT, "anyOf": references, "$defs": dict(sorted(definitions.items()))}
+
+
+def _schema(hint: Any, definitions: dict[str, Schema], record: "Record") -> Schema:
     while isinstance(hint, NewType):
         hint = hint.__supertype__
+    if get_origin(hint) is Annotated:
+        return {"type": ["number", "null"]} if hint == OpenBound else _schema(get_args(hint)[0], definitions, record)
     if hint in _PLAIN:
-        return dict(_PLAIN[hint])
+        return {"type": "number"} if hint is Fraction and record is _output else dict(_PLAIN[hint])
+    if isinstance(hint, type) and issubclass(hint, OutputText) and record is _output:
+        return {"type": "string"}
     if isinstance(hint, type) and issubclass(hint, Enum):
         return {"enum": [member.value for member in hint]}
     if isinstance(hint, type) and is_dataclass(hint):
-        return _record(hint, definitions)
-    return _compound(get_origin(hint), get_args(hint), definitions)
+        return _reference(hint, definitions, record)
+    return _compound(get_origin(hint), get_args(hint), definitions, record)
 
 
-def _compound(origin: Any, arguments: tuple[Any, ...], definitions: dict[str, Schema]) -> Schema:
+def _compound(origin: Any, arguments: tuple[Any, ...], definitions: dict[str, Schema], record: "Record") -> Schema:
+    parts = [
+        argument if origin is Literal else _schema(argument, definitions, record)
+        for argument in arguments
+        if argument is not ...
+    ]
     if origin is Literal:
-        return {"enum": list(arguments)}
+        return {"enum": parts}
     if origin in (Union, UnionType):
-        return _union(arguments, definitions)
+        return {"anyOf": parts if record is _output else _told_by_names(arguments, parts)}
     if origin is Mapping:
-        return {"type": "object", "additionalProperties": _schema(arguments[1], definitions)}
+        return {"type": "object", "additionalProperties": parts[1]}
     if origin is frozenset or (origin is tuple and arguments[1:] == (...,)):
-        return {"type": "array", "items": _schema(arguments[0], definitions)}
+        return {"type": "array", "items": parts[0]}
     if origin is tuple:
-        items = [_schema(argument, definitions) for argument in arguments]
-        return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
+        return {"type": "array", "prefixItems": parts, "minItems": len(parts), "maxItems": len(parts)}
     raise TypeError(f"no schema for {origin!r}")
 
 
-def _record(cls: type, definitions: dict[str, Schema]) -> Schema:
+def _reference(cls: type, definitions: dict[str, Schema], record: "Record") -> Schema:
     name = cls.__name__
     if name not in definitions:
         definitions[name] = {}  # a type may contain itself
-        hints = get_type_hints(cls)
-        parts = fields(cls)
         definitions[name] = {
             "description": cleandoc(cls.__doc__ or ""),
             "type": "object",
-            "properties": {part.name: _schema(hints[part.name], definitions) for part in parts},
-            "required": [part.name for part in parts if part.default is MISSING and part.default_factory is MISSING],
-            "additionalProperties": False,
+            **record(cls, lambda hint: _schema(hint, definitions, record)),
         }
     return {"$ref": f"#/$defs/{name}"}
 
 
-def _union(members: tuple[Any, ...], definitions: dict[str, Schema]) -> Schema:
-    records = [member for member in members if isinstance(member, type) and is_dataclass(member)]
-    wrapped = [
-        record for record in records if len(records) > 1 and "kind" not in {part.name for part in fields(record)}
-    ]
-    return {
-        "anyOf": [
-            _wrapped(member, definitions) if member in wrapped else _schema(member, definitions) for member in members
-        ]
-    }
+Record = Callable[[type, Callable[[Any], Schema]], Schema]
+"""The properties of a dataclass, given how the type of each becomes a schema."""
 
 
-def _wrapped(cls: type, definitions: dict[str, Schema]) -> Schema:
-    """A member without a `kind` is told by its name around it."""
+def _stored(cls: type, schema: Callable[[Any], Schema]) -> Schema:
+    hints = get_type_hints(cls)
+    parts = fields(cls)
     return {
-        "type": "object",
-        "properties": {cls.__name__: _schema(cls, definitions)},
-        "required": [cls.__name__],
+        "properties": {part.name: schema(hints[part.name]) for part in parts},
+        "required": [part.name for part in parts if part.default is MISSING and part.default_factory is MISSING],
         "additionalProperties": False,
     }
+
+
+def _output(cls: type, schema: Callable[[Any], Schema]) -> Schema:
+    properties = {name: schema(hint) for name, hint in output_hints(cls).items()}
+    return {"properties": properties, "required": list(properties)}
+
+
+def _told_by_names(members: tuple[Any, ...], schemas: list[Schema]) -> list[Schema]:
+    """The members of a union; a dataclass among several that has no `kind` is told by its name around it."""
+    records = {member for member in members if isinstance(member, type) and is_dataclass(member)}
+    return [
+        {
+            "type": "object",
+            "properties": {member.__name__: schema},
+            "required": [member.__name__],
+            "additionalProperties": False,
+        }
+        if member in records and len(records) > 1 and "kind" not in {part.name for part in fields(member)}
+        else schema
+        for member, schema in zip(members, schemas, strict=True)
+    ]

@@ -1,7 +1,8 @@
 """Examining hosts for what makes a plan ineffective or unsafe there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.wiring import read_script_output
@@ -9,8 +10,9 @@ from rarms_iac.applying.doctor import examine
 from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Diagnostic, in_order
-from rarms_iac.model.state import State
+from rarms_iac.model.diagnostics import Diagnostic, count_severities, in_order
+from rarms_iac.model.output import output
+from rarms_iac.model.state import HostFacts
 from rarms_iac.providers.interface import ExaminableHost, ObservedHost
 
 
@@ -18,8 +20,11 @@ from rarms_iac.providers.interface import ExaminableHost, ObservedHost
 class ExaminedHost:
     """A host as it was looked at, and what was found there."""
 
-    state: State
+    facts: HostFacts
     condition: HostCondition
+    machines: int  # on the host
+    managed: int  # of these, the application's
+    running: int  # of all of them
     findings: tuple[Diagnostic, ...]
 
 
@@ -27,8 +32,16 @@ class ExaminedHost:
 class Examinations:
     """All chosen hosts, by name, and what the policy accepts of the findings."""
 
+    kind: Literal["doctor"] = "doctor"
+    application: str
     hosts: tuple[ExaminedHost, ...]
     accepted: tuple[Diagnostic, ...]
+
+    @property
+    @output
+    def counts(self) -> Mapping[str, int]:
+        """Findings by how much they weigh."""
+        return count_severities(self.findings)
 
     @property
     def findings(self) -> tuple[Diagnostic, ...]:
@@ -48,7 +61,7 @@ def examine_hosts(hosts: Hosts) -> Examinations:
     Raises:
         UseCaseError: a host cannot be reached or read (failed).
     """
-    manifest = hosts.manifest
+    manifest, application = hosts.manifest, hosts.system.application.name
     examined: list[ExaminedHost] = []
     accepted: list[Diagnostic] = []
     for host in _examinations(hosts):
@@ -59,9 +72,19 @@ def examine_hosts(hosts: Hosts) -> Examinations:
             manifest.source.today,
             codes=(),  # an acceptance that silences nothing here may be needed by a plan
         )
-        examined.append(ExaminedHost(state=host.state, condition=host.condition, findings=findings))
+        machines = host.state.partitions
+        examined.append(
+            ExaminedHost(
+                facts=host.state.facts,
+                condition=host.condition,
+                machines=len(machines),
+                managed=len(host.state.of(application).partitions),
+                running=sum(machine.settings.running for machine in machines),
+                findings=findings,
+            )
+        )
         accepted += silenced
-    return Examinations(hosts=tuple(examined), accepted=tuple(accepted))
+    return Examinations(application=application, hosts=tuple(examined), accepted=tuple(accepted))
 
 
 def _examinations(hosts: Hosts) -> Iterator[Examination]:

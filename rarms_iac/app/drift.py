@@ -1,8 +1,9 @@
 """Drift: which resources differ from the last apply, and whether the host or the manifest changed since."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Literal
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
@@ -11,8 +12,9 @@ from rarms_iac.app.requests import PlanLimits
 from rarms_iac.applying.goals import FIXED, goals_of
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.drift import DriftKind, ResourceDrift, drift, drift_of_marks, partitions_after_last_run
-from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
+from rarms_iac.model.output import Internal, output
+from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.reservations import ReservationSource
@@ -54,34 +56,46 @@ def drift_of_hosts(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostDrift:
-    """What drifted on one host, and the changes that would bring it back, by address.
+    """What drifted on one host."""
 
-    `components` has those of each partition of the layout, the most critical first; none where nothing can be planned.
-    """
-
-    facts: HostFacts
+    name: str
+    facts: Internal[HostFacts]
     drifted: tuple[ResourceDrift, ...]
-    changes: Mapping[Address, Change] = field(default_factory=dict)
-    components: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    @output
+    def host_lp(self) -> int:
+        """LPs that the host has."""
+        return self.facts.logical_processors
+
+    @property
+    @output
+    def host_changed(self) -> int:
+        """How many resources were changed on the host."""
+        return sum(resource.drift.is_of_the_host for resource in self.drifted)
+
+    @property
+    @output
+    def not_applied(self) -> int:
+        """How many are only not applied yet."""
+        return len(self.drifted) - self.host_changed - self.unused
+
+    @property
+    @output
+    def unused(self) -> int:
+        """How many the manifest no longer wants."""
+        return sum(resource.drift is DriftKind.UNUSED for resource in self.drifted)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftReport:
     """The drift of all chosen hosts, by name, and the plans of runs that are unfinished there, by host."""
 
+    kind: Literal["drift"] = "drift"
+    application: str
     hosts: tuple[HostDrift, ...]
     unfinished: Mapping[str, str]
-    problems: tuple[Diagnostic, ...] = ()  # why nobody knows what the manifest wants; empty: it is compared
-
-    @property
-    def host_changed(self) -> bool:
-        """Whether somebody changed a host."""
-        return any(resource.kind.is_of_the_host for host in self.hosts for resource in host.drifted)
-
-    @property
-    def not_applied(self) -> bool:
-        """Whether a host is not as the manifest wants it; a partition that is only unused does not count."""
-        return any(resource.kind is not DriftKind.UNUSED for host in self.hosts for resource in host.drifted)
+    problems: tuple[Diagnostic, ...] = ()  # why it is not known what the manifest wants; empty: it is compared
 
 
 def look_for_drift(hosts: Hosts) -> DriftReport:
@@ -110,16 +124,27 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     plan = prepare(request, states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
     return DriftReport(
+        application=system.application.name,
         hosts=tuple(
             HostDrift(
+                name=name,
                 facts=states[name].facts,
-                drifted=drifted,
-                changes={change.address: change for change in parts[name].changes} if name in parts else {},
-                components=parts[name].components if name in parts else {},
+                drifted=tuple(_with_change(resource, parts.get(name)) for resource in drifted),
             )
             for name, drifted in drifts.items()
             if name in hosts.chosen
         ),
         problems=problems if has_errors(problems) else (),
         unfinished={name: run.started.plan for name, run in runs.items() if run is not None and run.unfinished},
+    )
+
+
+def _with_change(resource: ResourceDrift, part: HostPlan | None) -> ResourceDrift:
+    if part is None:
+        return resource
+    address = resource.address
+    return replace(
+        resource,
+        components=() if address.task else part.components.get(address.partition, ()),
+        change=next((change for change in part.changes if change.address == address), None),
     )

@@ -231,5 +231,5 @@ def _status_of(hosts: Hosts) -> Iterator[HostStatus]:
         return
     for name, drifted in drifts.items():
         if name in hosts.chosen:
-            differs = ((str(drift.address), DRIFTS[drift.kind]) for drift in drifted if drift.kind in DRIFTS)
+            differs = ((str(drift.address), DRIFTS[drift.drift]) for drift in drifted if drift.drift in DRIFTS)
             yield HostStatus(host=name, differs=tuple(differs))

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Literal
 
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -15,6 +16,7 @@ from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import PastRun, history_of
+from rarms_iac.model.output import output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
 from rarms_iac.model.system import System
@@ -33,10 +35,11 @@ class PartitionStatus:
     processors: int
     running: bool
     stopped_by: StoppedBy
-    kind: DriftKind | None  # how it drifted; None: it is as it was applied, and as the manifest wants it
+    drift: DriftKind | None  # None: it is as it was applied, and as the manifest wants it
 
     @property
-    def reserved(self) -> Fraction:
+    @output
+    def reserved_lp(self) -> Fraction:
         """What it is guaranteed, in LPs."""
         return guaranteed(self.reserve, self.processors)
 
@@ -51,29 +54,24 @@ class HostOverview:
     """A host, or why it could not be looked at."""
 
     name: str
-    capacity: Fraction = Fraction(0)  # LPs that may be promised: without what is kept for the host
-    unmanaged: Fraction = Fraction(0)  # LPs that machines of others reserve
+    capacity_lp: Fraction = Fraction(0)  # LPs that may be promised: without what is kept for the host
+    unmanaged_lp: Fraction = Fraction(0)  # LPs that machines of others reserve
     partitions: tuple[PartitionStatus, ...] = ()  # by name
     other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
-    history: tuple[PastRun, ...] = ()  # runs there, the oldest first
+    last_run: PastRun | None = None
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
 
     @property
-    def reserved(self) -> Fraction:
+    @output
+    def reserved_lp(self) -> Fraction:
         """What the application's partitions are guaranteed, in LPs."""
-        return sum((partition.reserved for partition in self.partitions), Fraction(0))
+        return sum((partition.reserved_lp for partition in self.partitions), Fraction(0))
 
     @property
     def drift_kinds(self) -> frozenset[DriftKind]:
         """How what is there or wanted there drifted."""
-        kinds = [partition.kind for partition in self.partitions if partition.kind is not None]
-        return frozenset(kinds) | {drift.kind for drift in self.other_drift}
-
-    @property
-    def unfinished(self) -> PastRun | None:
-        """The run that is under way there, or was killed."""
-        last = self.history[-1] if self.history else None
-        return last if last is not None and last.closing is None else None
+        kinds = [partition.drift for partition in self.partitions if partition.drift is not None]
+        return frozenset(kinds) | {resource.drift for resource in self.other_drift}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,9 +83,19 @@ class NextCommand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class History:
+    """What was applied and undone on hosts by any application; a host remembers `journal.MOST_PAST_RUNS` runs."""
+
+    kind: Literal["history"] = "history"
+    application: str
+    hosts: Mapping[str, tuple[PastRun, ...]]  # the oldest run of each first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Overview:
     """How an application stands."""
 
+    kind: Literal["status"] = "status"
     application: str
     hosts: tuple[HostOverview, ...]  # the chosen ones, by name
     proofs: tuple[ComponentProof, ...]  # the last of each threshold
@@ -123,19 +131,20 @@ def overview_of(hosts: Hosts) -> Overview:
     )
 
 
-def history_of_hosts(hosts: Hosts) -> Mapping[str, tuple[PastRun, ...]]:
+def history_of_hosts(hosts: Hosts) -> History:
     """List what was applied and undone on the chosen live hosts, by any application.
 
     Args:
         hosts: the chosen ones; those with a snapshot are passed over.
 
     Returns:
-        The runs by host, the oldest first; a host remembers the last `journal.MOST_PAST_RUNS`.
+        The runs by host, the oldest first.
 
     Raises:
         UseCaseError: a journal cannot be read.
     """
-    return {name: history_of(run) for name, run in last_runs(hosts)}
+    runs = {name: history_of(run) for name, run in last_runs(hosts)}
+    return History(application=hosts.system.application.name, hosts=runs)
 
 
 def _report(hosts: Hosts) -> Report | None:
@@ -156,7 +165,7 @@ def _beside_what_is_there(
         component
         for host in hosts
         for partition in host.partitions
-        if partition.kind is not None and partition.kind.is_of_the_host
+        if partition.drift is not None and partition.drift.is_of_the_host
         for component in partition.components
     }
     why = "its partition was changed on the host"
@@ -179,17 +188,18 @@ def _observe_alone(hosts: Hosts, name: str) -> State:
 
 
 def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
-    seen: dict[str, tuple[State, tuple[PastRun, ...]]] = {}
+    seen: dict[str, tuple[State, PastRun | None]] = {}
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
         try:
-            seen[name] = _observe_alone(hosts, name), history_of_hosts(hosts.only(name)).get(name, ())
+            runs = history_of_hosts(hosts.only(name)).hosts.get(name, ())
+            seen[name] = _observe_alone(hosts, name), runs[-1] if runs else None
         except UseCaseError as error:
             problems[name] = error.diagnostics
     drifts: dict[str, tuple[ResourceDrift, ...]] = {}
     try:
         if seen:
-            drifts = {drift.facts.name: drift.drifted for drift in look_for_drift(hosts.only(*seen)).hosts}
+            drifts = {drift.name: drift.drifted for drift in look_for_drift(hosts.only(*seen)).hosts}
     except UseCaseError as error:
         problems.update(dict.fromkeys(seen, error.diagnostics))
     return tuple(
@@ -201,19 +211,19 @@ def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
 
 
 def _host_overview(
-    system: System, name: str, state: State, history: tuple[PastRun, ...], drifted: Sequence[ResourceDrift]
+    system: System, name: str, state: State, last_run: PastRun | None, drifted: Sequence[ResourceDrift]
 ) -> HostOverview:
     application = system.application.name
     components = {group.name: tuple(member.name for member in group.members) for group in groups_of(system)}
     kinds = {
-        drift.address.partition: drift.kind for drift in drifted if drift.address.partition and not drift.address.task
+        drift.address.partition: drift.drift for drift in drifted if drift.address.partition and not drift.address.task
     }
     own = [partition for partition in state.of(application).partitions if partition.mark]
     names = {partition.mark.name for partition in own if partition.mark}
     return HostOverview(
         name=name,
-        capacity=capacity_of(system.hosts[name], state.facts).processors,
-        unmanaged=load_of(foreign_claims(state, application)).processors,
+        capacity_lp=capacity_of(system.hosts[name], state.facts).processors,
+        unmanaged_lp=load_of(foreign_claims(state, application)).processors,
         partitions=tuple(
             PartitionStatus(
                 name=partition.mark.name,
@@ -222,13 +232,13 @@ def _host_overview(
                 processors=partition.settings.processors,
                 running=partition.settings.running,
                 stopped_by=partition.mark.stopped_by,
-                kind=kinds.get(partition.mark.name),
+                drift=kinds.get(partition.mark.name),
             )
             for partition in sorted(own, key=lambda partition: partition.mark.name if partition.mark else "")
             if partition.mark
         ),
         other_drift=tuple(drift for drift in drifted if drift.address.task or drift.address.partition not in names),
-        history=history,
+        last_run=last_run,
     )
 
 
@@ -238,7 +248,7 @@ def _next_command(
     unmeasured: Sequence[tuple[str, ...]],
     proofs: Sequence[ComponentProof],
 ) -> NextCommand | None:
-    unfinished = [host.name for host in hosts if host.unfinished]
+    unfinished = [host.name for host in hosts if host.last_run and host.last_run.closing is None]
     kinds = {kind for host in hosts for kind in host.drift_kinds}
     asked = sum(len(component.apt) for component in system.components.values())
     holding = sum(proof.met and not proof.outdated for proof in proofs)

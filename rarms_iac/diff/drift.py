@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from rarms_iac.diff.readings import partition_readings, task_readings
-from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Create, Delete, Release
+from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Change, Create, Delete, Release
 from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun
 from rarms_iac.model.state import HostFacts, Partition, Responsiveness, StartAction, State, StoppedBy, TaskClass
 from rarms_iac.storage.digest import digest, set_of_settings, set_of_values, short
@@ -36,8 +36,10 @@ class ResourceDrift:
     """A resource that is not as wanted, and why."""
 
     address: Address
-    kind: DriftKind
+    drift: DriftKind
     message: str
+    components: tuple[str, ...] = ()  # of the partition, the most critical first; none where the layout has no such one
+    change: Change | None = None  # that would bring it back, where that is known
 
 
 def drift(
@@ -114,18 +116,18 @@ def _partitions(
             yield _of_kind(address, DriftKind.REMOVED) if name in last_run else _never_applied(address)
         elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
             message = "`rarms measure` stopped it and ended before it started it again: `rarms start` does"
-            yield ResourceDrift(address=address, kind=kind, message=message)
+            yield ResourceDrift(address=address, drift=kind, message=message)
         elif kind is not None:
             yield _of_kind(address, kind)
 
 
 def _of_kind(address: Address, kind: DriftKind) -> ResourceDrift:
-    return ResourceDrift(address=address, kind=kind, message=_describe(kind))
+    return ResourceDrift(address=address, drift=kind, message=_describe(kind))
 
 
 def _never_applied(address: Address) -> ResourceDrift:
     message = "the host has nothing of ours under this name: never applied, or taken away again by rarms itself"
-    return ResourceDrift(address=address, kind=DriftKind.MISSING, message=message)
+    return ResourceDrift(address=address, drift=DriftKind.MISSING, message=message)
 
 
 def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool) -> DriftKind | None:

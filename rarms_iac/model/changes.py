@@ -1,9 +1,14 @@
 """The difference between what is wanted and what is there."""
 
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import Enum
+from fractions import Fraction
+from typing import Literal, cast
 
 from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.output import Internal, OutputText, output
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
@@ -14,7 +19,7 @@ SLASH = "\\"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
-class Address:
+class Address(OutputText):
     """What a change is about: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`.
 
     SystemResponsiveness of the host itself is at `mmcss/responsiveness`.
@@ -53,62 +58,152 @@ class Reason:
     place: Place | None = None  # the manifest line that asks for it
 
 
+Value = bool | int | str | None
+Forced = Literal["", "restart", "replacement"]
+Action = Literal["create", "update", "replace", "delete", "adopt", "release"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Create:
+class Attribute:
+    """An attribute that a change touches, in the provider's units; None: the resource is not there.
+
+    A registry value is a text that says its type: `dword:5`.
+    """
+
+    name: str
+    before: Value
+    after: Value
+    forces: Forced  # what touching it makes happen that the other attributes would not
+
+
+class _AnyChange:
+    """What every change can be asked."""
+
+    __slots__ = ()
+
+    @property
+    @output
+    def action(self) -> Action:
+        """What becomes of the resource; `replace`: it is removed and made again."""
+        change = cast("Change", self)
+        return "replace" if change.kind == "update" and change.disruption is Disruption.REMOVAL else change.kind
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction | None:
+        """The LPs that a partition is guaranteed once the change is done; None: there is no partition then."""
+        after = cast("Change", self).after
+        return guaranteed(after.settings.reserve, after.settings.processors) if isinstance(after, Partition) else None
+
+    @property
+    @output
+    def attributes(self) -> tuple[Attribute, ...]:
+        """What it touches; of taking over and letting go, the mark."""
+        change = cast("Change", self)
+        if isinstance(change, Adopt | Release):
+            before: Mapping[str, Value] = {"mark": _mark(change.before)}
+            after: Mapping[str, Value] = {"mark": _mark(change.after)}
+        else:
+            before, after = _values(change.before), _values(change.after)
+        return tuple(
+            Attribute(name=name, before=before.get(name), after=after.get(name), forces=_forced_by(change, name))
+            for name in dict.fromkeys([*before, *after])
+            if before.get(name) != after.get(name)
+        )
+
+
+def _mark(partition: Partition) -> Value:
+    return f"{partition.mark.application}/{partition.mark.name}" if partition.mark else None
+
+
+def _values(resource: Resource | None) -> Mapping[str, Value]:
+    match resource:
+        case None:
+            return {}
+        case Partition(settings=settings):
+            values = {field.name: getattr(settings, field.name) for field in fields(settings)}
+            return {name: value.value if isinstance(value, Enum) else value for name, value in values.items()}
+        case TaskClass(values=registry) | Responsiveness(values=registry):
+            return {name: f"{value.kind.value}:{value.data}" for name, value in sorted(registry.items())}
+
+
+def _forced_by(change: "Change", name: str) -> Forced:
+    old, new = change.before, change.after
+    if not (isinstance(change, Update) and isinstance(old, Partition) and isinstance(new, Partition)):
+        return ""
+    if name == "generation":
+        return "replacement"
+    if change.disruption is not Disruption.PARTITION_STOP or not new.settings.running:
+        return ""
+    # NOTE: memory may change live (windows.md 3); where processors change too, they alone are known to need the stop.
+    wider = old.settings.processors != new.settings.processors
+    return "restart" if name in (("processors",) if wider else ("memory", "dynamic_memory")) else ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Create(_AnyChange):
     """A resource that is wanted and not there."""
 
     address: Address
-    after: Resource
+    after: Internal[Resource]
     reason: Reason
     disruption: Disruption = Disruption.LIVE
-    kind: Literal["create"] = "create"
+    kind: Internal[Literal["create"]] = "create"
+
+    @property
+    def before(self) -> None:
+        """Nothing is there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Update:
+class Update(_AnyChange):
     """A resource that exists but differs from what the manifest wants."""
 
     address: Address
-    before: Resource
-    after: Resource
+    before: Internal[Resource]
+    after: Internal[Resource]
     reason: Reason
     disruption: Disruption
-    kind: Literal["update"] = "update"
+    kind: Internal[Literal["update"]] = "update"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Delete:
+class Delete(_AnyChange):
     """A resource of ours that is to go. A task class goes back to what was there before us."""
 
     address: Address
-    before: Resource
+    before: Internal[Resource]
     reason: Reason
     disruption: Disruption
-    kind: Literal["delete"] = "delete"
+    kind: Internal[Literal["delete"]] = "delete"
+
+    @property
+    def after(self) -> None:
+        """Nothing stays."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adopt:
+class Adopt(_AnyChange):
     """An unmanaged partition that becomes ours: a mark, and no other change."""
 
     address: Address
-    before: Partition
-    after: Partition
+    before: Internal[Partition]
+    after: Internal[Partition]
     reason: Reason
     disruption: Disruption = Disruption.LIVE
-    kind: Literal["adopt"] = "adopt"
+    kind: Internal[Literal["adopt"]] = "adopt"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Release:
+class Release(_AnyChange):
     """A partition of ours that goes on without us: the mark goes, the machine stays."""
 
     address: Address
-    before: Partition
-    after: Partition
+    before: Internal[Partition]
+    after: Internal[Partition]
     reason: Reason
     disruption: Disruption = Disruption.LIVE
-    kind: Literal["release"] = "release"
+    kind: Internal[Literal["release"]] = "release"
 
 
 Change = Create | Update | Delete | Adopt | Release

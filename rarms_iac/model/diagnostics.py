@@ -185,6 +185,21 @@ def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 
+def count_severities(diagnostics: Sequence[Diagnostic]) -> dict[str, int]:
+    """Count findings by how much they weigh.
+
+    Args:
+        diagnostics: in any order.
+
+    Returns:
+        `{"errors": 1, "warnings": 0, "notes": 2}`.
+    """
+    return {
+        f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
+        for severity in Severity
+    }
+
+
 class Places(Protocol):
     """Where in the manifest files a value or its key stands; asked only when something is to be told."""
 

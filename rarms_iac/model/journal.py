@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Literal
 
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan, Step
 
 
@@ -39,7 +40,13 @@ class PastRun:
     application: str
     started_by: str
     started_at: str  # as of `RunOrigin`; empty: nobody wrote it down
-    closing: Closing | None  # None: it did not end; an undo may have taken it back
+    closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
+
+    @property
+    @output
+    def ending(self) -> Literal["done", "abandoned", "unfinished"]:
+        """How it ended, if it did."""
+        return "unfinished" if self.closing is None else self.closing.value
 
 
 MOST_PAST_RUNS = 100

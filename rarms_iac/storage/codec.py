@@ -15,9 +15,12 @@ from datetime import date
 from enum import Enum
 from fractions import Fraction
 from functools import cache
+from math import isfinite
 from re import compile as pattern
 from types import NoneType, UnionType
 from typing import Any, Literal, NewType, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from rarms_iac.model.output import OutputText, output_hints
 
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
 Encode = Callable[[Any], Json]
@@ -53,6 +56,41 @@ def encode(value: object, hint: object = None) -> Json:
         What `json.dumps` takes; `decode` of it is equal to the value.
     """
     return _encoder(type(value) if hint is None else hint)(value)
+
+
+def encode_output(value: object) -> Json:
+    """The JSON of a result for programs, as `model.output` says: read by nothing of ours, so no type needs to be told.
+
+    Args:
+        value: a frozen value, or a collection of them.
+
+    Returns:
+        What `json.dumps` takes: an exact number is the nearest that JSON has, an infinite one null, a key its text.
+    """
+    match value:
+        case OutputText():
+            return str(value)
+        case Enum():
+            return encode_output(value.value)
+        case Fraction():
+            return float(value)
+        case float():
+            return value if isfinite(value) else None
+        case str():
+            return value.encode("utf-8", "replace").decode("utf-8")  # strict parsers refuse lone surrogates
+        case None | bool() | int():
+            return value
+        case date():
+            return value.isoformat()
+        case Mapping():
+            return {str(key): encode_output(item) for key, item in value.items()}
+        case frozenset():
+            return [encode_output(item) for item in sorted(value)]
+        case tuple():
+            return [encode_output(item) for item in value]
+        case _:
+            cls: Any = type(value)
+            return {name: encode_output(getattr(value, name)) for name in output_hints(cls)}
 
 
 def decode(hint: type[T], data: object) -> T:

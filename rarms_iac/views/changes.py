@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Literal, assert_never
+from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_period, show_processors
@@ -24,38 +24,25 @@ from rarms_iac.model.system import Disruption
 
 FORCES_RESTART = "forces restart"
 FORCES_REPLACEMENT = "forces replacement"
+_FORCE_TEXTS = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
 
 
 _COUNT_NAMES = {
-    "+": ("add",),
-    "~": ("change",),
-    "-/+": ("add", "remove"),
-    "-": ("remove",),
-    ">": ("adopt",),
-    "<": ("release",),
+    "create": ("add",),
+    "update": ("change",),
+    "replace": ("add", "remove"),
+    "delete": ("remove",),
+    "adopt": ("adopt",),
+    "release": ("release",),
 }
 
-
-def symbol(change: Change) -> str:
-    """What stands before a change: create `+`, change `~`, replace `-/+`, remove `-`, take over `>`, let go `<`."""
-    match change:
-        case Create():
-            return "+"
-        case Update():
-            return "-/+" if change.disruption is Disruption.REMOVAL else "~"
-        case Delete():
-            return "-"
-        case Adopt():
-            return ">"
-        case Release():
-            return "<"
-        case _:
-            assert_never(change)
+SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt": ">", "release": "<"}
+"""What stands before a change, by its action."""
 
 
 def count(changes: Iterable[Change]) -> dict[str, int]:
     """How many of each: add, change, remove, adopt, release. A replacement counts as removed and as added."""
-    numbers = Counter(name for change in changes for name in _COUNT_NAMES[symbol(change)])
+    numbers = Counter(name for change in changes for name in _COUNT_NAMES[change.action])
     return {name: numbers[name] for name in ("add", "change", "remove", "adopt", "release")}
 
 
@@ -80,16 +67,9 @@ def members_of(partition: str, components: Mapping[str, Sequence[str]]) -> str:
     return f" [{', '.join(members)}]" if members and members != (partition,) else ""
 
 
-def reserved_after(change: Change) -> Fraction | None:
-    """The LPs that a partition is guaranteed once the change is done; None: there is no partition then."""
-    if isinstance(change, Delete) or not isinstance(change.after, Partition):
-        return None
-    return guaranteed(change.after.settings.reserve, change.after.settings.processors)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Attribute:
-    """One attribute of a change; `before` and `after` are None where the resource is not there."""
+class AttributeText:
+    """One attribute of a change in words; `before` and `after` are None where the resource is not there."""
 
     name: str
     before: str | None
@@ -102,7 +82,7 @@ class Attribute:
         return self.before != self.after
 
 
-def attributes_of(change: Change, facts: HostFacts) -> tuple[Attribute, ...]:
+def attributes_of(change: Change, facts: HostFacts) -> tuple[AttributeText, ...]:
     """All attributes of the change's resource, those that stay as they are included."""
     match change:
         case Create(after=after):
@@ -110,19 +90,20 @@ def attributes_of(change: Change, facts: HostFacts) -> tuple[Attribute, ...]:
         case Delete(before=before):
             return _pairs(_values(before, facts), {})
         case Update(before=before, after=after):
+            forced = {touched.name.replace("_", " "): _FORCE_TEXTS[touched.forces] for touched in change.attributes}
             pairs = _pairs(_values(before, facts), _values(after, facts))
-            return tuple(replace(pair, note=_forces(change, pair) or pair.note) for pair in pairs)
+            return tuple(replace(pair, note=forced.get(pair.name) or pair.note) for pair in pairs)
         case Adopt() | Release():
             return (_mark_of(change),)
         case _:
             assert_never(change)
 
 
-def _mark_of(change: Adopt | Release) -> Attribute:
+def _mark_of(change: Adopt | Release) -> AttributeText:
     def shown(partition: Partition) -> str:
         return f"{partition.mark.application}/{partition.mark.name}" if partition.mark else "none"
 
-    return Attribute(name="mark", before=shown(change.before), after=shown(change.after))
+    return AttributeText(name="mark", before=shown(change.before), after=shown(change.after))
 
 
 _AttributeTexts = Mapping[str, tuple[str, str]]
@@ -190,9 +171,9 @@ def _yes_or_no(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _pairs(before: _AttributeTexts, after: _AttributeTexts) -> tuple[Attribute, ...]:
+def _pairs(before: _AttributeTexts, after: _AttributeTexts) -> tuple[AttributeText, ...]:
     return tuple(
-        Attribute(
+        AttributeText(
             name=name,
             before=before[name][0] if name in before else None,
             after=after[name][0] if name in after else None,
@@ -200,30 +181,3 @@ def _pairs(before: _AttributeTexts, after: _AttributeTexts) -> tuple[Attribute, 
         )
         for name in dict.fromkeys([*before, *after])
     )
-
-
-def _forces(change: Update, attribute: Attribute) -> str:
-    """What this attribute makes happen that the others would not, in words."""
-    if not attribute.differs:
-        return ""
-    return _FORCE_TEXTS[forced_by(change, attribute.name.replace(" ", "_"))]
-
-
-_FORCE_TEXTS = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
-
-
-def forced_by(change: Change, name: str) -> Literal["", "restart", "replacement"]:
-    """What the change of this setting forces; the name is that of the field."""
-    if not isinstance(change, Update):
-        return ""
-    old, new = change.before, change.after
-    if not (isinstance(old, Partition) and isinstance(new, Partition)):
-        return ""
-    if name == "generation" and old.settings.generation != new.settings.generation:
-        return "replacement"
-    if change.disruption is not Disruption.PARTITION_STOP or not new.settings.running:
-        return ""
-    # NOTE: memory may change live (windows.md 3); where processors change too, they alone are known to need the stop.
-    wider = old.settings.processors != new.settings.processors
-    forcing = ("processors",) if wider else ("memory", "dynamic_memory")
-    return "restart" if name in forcing else ""

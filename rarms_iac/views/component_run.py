@@ -14,8 +14,9 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.console import paragraph, stack, table, visible
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.measure import show_bound, show_estimate
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.hosts import ComponentResultOutput, ComponentRunOutput, IndexResultOutput, SampleOutput
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def _beside(threshold: Threshold | None, index: str, estimate: Estimate | NoEsti
 
 def ran_json(ran: Sequence[ComponentRunResult], findings: Sequence[Diagnostic]) -> str:
     """The same for programs, samples included."""
-    return as_json(ComponentRunOutput(components=tuple(map(_output, ran)), findings=tuple(findings)))
+    return json_of(ComponentRunOutput(components=tuple(map(_output, ran)), findings=tuple(findings)))
 
 
 def _output(ran: ComponentRunResult) -> ComponentResultOutput:

@@ -14,7 +14,7 @@ from rarms_iac.model.wording import each_processor
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
 from rarms_iac.views.explanation_steps import NO_LAYOUT, steps_of
-from rarms_iac.views.output.common import as_json
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.measuring import ComponentExplanationOutput, ExplanationStepOutput
 
 if TYPE_CHECKING:
@@ -84,9 +84,9 @@ def explanation_json(explanation: Explanation | HostExplanation) -> str:
     component = explanation.component.name
     steps = tuple(ExplanationStepOutput(topic=step.topic, sentences=step.sentences) for step in steps_of(explanation))
     if isinstance(explanation, HostExplanation):
-        return as_json(ComponentExplanationOutput(component=component, steps=steps))
+        return json_of(ComponentExplanationOutput(component=component, steps=steps))
     placed, has_host, least = explanation.placed, not explanation.no_host_because, explanation.least
-    return as_json(
+    return json_of(
         ComponentExplanationOutput(
             component=component,
             partition=placed.name,

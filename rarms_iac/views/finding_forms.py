@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, assert_never
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
-from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources, count_severities
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.views.console import visible
-from rarms_iac.views.output.common import FindingsOutput, as_json
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.output.common import FindingsOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -135,21 +136,13 @@ def in_repository(diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
 
 def findings_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
     """One versioned document."""
-    return as_json(
+    return json_of(
         FindingsOutput(
             findings=tuple(diagnostics),
             accepted=tuple(accepted),
             counts=count_severities(diagnostics),
         )
     )
-
-
-def count_severities(diagnostics: Sequence[Diagnostic]) -> dict[str, int]:
-    """`{"errors": 1, "warnings": 0, "notes": 2}`."""
-    return {
-        f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
-        for severity in Severity
-    }
 
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

@@ -8,8 +8,9 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput, GraphOutput, NodeOutput
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.output.common import output_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +69,7 @@ def graph_text(title: str, nodes: Sequence[GraphNode]) -> str:
 def graph_json(application: str, nodes: Sequence[GraphNode]) -> str:
     """The same for programs."""
     outputs = tuple(output_of(NodeOutput, node, label="\n".join(node.label)) for node in nodes)
-    return as_json(GraphOutput(application=application, nodes=outputs))
+    return json_of(GraphOutput(application=application, nodes=outputs))
 
 
 def children(nodes: Sequence[GraphNode], parent: str) -> tuple[GraphNode, ...]:
@@ -107,7 +108,7 @@ def candidates_text(title: str, nodes: Sequence[Node]) -> str:
 def candidates_json(application: str, nodes: Sequence[Node]) -> str:
     """The same for programs."""
     outputs = tuple(output_of(CandidateOutput, node) for node in nodes)
-    return as_json(CandidatesOutput(application=application, candidates=outputs))
+    return json_of(CandidatesOutput(application=application, candidates=outputs))
 
 
 def _candidate_lines(nodes: Sequence[Node]) -> Iterator[str]:

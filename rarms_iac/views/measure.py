@@ -32,7 +32,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import ERROR, describe_error, describe_extreme
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
-from rarms_iac.views.output.common import as_json
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ def measure_json(
 ) -> str:
     """The same for programs, every setting with it."""
     not_begun = tuple(experiment.setup.members for experiment in waiting)
-    return as_json(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
+    return json_of(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
 
 
 def _output(measured: ExperimentResult) -> ExperimentOutput:

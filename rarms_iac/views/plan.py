@@ -23,7 +23,7 @@ from rarms_iac.model.quantities import (
 )
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import Attribute, attributes_of, count, describe_disruption, members_of, symbol
+from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, count, describe_disruption, members_of
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
 from rarms_iac.views.findings import findings_text
 
@@ -182,7 +182,7 @@ def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence
 
 
 def _name(change: Change, part: HostPlan) -> "Text":
-    sign, address = symbol(change), str(change.address).removeprefix("partition/")
+    sign, address = SYMBOLS[change.action], str(change.address).removeprefix("partition/")
     beside = "" if change.address.task else members_of(change.address.partition, part.components)
     return styled((sign, STYLES[sign]), " ", (address, STRONG), beside)
 
@@ -198,7 +198,7 @@ def _line(change: Change, part: HostPlan) -> "RenderableType":
     return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
 
 
-def _amount_of(change: Change, attribute: Attribute, part: HostPlan) -> str:
+def _amount_of(change: Change, attribute: AttributeText, part: HostPlan) -> str:
     """Its value; of a reserve LPs where per cent of the partition are not per cent of the host, as the table has it."""
     match change:
         case Update(before=Partition(settings=before), after=Partition(settings=after)) if attribute.name == "reserve":
@@ -232,7 +232,7 @@ def _note(change: Change, part: HostPlan) -> str:
     if not isinstance(change, Update):
         return f"{note}; {f'up to {grace}' if grace else 'turned off, not asked'}"
     start = ", then for its start" if any(isinstance(each, StartPartition) for each in operations) else ""
-    made_again = "made again; " if symbol(change) == "-/+" else ""
+    made_again = "made again; " if change.action == "replace" else ""
     return f"{made_again}{f'stopped for up to {grace}' if grace else 'turned off, not asked'}{start}"
 
 
@@ -259,12 +259,12 @@ def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
     yield table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
 
 
-def _attribute(attribute: Attribute) -> "tuple[Text | str, ...]":
+def _attribute(attribute: AttributeText) -> "tuple[Text | str, ...]":
     note = f"({attribute.note})" if attribute.note else ""
     return attribute.name, _value(attribute), styled((note, BAD if attribute.note.startswith("forces") else DIM))
 
 
-def _value(attribute: Attribute) -> str:
+def _value(attribute: AttributeText) -> str:
     before, after = attribute.before, attribute.after
     if before is None or after is None or before == after:
         return str(before if after is None else after)

@@ -1,16 +1,11 @@
 """A plan as programs read it."""
 
-from collections.abc import Mapping
-from dataclasses import fields
-from typing import Literal, assert_never
-
-from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
+from rarms_iac.model.changes import Change
 from rarms_iac.model.plan import HostPlan, Plan, Step, Totals
-from rarms_iac.model.state import Partition, Responsiveness, TaskClass
-from rarms_iac.views.changes import count, forced_by, reserved_after, symbol
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.changes import count
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.plan import (
-    AttributeOutput,
     ChangeOutput,
     CountsOutput,
     HeldBackOutput,
@@ -21,22 +16,12 @@ from rarms_iac.views.output.plan import (
     ThreadsOutput,
     TotalsOutput,
     UndoOutput,
-    Value,
 )
-
-ACTIONS: Mapping[str, Literal["create", "update", "replace", "delete", "adopt", "release"]] = {
-    "+": "create",
-    "~": "update",
-    "-/+": "replace",
-    "-": "delete",
-    ">": "adopt",
-    "<": "release",
-}
 
 
 def plan_json(plan: Plan) -> str:
     """The whole plan, scripts left out."""
-    return as_json(plan_output(plan))
+    return json_of(plan_output(plan))
 
 
 def plan_output(plan: Plan) -> PlanOutput:
@@ -94,58 +79,16 @@ def _totals(totals: Totals, part: HostPlan) -> TotalsOutput:
 
 def change_output(change: Change, part: HostPlan | None = None) -> ChangeOutput:
     """One change, with the attributes that it touches; `part` knows which components its partition holds."""
-    before, after = _sides(change)
-    reserved = reserved_after(change)
     return ChangeOutput(
         address=str(change.address),
-        action=ACTIONS[symbol(change)],
+        action=change.action,
         disruption=change.disruption.value,
         reason=change.reason.message,
         place=change.reason.place,
         components=part.components.get(change.address.partition, ()) if part is not None else (),
-        reserved_processors=None if reserved is None else float(reserved),
-        attributes=tuple(
-            AttributeOutput(name=name, before=before.get(name), after=after.get(name), forces=forced_by(change, name))
-            for name in dict.fromkeys([*before, *after])
-            if before.get(name) != after.get(name)
-        ),
+        reserved_processors=None if change.reserved_lp is None else float(change.reserved_lp),
+        attributes=change.attributes,
     )
-
-
-def _sides(change: Change) -> tuple[Mapping[str, Value], Mapping[str, Value]]:
-    match change:
-        case Create(after=after):
-            return {}, raw(after)
-        case Delete(before=before):
-            return raw(before), {}
-        case Update(before=before, after=after):
-            return raw(before), raw(after)
-        case Adopt(before=before, after=after) | Release(before=before, after=after):
-            return {"mark": _mark(before)}, {"mark": _mark(after)}
-        case _:
-            assert_never(change)
-
-
-def _mark(partition: Partition) -> Value:
-    return f"{partition.mark.application}/{partition.mark.name}" if partition.mark else None
-
-
-def raw(resource: Resource) -> Mapping[str, Value]:
-    """A resource's attributes as numbers and words; registry values as `dword:5`, which says their type."""
-    match resource:
-        case Partition(settings=settings):
-            return {field.name: _plain(getattr(settings, field.name)) for field in fields(settings)}
-        case TaskClass(values=values) | Responsiveness(values=values):
-            return {name: f"{value.kind.value}:{value.data}" for name, value in sorted(values.items())}
-        case _:
-            assert_never(resource)
-
-
-def _plain(value: object) -> Value:
-    """An enumeration is a text already; its member would be written with its class."""
-    if isinstance(value, bool | int):
-        return value
-    return str(value)
 
 
 def _step(step: Step) -> StepOutput:

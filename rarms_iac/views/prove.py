@@ -13,8 +13,9 @@ from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.measure import index_outputs, show_bound
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings
     """The same for programs."""
     outputs = tuple(output for proof in proofs for output in _outputs(proof))
     met = not any(proof.not_met for proof in proofs)
-    return as_json(
+    return json_of(
         ProveOutput(
             interference=interference,
             met=met,

@@ -19,7 +19,7 @@ from rarms_iac.model.quantities import guaranteed, show_bytes, show_milliseconds
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.views.changes import attributes_of, describe_disruption, symbol
+from rarms_iac.views.changes import SYMBOLS, attributes_of, describe_disruption
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
 from rarms_iac.views.markdown import code, finding_parts, fitting, folded, plain_line, safe
@@ -162,7 +162,7 @@ def _stops(part: HostPlan) -> Iterator[str]:
 
 def _removals(part: HostPlan) -> Iterator[str]:
     for change in part.changes:
-        if isinstance(change, Delete) or symbol(change) == "-/+":
+        if isinstance(change, Delete) or change.action == "replace":
             yield f"- **Removed:** {_place(change, part)}, {safe(describe_disruption(change) or 'removed')}."
     for step in part.steps:
         if isinstance(step.operation, RemoveDisk):
@@ -236,7 +236,7 @@ def _table(plan: Plan) -> Iterator[str]:
         )
         yield "#### Partitions before and after\n\n" + "\n".join([head, *fitting(rows, _TABLE, "more partitions")])
     others = [
-        f"- `{symbol(change)}` {safe(str(change.address))} on {safe(part.host.name)}"
+        f"- `{SYMBOLS[change.action]}` {safe(str(change.address))} on {safe(part.host.name)}"
         for part in plan.hosts
         for change in part.changes
         if not _settings_of(change)
@@ -251,7 +251,7 @@ def _rows(part: HostPlan) -> Iterator[str]:
         if settings:
             before, after = settings
             cells = [
-                f"`{symbol(change)}`",
+                f"`{SYMBOLS[change.action]}`",
                 _name(change.address.partition, part),
                 safe(part.host.name),
                 *(_reserve(each, part) for each in (before, after)),

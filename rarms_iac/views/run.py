@@ -16,9 +16,10 @@ from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStat
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import count, members_of, reserved_after
+from rarms_iac.views.changes import count, members_of
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
-from rarms_iac.views.output.common import as_json_line, output_of
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput, StepEndedOutput
 
 if TYPE_CHECKING:
@@ -256,7 +257,7 @@ class StepLines(RunReporter):
     def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         """Write it at once."""
         self._write(
-            as_json_line(
+            json_of(
                 StepEndedOutput(
                     host=host,
                     number=number,
@@ -264,19 +265,21 @@ class StepLines(RunReporter):
                     address=str(step.address),
                     title=step.title,
                     status="unchanged" if status is StepStatus.UNCHANGED else "changed",
-                )
+                ),
+                indent=None,
             )
         )
 
 
 def run_json(report: RunReport) -> str:
     """The same for programs: the last line, after those of the steps."""
-    return as_json_line(
+    return json_of(
         RunOutput(
             ending=report.ending.value,
             hosts=tuple(map(_host_output, report.hosts)),
             findings=report.diagnostics,
-        )
+        ),
+        indent=None,
     )
 
 
@@ -297,7 +300,7 @@ def _host_output(host: HostReport) -> HostRunOutput:
 
 def _partition_outputs(part: HostPlan) -> Iterator[PartitionRunOutput]:
     for change in part.changes:
-        reserved, name = reserved_after(change), change.address.partition
+        reserved, name = change.reserved_lp, change.address.partition
         if reserved is not None:
             yield PartitionRunOutput(
                 name=name, components=part.components.get(name, ()), reserved_processors=float(reserved)

@@ -10,7 +10,8 @@ from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.plan import (
     ScriptDetailOutput,
     ScriptDifferenceOutput,
@@ -111,7 +112,7 @@ def scripts_json(plan: str, scripts: Sequence[PlanScript]) -> str:
         )
         for script in scripts
     )
-    return as_json(ScriptsOutput(plan=plan, scripts=outputs))
+    return json_of(ScriptsOutput(plan=plan, scripts=outputs))
 
 
 def difference_text(difference: ScriptDifference, old: str, new: str) -> "RenderableType":
@@ -136,7 +137,7 @@ def _line(symbol: str, text: str) -> "RenderableType":
 
 def difference_json(difference: ScriptDifference, old: str, new: str) -> str:
     """The same as values."""
-    return as_json(
+    return json_of(
         ScriptDifferenceOutput(
             old=old,
             new=new,

@@ -8,7 +8,8 @@ from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, s
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.model.wording import each_processor
 from rarms_iac.views.console import paragraph, stack
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def selection_text(selection: Selection) -> "RenderableType":
 
 def selection_json(selection: Selection, file: str, *, written: bool) -> str:
     """The same for programs."""
-    return as_json(
+    return json_of(
         SelectionOutput(
             component=selection.component,
             index=selection.index,

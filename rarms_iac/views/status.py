@@ -1,10 +1,10 @@
 """`rarms status` and `rarms history`: how an application stands, and what was done to its hosts."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
-from rarms_iac.app.status import HostOverview, Overview, PartitionStatus
+from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatus
 from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import show_percent, show_processors
 from rarms_iac.model.state import StoppedBy
@@ -12,15 +12,6 @@ from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.hosts import TITLES
-from rarms_iac.views.output.common import as_json, output_of
-from rarms_iac.views.output.hosts import (
-    HistoryOutput,
-    HostStatusOutput,
-    PartitionStatusOutput,
-    PastRunOutput,
-    StatusOutput,
-    ThresholdStatusOutput,
-)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -52,17 +43,17 @@ def _host(host: HostOverview) -> "Iterator[RenderableType]":
         yield from (paragraph(f"{problem.detail} {problem.advice}", indent=2) for problem in host.problems)
         yield ""
         return
-    used = host.reserved + host.unmanaged
-    share = f"{show_processors(host.reserved)} of {show_processors(host.capacity)} reserved"
-    others = f", {show_processors(host.unmanaged)} by unmanaged machines" if host.unmanaged else ""
-    yield styled((f"Host {host.name}", STRONG), f"  {_bar(float(used), float(host.capacity))}  {share}{others}")
+    used = host.reserved_lp + host.unmanaged_lp
+    share = f"{show_processors(host.reserved_lp)} of {show_processors(host.capacity_lp)} reserved"
+    others = f", {show_processors(host.unmanaged_lp)} by unmanaged machines" if host.unmanaged_lp else ""
+    yield styled((f"Host {host.name}", STRONG), f"  {_bar(float(used), float(host.capacity_lp))}  {share}{others}")
     if host.partitions:
         yield table([_row(partition) for partition in host.partitions], wrap=(0, 3), right=(1, 2), indent=2)
     for drift in host.other_drift:
         name = str(drift.address).removeprefix("partition/")
-        yield paragraph(styled(f"{name}: ", (TITLES[drift.kind], CHANGED)), indent=2, more=2)
-    if host.history:
-        yield paragraph(styled((f"Last run: {describe_run(host.history[-1])}", DIM)), indent=2, more=2)
+        yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)
+    if host.last_run:
+        yield paragraph(styled((f"Last run: {describe_run(host.last_run)}", DIM)), indent=2, more=2)
     yield ""
 
 
@@ -75,7 +66,7 @@ def _row(partition: PartitionStatus) -> tuple[str, ...]:
     return (
         partition.name + members_of(partition.name, {partition.name: partition.components}),
         show_percent(partition.reserve),
-        show_processors(partition.reserved),
+        show_processors(partition.reserved_lp),
         "; ".join(_remarks(partition)),
     )
 
@@ -88,8 +79,8 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
             yield "stopped to measure"
         case _:
             yield "running" if partition.running else "off"
-    if partition.kind is not None:
-        yield TITLES[partition.kind]
+    if partition.drift is not None:
+        yield TITLES[partition.drift]
 
 
 def _proven(proofs: Sequence[ComponentProof]) -> str:
@@ -116,10 +107,10 @@ def describe_run(run: PastRun) -> str:
     return f"{run.run.value} of plan {run.plan}, {_ending(run)}; by {run.started_by}{when}"
 
 
-def history_text(history: Mapping[str, Sequence[PastRun]]) -> "RenderableType":
+def history_text(history: History) -> "RenderableType":
     """Show the runs on each host, the last one first; what was taken back is said at the apply."""
     parts: list[RenderableType] = []
-    for host, runs in history.items():
+    for host, runs in history.hosts.items():
         parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
         rows = [
             (
@@ -146,54 +137,4 @@ def _ending(run: PastRun, later: Sequence[PastRun] = ()) -> str:
     """How a run ended, or that the one after it took it back."""
     if run.run is RunKind.APPLY and later and later[0].run is RunKind.UNDO and later[0].plan == run.plan:
         return "undone"
-    return "unfinished" if run.closing is None else run.closing.value
-
-
-def status_json(overview: Overview) -> str:
-    """The same for programs."""
-    return as_json(
-        StatusOutput(
-            application=overview.application,
-            hosts=tuple(_host_output(host) for host in overview.hosts),
-            proofs=tuple(
-                output_of(ThresholdStatusOutput, proof, index=proof.index.name, unit=proof.index.unit or None)
-                for proof in overview.proofs
-            ),
-            stale=overview.stale,
-            unmeasured=overview.unmeasured,
-            next_command=None if overview.next_command is None else overview.next_command.command,
-        )
-    )
-
-
-def _host_output(host: HostOverview) -> HostStatusOutput:
-    return HostStatusOutput(
-        host=host.name,
-        capacity=float(host.capacity),
-        reserved=float(host.reserved),
-        unmanaged=float(host.unmanaged),
-        partitions=tuple(
-            output_of(
-                PartitionStatusOutput,
-                partition,
-                reserved=float(partition.reserved),
-                stopped_by=partition.stopped_by.value,
-                drift="none" if partition.kind is None else partition.kind.value,
-            )
-            for partition in host.partitions
-        ),
-        not_there=tuple(str(drift.address) for drift in host.other_drift),
-        last_run=past_run_output(host.name, host.history[-1]) if host.history else None,
-        problems=host.problems,
-    )
-
-
-def past_run_output(host: str, run: PastRun) -> PastRunOutput:
-    """A run for programs."""
-    return output_of(PastRunOutput, run, host=host, run=run.run.value, ending=_ending(run))
-
-
-def history_json(application: str, history: Mapping[str, Sequence[PastRun]]) -> str:
-    """The runs for programs, the oldest of each host first."""
-    runs = tuple(past_run_output(host, run) for host, runs in history.items() for run in runs)
-    return as_json(HistoryOutput(application=application, runs=runs))
+    return run.ending

@@ -11,8 +11,9 @@ from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentRepor
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.storage.datalog.decisions import TunedPartition
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.combining import TrailSettingOutput, TunedPartitionOutput, TuneOutput
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.output.common import output_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -106,7 +107,7 @@ def _number(percent: int) -> str:
 def tuned_json(result: TuningResult) -> str:
     """The same for programs."""
     run = result.run
-    return as_json(
+    return json_of(
         output_of(
             TuneOutput,
             run,

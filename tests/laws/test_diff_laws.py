@@ -150,7 +150,7 @@ def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: b
     possible(wanted, state)
 
     found = {
-        entry.address.partition: entry.kind for entry in drift(route(wanted, state).request.desired, state, "robot")
+        entry.address.partition: entry.drift for entry in drift(route(wanted, state).request.desired, state, "robot")
     }
 
     kinds = {

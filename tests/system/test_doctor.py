@@ -41,7 +41,7 @@ def test_programs_get_facts_and_findings(desk: Desk) -> None:
 
     (host,) = answer["hosts"]
     assert (answer["kind"], answer["counts"]["errors"]) == ("doctor", 1)
-    assert (host["scheduler"], host["client"], [finding["code"] for finding in host["findings"]]) == (
+    assert (host["facts"]["scheduler"], host["facts"]["client"], [finding["code"] for finding in host["findings"]]) == (
         "root",
         True,
         ["RARMS159"],

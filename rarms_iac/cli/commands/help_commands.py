@@ -16,8 +16,8 @@ from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.views.completion import CommandShape, OptionShape, Shell, completion_script
 from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.finding_forms import OutputFormat
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.common import ExplanationOutput
-from rarms_iac.views.output.common import as_json as to_json
 
 
 @rarms_command("explain")
@@ -36,7 +36,7 @@ def explain_command(session: Session, *, subject: str, guide: bool, source: Mani
     """
     if guide:
         text = _guide(source, subject)
-        session.terminal.data(to_json(ExplanationOutput(subject=subject, page=text)) if as_json else text)
+        session.terminal.data(json_of(ExplanationOutput(subject=subject, page=text)) if as_json else text)
         return ExitCode.DONE
     if is_code(subject):
         return _finding(session, subject, as_json=as_json)
@@ -73,7 +73,7 @@ def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
     if page is None:
         raise click.UsageError(unknown_code(finding), click.get_current_context())
     if as_json:
-        session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)))
+        session.terminal.data(json_of(ExplanationOutput(subject=code, page=page)))
     else:
         session.terminal.show(page_text(page))
     return ExitCode.DONE

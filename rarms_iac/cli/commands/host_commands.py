@@ -19,8 +19,9 @@ from rarms_iac.cli.options import host_options, host_or_snapshot_options, json_o
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.finding_forms import OutputTarget
-from rarms_iac.views.hosts import doctor_as, drift_json, drift_text, snapshot_script_text
-from rarms_iac.views.status import history_json, history_text, status_json, status_text
+from rarms_iac.views.hosts import doctor_as, drift_text, snapshot_script_text
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.status import history_text, status_text
 
 
 @rarms_command("doctor")
@@ -40,7 +41,7 @@ def doctor_command(
     write_outputs(
         session.terminal,
         outputs,
-        lambda form: doctor_as(form, hosts.system.application.name, examined, hosts.manifest.sources),
+        lambda form: doctor_as(form, examined, hosts.manifest.sources),
     )
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE
 
@@ -58,7 +59,7 @@ def status_command(
     """
     overview = overview_of(select_hosts(load_manifest(source), host_selection))
     if as_json:
-        session.terminal.data(status_json(overview))
+        session.terminal.data(json_of(overview))
     else:
         session.terminal.show(status_text(overview))
     return ExitCode.DONE
@@ -75,7 +76,7 @@ def history_command(
     hosts = select_hosts(load_manifest(source), host_selection)
     history = history_of_hosts(hosts)
     if as_json:
-        session.terminal.data(history_json(hosts.system.application.name, history))
+        session.terminal.data(json_of(history))
     else:
         session.terminal.show(history_text(history))
     return ExitCode.DONE
@@ -95,16 +96,16 @@ def drift_command(
     hosts = select_hosts(load_manifest(source), host_selection)
     report = look_for_drift(hosts)
     if as_json:
-        session.terminal.data(drift_json(hosts.system.application.name, report.hosts, compared=not report.problems))
+        session.terminal.data(json_of(report))
     else:
-        session.terminal.show(drift_text(report.hosts, report.unfinished, report.problems))
+        session.terminal.show(drift_text(report))
     for host, plan in report.unfinished.items():
         session.terminal.tell(
             f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as changed."
         )
-    if report.host_changed:
+    if any(host.host_changed for host in report.hosts):
         return ExitCode.FOUND
-    return ExitCode.NOT_APPLIED if report.not_applied else ExitCode.DONE
+    return ExitCode.NOT_APPLIED if any(host.not_applied for host in report.hosts) else ExitCode.DONE
 
 
 @rarms_command("snapshot")

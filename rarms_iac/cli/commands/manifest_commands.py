@@ -15,8 +15,8 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.finding_forms import OutputTarget, findings_as
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.common import FmtOutput, FormattedFileOutput, WrittenOutput
-from rarms_iac.views.output.common import as_json as to_json
 
 
 @rarms_command("init")
@@ -32,7 +32,7 @@ def init_command(session: Session, *, folder: str, name: str | None, tutorial: b
     """
     paths = write_first_manifest(folder, name, tutorial=tutorial)
     if as_json:
-        session.terminal.data(to_json(WrittenOutput(files=paths)))
+        session.terminal.data(json_of(WrittenOutput(files=paths)))
     else:
         session.terminal.talk(f"Wrote {paths[0]}, and {paths[1]} for your editor.")
         session.terminal.tell("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
@@ -85,7 +85,7 @@ def fmt_command(
         _write(session, formatted)
     if as_json:
         outputs = tuple(FormattedFileOutput(file=file.file, changed=file.changed) for file in formatted)
-        session.terminal.data(to_json(FmtOutput(files=outputs)))
+        session.terminal.data(json_of(FmtOutput(files=outputs)))
     elif not diff:
         for file in changed:
             if file.path != STANDARD_INPUT:

@@ -3,51 +3,21 @@
 `schemas/output.json` says what that text looks like.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.storage.codec import Json, encode
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 T = TypeVar("T", bound="DataclassInstance")
 
-Format = Literal["rarms-output/2"]
-FORMAT_VERSION: Format = "rarms-output/2"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
     """A whole answer; each kind names itself in `kind`."""
-
-    format_version: Format = FORMAT_VERSION
-
-
-def as_json(output: Output) -> str:
-    """The whole answer in ASCII, keys in our order, ending with a line end."""
-    return json.dumps(_encodable(encode(output)), indent=2) + "\n"
-
-
-def as_json_line(output: Output) -> str:
-    """The same on one line, where several follow each other."""
-    return json.dumps(_encodable(encode(output))) + "\n"
-
-
-def _encodable(value: Json) -> Json:
-    """The value without lone surrogates: strict parsers refuse their escapes."""
-    match value:
-        case str():
-            return value.encode("utf-8", "replace").decode("utf-8")
-        case list():
-            return [_encodable(item) for item in value]
-        case dict():
-            return {key: _encodable(item) for key, item in value.items()}
-        case _:
-            return value
 
 
 def output_of(cls: type[T], source: object, **different: object) -> T:

@@ -3,20 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from rarms_iac.model.changes import Attribute
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.views.output.common import Output
-
-Value = bool | int | str | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AttributeOutput:
-    """One attribute that a change touches; null where the resource is not there."""
-
-    name: str
-    before: Value
-    after: Value
-    forces: Literal["", "restart", "replacement"] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +19,7 @@ class ChangeOutput:
     place: Place | None
     components: tuple[str, ...]  # of the partition, the most critical first; empty where the plan does not place it
     reserved_processors: float | None  # logical processors that the partition is guaranteed afterwards
-    attributes: tuple[AttributeOutput, ...]
+    attributes: tuple[Attribute, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,8 +5,9 @@ from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.model.quantities import guaranteed
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.combining import TrailSettingOutput
-from rarms_iac.views.output.common import as_json, output_of
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import (
     ReportCapacityOutput,
     ReportDifferenceOutput,
@@ -24,7 +25,7 @@ from rarms_iac.views.reports.summary import platform_fits
 def report_json(report: Report) -> str:
     """The same for programs; a side of a band without a bound is null."""
     hosts = {capacity.platform: capacity.hosts for capacity in report.capacities}
-    return as_json(
+    return json_of(
         ReportOutput(
             application=report.application,
             measurements=tuple(_measurement(measurement, hosts) for measurement in report.measurements),

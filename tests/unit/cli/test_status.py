@@ -77,7 +77,7 @@ def test_a_host_without_rights_keeps_nobody_from_the_others() -> None:
     assert rarms("apply", "--auto-approve").code == 0
     Path("rarms.yaml").write_text(MANIFEST.replace("components:", f"{hidden}\ncomponents:"), encoding="utf-8")
 
-    hosts = {host["host"]: host for host in json.loads(rarms("status", "--json").out)["hosts"]}
+    hosts = {host["name"]: host for host in json.loads(rarms("status", "--json").out)["hosts"]}
 
     assert len(hosts["hidden"]["problems"]) == 1
     assert hosts["onboard"]["problems"] == []
@@ -89,10 +89,10 @@ def test_the_status_for_programs_has_the_partitions_with_their_components() -> N
 
     (host,) = json.loads(rarms("status", "--json").out)["hosts"]
 
-    assert (host["host"], host["capacity"], host["reserved"]) == ("onboard", 1.8, 1.2)
+    assert (host["name"], host["capacity_lp"], host["reserved_lp"]) == ("onboard", 1.8, 1.2)
     assert [(part["name"], part["components"], part["reserve"], part["drift"]) for part in host["partitions"]] == [
-        ("speech", ["speech"], 20, "none"),
-        ("vision", ["vision"], 40, "none"),
+        ("speech", ["speech"], 20, None),
+        ("vision", ["vision"], 40, None),
     ]
 
 
@@ -101,7 +101,7 @@ def test_the_history_tells_applies_and_undos_with_who_and_when() -> None:
     assert rarms("undo", "--auto-approve").code == 0
     assert rarms("apply", "--auto-approve").code == 0
 
-    runs = json.loads(rarms("history", "--json").out)["runs"]
+    (runs,) = json.loads(rarms("history", "--json").out)["hosts"].values()
     shown = rarms("history").out
 
     assert [(run["run"], run["ending"]) for run in runs] == [("apply", "done"), ("undo", "done"), ("apply", "done")]

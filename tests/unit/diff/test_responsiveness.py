@@ -100,7 +100,7 @@ def test_drift_tells_who_changed_it() -> None:
 
     def kinds(system: System, there: State) -> list[DriftKind]:
         drifts = drift(route(system, there).request.desired, there, "robot")
-        return [drift_.kind for drift_ in drifts if drift_.address == ADDRESS]
+        return [drift_.drift for drift_ in drifts if drift_.address == ADDRESS]
 
     assert kinds(wanting(10), state) == []
     assert kinds(wanting(10), by_hand) == [DriftKind.HOST_CHANGED]

@@ -5,7 +5,8 @@ import jsonschema
 import pytest
 
 from rarms_iac.storage.shipped import shipped
-from rarms_iac.views.output.common import ExplanationOutput, as_json
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.output.common import ExplanationOutput
 from rarms_iac.views.plan_json import plan_json
 from scripts.output_schema import output_schema
 from tests.builders_plan import a_rich_plan, create, host_plan, plan, task
@@ -41,7 +42,7 @@ def test_a_plan_says_the_same_as_its_text() -> None:
 
     onboard = document["hosts"][0]
     speech = onboard["changes"][1]
-    assert document["format_version"] == "rarms-output/2"
+    assert document["format_version"] == "rarms-output/3"
     assert document["counts"] == {"add": 2, "change": 2, "remove": 1, "adopt": 0, "release": 0, "held_back": 1}
     assert speech["attributes"] == [{"name": "processors", "before": 1, "after": 2, "forces": "restart"}]
     assert speech["place"]["line"] == 31
@@ -56,7 +57,7 @@ def test_registry_values_say_their_type() -> None:
 
 
 def test_a_lone_surrogate_does_not_make_invalid_json() -> None:
-    text = as_json(ExplanationOutput(subject="\ud800", page=""))
+    text = json_of(ExplanationOutput(subject="\ud800", page=""))
 
     assert json.loads(text)["subject"] == "?"
     assert text.isascii()

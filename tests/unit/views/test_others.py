@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from rarms_iac.app.drift import HostDrift
+from rarms_iac.app.drift import DriftReport, HostDrift
 from rarms_iac.applying.refusals import UNDO_PARTIAL
 from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
@@ -15,24 +15,28 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, Totals, UndoLevel
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import graph_json, graph_nodes, graph_text, mermaid_quoted
-from rarms_iac.views.hosts import drift_json, drift_text
+from rarms_iac.views.hosts import drift_text
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
 from tests.builders import the_delivery_robot
 from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update
 from tests.unit.views.test_json import check
 
 
-def a_drift(*kinds: DriftKind) -> list[HostDrift]:
+def a_drift(*kinds: DriftKind) -> DriftReport:
     change = update(partition(settings(reserve=50)), partition(settings(reserve=40)))
-    drifted = tuple(ResourceDrift(address=Address(partition="vision"), kind=kind, message="why") for kind in kinds)
-    return [
-        HostDrift(
-            facts=facts(),
-            drifted=drifted,
-            changes={change.address: change},
-            components={"vision": ("face-detection", "vision")},
+    drifted = tuple(
+        ResourceDrift(
+            address=Address(partition="vision"),
+            drift=kind,
+            message="why",
+            components=("face-detection", "vision"),
+            change=change,
         )
-    ]
+        for kind in kinds
+    )
+    host = HostDrift(name="onboard", facts=facts(), drifted=drifted)
+    return DriftReport(application="robot", hosts=(host,), unfinished={})
 
 
 def test_no_drift_is_one_line() -> None:
@@ -49,15 +53,15 @@ def test_drift_says_what_differs_and_who_moved() -> None:
 
 
 def test_drift_for_programs() -> None:
-    text = drift_json("robot", a_drift(DriftKind.BOTH))
+    text = json_of(a_drift(DriftKind.BOTH))
 
     check(text)
-    drifted = json.loads(text)["drifted"][0]
-    assert json.loads(text)["hosts"] == [
-        {"name": "onboard", "host_processors": 2, "host_changed": 1, "not_applied": 0, "unused": 0}
-    ]
-    assert drifted["attributes"][0]["before"] == 50
-    assert (drifted["components"], drifted["wanted_processors"]) == (["face-detection", "vision"], 0.8)
+    (host,) = json.loads(text)["hosts"]
+    (drifted,) = host.pop("drifted")
+    assert host == {"name": "onboard", "host_lp": 2, "host_changed": 1, "not_applied": 0, "unused": 0}
+    assert drifted["change"]["attributes"][0]["before"] == 50
+    assert (drifted["components"], drifted["change"]["reserved_lp"]) == (["face-detection", "vision"], 0.8)
+    assert (drifted["address"], drifted["drift"]) == ("partition/vision", "both")
 
 
 def a_report(ending: RunEnding, changed: int = 2) -> RunReport:
