@@ -10,21 +10,21 @@ TYPE_CHECKING = False  # type checkers know this name; to import typing would do
 
 if TYPE_CHECKING:
     from rarms_iac.app.applying import apply
+    from rarms_iac.app.experiments.measure import measure_components as measure
+    from rarms_iac.app.experiments.prove import prove_layout as prove
+    from rarms_iac.app.experiments.tune import tune_components as tune
     from rarms_iac.app.hosts import load
-    from rarms_iac.app.measure import measure_components as measure
     from rarms_iac.app.planning import plan
-    from rarms_iac.app.prove import prove_layout as prove
-    from rarms_iac.app.tune import tune_components as tune
 
 __all__ = ["__version__", "apply", "load", "measure", "plan", "prove", "tune"]
 
 _FUNCTIONS = {
     "apply": ("applying", "apply"),
     "load": ("hosts", "load"),
-    "measure": ("measure", "measure_components"),
+    "measure": ("experiments.measure", "measure_components"),
     "plan": ("planning", "plan"),
-    "prove": ("prove", "prove_layout"),
-    "tune": ("tune", "tune_components"),
+    "prove": ("experiments.prove", "prove_layout"),
+    "tune": ("experiments.tune", "tune_components"),
 }
 """The module of `rarms_iac.app` and the function there, by the name that a program uses."""
 

@@ -8,7 +8,7 @@ from rarms_iac.app.data_logs import bench_now, compare_log, measured_reservation
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiments import refuse_unknown
+from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.graph import candidate_nodes
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest

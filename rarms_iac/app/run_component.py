@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.experiments import refuse_unknown
+from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.wiring import place_on
 from rarms_iac.model.diagnostics import Diagnostic, Finding

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import click
 
-from rarms_iac.app.combining import CombiningOffer
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
-from rarms_iac.app.experiments import ExperimentResult
-from rarms_iac.app.level_prompt import SessionEnded
+from rarms_iac.app.experiments.combining import CombiningOffer
+from rarms_iac.app.experiments.level_prompt import SessionEnded
+from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.app.experiments.stopping import StopConsent, always_consents, never_consents
+from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, SelectOutcome
-from rarms_iac.app.stopping_to_measure import StopConsent, always_consents, never_consents
-from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session

@@ -6,7 +6,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, assert_never
 
-from rarms_iac.app.experiments import ExperimentResult
+from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.report_model import FixedReservation
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.loop import MeasuringReporter

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.prove import verdict_of
+from rarms_iac.app.experiments.prove import verdict_of
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value

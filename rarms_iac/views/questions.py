@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.combining import CombiningOffer
-from rarms_iac.app.experiments import ExperimentResult
-from rarms_iac.app.narrowing import Narrowing
+from rarms_iac.app.experiments.combining import CombiningOffer
+from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.app.experiments.narrowing import Narrowing
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import BeyondMeasured, SelectOutcome
 from rarms_iac.model.quantities import show_lp_percent, show_processors

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.app import hosts as app_hosts
-from rarms_iac.app import measure
 from rarms_iac.app.errors import UseCaseError
-from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.app.experiments import measure
+from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.cli.main import main
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.powershell.inspection.allowed import ScriptKind

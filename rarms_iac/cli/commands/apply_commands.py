@@ -97,7 +97,7 @@ def _then_prove(
     """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
         return code
-    from rarms_iac.app.prove import ProveRequest
+    from rarms_iac.app.experiments.prove import ProveRequest
     from rarms_iac.cli.commands.component_commands import prove_and_show
 
     hosts = select_hosts(load_manifest(source), host_selection)

@@ -2,10 +2,10 @@
 
 import click
 
-from rarms_iac.app.experiments import USUAL_SEED
+from rarms_iac.app.experiments.measure_request import USUAL_SEED
+from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.prove import ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.run_component import RunRequest, become_component, run_components
 from rarms_iac.app.select import SelectRequest, select_level

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import click
 
-from rarms_iac.app.combining import combine_if_wanted
-from rarms_iac.app.experiments import MeasureRequest, reserves_between
+from rarms_iac.app.experiments.combining import combine_if_wanted
+from rarms_iac.app.experiments.measure import MeasureOutcome, measure_components, measuring_scripts
+from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
+from rarms_iac.app.experiments.narrowing import NarrowingConsent, always_narrows, narrow
+from rarms_iac.app.experiments.stopping import StopConsent
+from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.measure import MeasureOutcome, measure_components, measuring_scripts
-from rarms_iac.app.narrowing import NarrowingConsent, always_narrows, narrow
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import write_scripts
-from rarms_iac.app.stopping_to_measure import StopConsent
-from rarms_iac.app.tune import TuneRequest
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import (

@@ -4,11 +4,11 @@ from typing import get_args
 
 import click
 
+from rarms_iac.app.experiments.level_prompt import SessionEnded
+from rarms_iac.app.experiments.tune import TuneRequest, tune_components
 from rarms_iac.app.hosts import select_hosts
-from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.tune import TuneRequest, tune_components
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import (

@@ -4,7 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 from io import StringIO
 
-from rarms_iac.app.experiments import ExperimentResult
+from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.outcomes import Stopped, Sufficient

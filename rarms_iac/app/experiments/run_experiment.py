@@ -9,11 +9,11 @@ from pathlib import Path
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiment_logs import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
-from rarms_iac.app.experiments import USUAL_SEED, ExperimentResult, MeasureRequest, coarse_reserves
+from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
+from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult, MeasureRequest, coarse_reserves
+from rarms_iac.app.experiments.stopping import PartitionStopper, stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
-from rarms_iac.app.stopping_to_measure import PartitionStopper, stopped_to_measure
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import expected_duration
 from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, Strategy, measure

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac.app.data_logs import subject_of
-from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
 from rarms_iac.measuring.loop import SettingsLog

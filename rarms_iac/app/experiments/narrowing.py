@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from rarms_iac.app.control import SILENT, Reporter
-from rarms_iac.app.experiments import ExperimentResult, MeasureRequest
+from rarms_iac.app.experiments.level_prompt import SessionEnded
+from rarms_iac.app.experiments.measure import MeasureOutcome
+from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifest_edits import write_processors
-from rarms_iac.app.measure import MeasureOutcome
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.statistics.samples import usable_processors
 

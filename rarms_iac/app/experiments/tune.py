@@ -6,21 +6,21 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_tuning
-from rarms_iac.app.experiments import MeasureRequest
-from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
-from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.measure import hold_benches, record_reservations
-from rarms_iac.app.measurement_files import now
-from rarms_iac.app.stopping_to_measure import (
+from rarms_iac.app.experiments.measure import hold_benches, record_reservations
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.stopping import (
     PartitionStopper,
     StopConsent,
     all_stopped_to_measure,
     never_consents,
     starting_again,
 )
-from rarms_iac.app.tuning_search import TuningConclusion, search_combinations
-from rarms_iac.app.tuning_subject import Experiments, bench_of, subject_of_tuning
+from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
+from rarms_iac.app.experiments.tuning_subject import Experiments, bench_of, subject_of_tuning
+from rarms_iac.app.hosts import Hosts, observe_hosts
+from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.measurement_files import now
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent

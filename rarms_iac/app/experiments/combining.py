@@ -8,11 +8,11 @@ from typing import Protocol
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.experiments.level_prompt import SessionEnded
+from rarms_iac.app.experiments.stopping import StopConsent, all_stopped_to_measure, never_consents
+from rarms_iac.app.experiments.tune import TuneRequest, TuningResult, tune_components
+from rarms_iac.app.experiments.tuning_subject import TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.level_prompt import SessionEnded
-from rarms_iac.app.stopping_to_measure import StopConsent, all_stopped_to_measure, never_consents
-from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
-from rarms_iac.app.tuning_subject import TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.guiding import guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Consent, PlannerReporter, total

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from rarms_iac.app.errors import RequestError, UseCaseError
-from rarms_iac.app.experiments import ExperimentResult, reserves_between
+from rarms_iac.app.experiments.measure_request import ExperimentResult, reserves_between
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest

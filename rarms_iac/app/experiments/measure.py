@@ -1,6 +1,6 @@
 """Measuring: experiments with their data logs, on hosts that are held meanwhile.
 
-Begin at `measure_components`. A single experiment is `experiment_run`'s.
+Begin at `measure_components`. A single experiment is `run_experiment`'s.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,17 +12,11 @@ from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.experiment_logs import data_log_path, end_remeasurements, remeasurements_for
-from rarms_iac.app.experiment_run import refuse_or_make_room, run_experiment
-from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, experiments_of_request
-from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
-from rarms_iac.app.level_prompt import LevelPrompt, SessionEnded, ask_levels
-from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.measurement_files import log_errors
-from rarms_iac.app.report_measurements import fixed_on
-from rarms_iac.app.report_model import FixedReservation
-from rarms_iac.app.scripts import PlanScript
-from rarms_iac.app.stopping_to_measure import (
+from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
+from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
+from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest, experiments_of_request
+from rarms_iac.app.experiments.run_experiment import refuse_or_make_room, run_experiment
+from rarms_iac.app.experiments.stopping import (
     PartitionStopper,
     StopConsent,
     finish_stop_or_start,
@@ -30,6 +24,12 @@ from rarms_iac.app.stopping_to_measure import (
     never_consents,
     starting_again,
 )
+from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.measurement_files import log_errors
+from rarms_iac.app.report_measurements import fixed_on
+from rarms_iac.app.report_model import FixedReservation
+from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import findings_of

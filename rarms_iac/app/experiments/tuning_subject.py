@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiment_run import run_experiment
-from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.run_experiment import run_experiment
+from rarms_iac.app.experiments.stopping import PartitionStopper
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.stopping_to_measure import PartitionStopper
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget

@@ -7,12 +7,18 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.experiments.tune import tuning_findings
+from rarms_iac.app.experiments.tuning_search import search_combinations
+from rarms_iac.app.experiments.tuning_subject import (
+    LayoutFit,
+    TuningStopped,
+    TuningSubject,
+    bench_of,
+    subject_of_tuning,
+)
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.tune import tuning_findings
-from rarms_iac.app.tuning_search import search_combinations
-from rarms_iac.app.tuning_subject import LayoutFit, TuningStopped, TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.findings import CONTRADICTION

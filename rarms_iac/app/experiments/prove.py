@@ -10,9 +10,9 @@ from typing import Literal, assert_never
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiments import USUAL_SEED, refuse_unknown
+from rarms_iac.app.experiments.measure import hold_benches
+from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.hosts import Hosts, observe_host
-from rarms_iac.app.measure import hold_benches
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.app.requests import PlanLimits
