@@ -6,8 +6,8 @@ from contextlib import chdir, contextmanager
 from pathlib import Path
 
 import pytest
-from tests.unit.app.experiments.test_measure import MANIFEST, write
 
+from tests.unit.app.experiments.test_measure import MANIFEST, write
 from tests.unit.cli.running import rarms
 
 COMMANDS = (
