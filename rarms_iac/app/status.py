@@ -46,7 +46,7 @@ class PartitionStatus:
     @property
     def is_stopped(self) -> bool:
         """Whether rarms stopped it, and nobody started it since."""
-        return self.stopped_by is not StoppedBy.NOBODY and not self.running
+        return self.stopped_by is not StoppedBy.NO_USER and not self.running
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

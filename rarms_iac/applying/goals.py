@@ -41,7 +41,7 @@ class HostGoal:
     rules: ManifestRules
     context: HostContext
     budget: StepBudget
-    by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that nobody could look into
+    by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that could not be looked into
     threads: tuple[ThreadClass, ...] = ()
 
 

@@ -330,7 +330,7 @@ def totals_of(
     stopped = {
         partition.mark.name: partition.claim
         for partition in observed.of(application).partitions
-        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and partition.mark.name not in removed
+        if partition.mark and partition.mark.stopped_by is not StoppedBy.NO_USER and partition.mark.name not in removed
     }
     layout = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
     idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)

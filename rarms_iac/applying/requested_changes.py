@@ -81,7 +81,7 @@ def start_changes(
         if scope.stopped_by is StoppedBy.MEASUREMENT:
             is_meant = stopped_by is StoppedBy.MEASUREMENT
         else:
-            is_meant = stopped_by is not StoppedBy.NOBODY or (bool(scope.partitions) and not before.settings.running)
+            is_meant = stopped_by is not StoppedBy.NO_USER or (bool(scope.partitions) and not before.settings.running)
         if not is_meant:
             continue
         if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
@@ -130,7 +130,7 @@ def _started(partition: Partition) -> Partition:
         partition,
         settings=replace(partition.settings, running=True),
         state=RunState.RUNNING,
-        mark=replace(partition.mark, stopped_by=StoppedBy.NOBODY),
+        mark=replace(partition.mark, stopped_by=StoppedBy.NO_USER),
     )
 
 

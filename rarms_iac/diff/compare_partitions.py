@@ -138,8 +138,8 @@ def _is_unchanged(before: Partition, after: Partition) -> bool:
 
 def _describe_difference(before: Partition, after: Partition, context: HostContext) -> str:
     changed = changed_facets(before.settings, after.settings)
-    stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NOBODY
-    if stopped_by is not StoppedBy.NOBODY and before.settings.running:
+    stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NO_USER
+    if stopped_by is not StoppedBy.NO_USER and before.settings.running:
         return "it was stopped by rarms, and somebody started it"
     if stopped_by is StoppedBy.MEASUREMENT and after.settings.running:
         return "`rarms measure` stopped it and ended before it started it again"

@@ -149,7 +149,7 @@ def _runs_by_hand(wanted: Partition) -> bool:
 def _is_changed(there: Partition, *, by_hand: bool) -> bool:
     """Whether a marked partition is not as rarms wrote it."""
     assert there.mark is not None
-    is_started = there.mark.stopped_by is not StoppedBy.NOBODY and there.settings.running
+    is_started = there.mark.stopped_by is not StoppedBy.NO_USER and there.settings.running
     unfixed = replace(there, settings=replace(there.settings, secure_boot=None))
     digests = {_digest_now(partition, by_hand=by_hand) for partition in (there, unfixed)}
     return is_started or there.mark.set not in digests
@@ -166,7 +166,7 @@ def _digest_now(there: Partition, *, by_hand: bool) -> str:
     Whether a partition that is started by hand runs counts for nothing, nor that rarms itself stopped one.
     """
     settings = there.settings
-    if there.mark is not None and there.mark.stopped_by is not StoppedBy.NOBODY:
+    if there.mark is not None and there.mark.stopped_by is not StoppedBy.NO_USER:
         settings = replace(settings, running=True)
         by_hand = by_hand or settings.start_action is StartAction.NOTHING
     if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:

@@ -33,7 +33,7 @@ class Capacity:
 
 
 SERVER_2019 = 17763
-"""The build from which servers have the core scheduler, and new machines SMT, unless somebody said otherwise."""
+"""The build from which servers have the core scheduler, and new machines SMT, unless said otherwise."""
 
 SMT_THREADS = 2
 
@@ -82,7 +82,7 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
 
     Args:
         host: of the manifest.
-        facts: what was observed of it; None: nobody looked.
+        facts: what was observed of it; None: not looked at.
 
     Returns:
         What may be promised, `keep_for_host` taken off; nothing is below 0.
@@ -228,7 +228,7 @@ def _first_fit(sizes: list[int], free: list[int]) -> bool:
 
 
 def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
-    """Depth first over the sizes, largest first; what is left on all processors is tried once, in whatever order.
+    """Depth first over the sizes, largest first; what is left on all processors is tried once, in any order.
 
     None: it gave up.
     """

@@ -61,7 +61,7 @@ class Finding:
 
     @classmethod
     def note(cls, code: str, summary: str) -> Self:
-        """What somebody may want to know."""
+        """What a user may want to know."""
         return cls(code=code, severity=Severity.NOTE, summary=summary)
 
     def at(
@@ -135,7 +135,7 @@ MOST_OF_A_KIND = 1_000
 
 
 def first_of_each_kind(diagnostics: "Sequence[Diagnostic]") -> "tuple[Diagnostic, ...]":
-    """The findings that are shown: so many of one kind come from a program, and nobody reads more.
+    """The findings that are shown: so many of one kind come from a program, and no reader reads more.
 
     Args:
         diagnostics: in the order in which they are shown.

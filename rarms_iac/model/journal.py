@@ -39,7 +39,7 @@ class PastRun:
     plan: str  # id
     application: str
     started_by: str
-    started_at: str  # as of `RunOrigin`; empty: nobody wrote it down
+    started_at: str  # as of `RunOrigin`; empty: it was not recorded
     closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
 
     @property

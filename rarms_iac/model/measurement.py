@@ -51,7 +51,7 @@ class Series:
     """All samples of a component at one setting, in the order in which their jobs ended."""
 
     component: str
-    samples: Sequence[Sample]  # `SampleColumns`, wherever there may be many
+    samples: Sequence[Sample]  # `SampleColumns`, where there may be many
     elapsed_ms: float
     cpu_ms: float | None = None  # processor time that the component consumed; None: cannot be told here
     unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had

@@ -42,7 +42,7 @@ def is_name(text: str) -> bool:
 
 
 def is_shipped_task(text: str) -> bool:
-    """Whether Windows brings a task class of this name, whatever its case."""
+    """Whether Windows brings a task class of this name, in any case."""
     return text.lower() in {name.lower() for name in SHIPPED_TASKS}
 
 

@@ -106,7 +106,7 @@ class WriteMark:
     application: str
     name: str
     set: str
-    stopped_by: StoppedBy = StoppedBy.NOBODY
+    stopped_by: StoppedBy = StoppedBy.NO_USER
     machine: str = ""
     kind: Literal["write_mark"] = "write_mark"
 

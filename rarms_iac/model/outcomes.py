@@ -106,7 +106,7 @@ class Sufficient:
     """Every APT is met at this CR, which was measured."""
 
     reserve: int
-    failed: int | None  # the highest lower CR at which one was not met; None: there is none, or nobody looked
+    failed: int | None  # the highest lower CR at which one was not met; None: there is none, or it was not measured
     inconclusive: tuple[int, ...] = ()  # lower CRs above `failed` that were measured and have no steady state
 
 
@@ -139,7 +139,7 @@ class Swept:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stopped:
-    """Somebody asked for an end; what is recorded stays, and the same command goes on."""
+    """A user asked for an end; what is recorded stays, and the same command goes on."""
 
 
 SearchStep = Measure | Sufficient | NotAchievable | NotResolved

@@ -32,7 +32,7 @@ Readings = Mapping[str, Reading]
 class Scope:
     """Whose things names stand for: what carries the application's mark, and what this plan is making.
 
-    Given beside names wherever they are resolved, also when the run of another application is finished.
+    Given beside names where they are resolved, also when the run of another application is finished.
     """
 
     application: str
@@ -93,7 +93,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldBack:
-    """A change that disturbs more than the policy allows, or rests on one that does: not in the plan."""
+    """A change that disturbs more than the policy allows, or depends on one that does: not in the plan."""
 
     change: Change
     why: str
@@ -124,7 +124,7 @@ class ThreadClass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuestTask:
-    """A task class as it is to be in a guest that nobody could look into: its script decides by what it finds there."""
+    """A task class as wanted in a guest that could not be looked into: its script decides by what it finds."""
 
     partition: str
     name: str
@@ -163,7 +163,7 @@ class HostPlan:
     stopped: tuple[str, ...] = ()  # partitions that `rarms stop` stopped and that stay so; for the reader
     # By partition of a Linux host: how its reservation is kept and why; for the reader.
     mechanisms: Mapping[str, str] | None = field(default=None, metadata=SPARSE)
-    # By partition, then name: what the scripts write in guests that nobody could look into.
+    # By partition, then name: what the scripts write in guests that could not be looked into.
     guest_tasks: tuple[GuestTask, ...] | None = field(default=None, metadata=SPARSE)
 
 

@@ -115,7 +115,9 @@ class PartitionSettings:
     stop_action: StopAction
     checkpoints: Checkpoints
     running: bool
-    secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or nobody could look
+    secure_boot: str | None = (
+        None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or unknown
+    )
     # On Linux, how often its limit is counted anew; None: nothing limits it.
     quota_period_us: int | None = field(default=None, metadata=SPARSE)
 
@@ -126,7 +128,7 @@ SECURE_BOOT_OFF = "off"
 class StoppedBy(StrEnum):
     """Who stopped a partition that is wanted running, as its mark says it; a value is the word in the mark."""
 
-    NOBODY = ""
+    NO_USER = ""
     USER = "stopped"  # `rarms stop`: it stays so until `rarms start`
     MEASUREMENT = "measuring"  # `rarms measure`, which starts it again; after a kill the next run does
 
@@ -139,11 +141,11 @@ class Mark:
     name: str  # the partition's, as the manifest calls it
     machine: str  # first 8 characters of the machine's id
     set: str  # 12 hex digits: digest of the settings last written
-    stopped_by: StoppedBy = StoppedBy.NOBODY
+    stopped_by: StoppedBy = StoppedBy.NO_USER
 
     @property
     def written(self) -> str:
-        """What stands behind `set=`: the digest, and who stopped the partition, where somebody did."""
+        """What stands behind `set=`: the digest, and who stopped the partition, if it was stopped."""
         return f"{self.set} {self.stopped_by.value}".rstrip()
 
 
@@ -160,7 +162,7 @@ class Partition:
     checkpoints: int = 0  # how many were taken of it and are still there
     sharing: CoreSharing = ANY_THREAD
     guest_build: int = 0  # of the Windows that runs in it, as it claims; 0: not known, or no Windows
-    can_be_asked: bool = True  # its guest, to shut down; where nobody could tell, it is tried
+    can_be_asked: bool = True  # its guest, to shut down; where that is unknown, it is tried
 
     @property
     def claim(self) -> Claim:
@@ -178,7 +180,7 @@ class Partition:
 
 
 class ValueKind(StrEnum):
-    """Types of registry values. rarms writes the first two; the others are what somebody else may have written."""
+    """Types of registry values. rarms writes the first two; the others are what other programs may have written."""
 
     DWORD = "dword"
     SZ = "sz"
@@ -268,7 +270,7 @@ class State:
     partitions: tuple[Partition, ...] = ()
     tasks: tuple[TaskClass, ...] = ()
     serials: Mapping[str, int] = field(default_factory=dict)  # how many applies and undos there were
-    responsiveness: Responsiveness | None = None  # wanted, None: as it is; observed, None: nobody could look
+    responsiveness: Responsiveness | None = None  # wanted, None: as it is; observed, None: it could not be looked at
     switches: tuple[str, ...] | None = (
         None  # names of its virtual switches; None: not known, or there are no such things
     )

@@ -1,6 +1,6 @@
 """The System: what the manifest says, with units read, defaults filled in and names resolved.
 
-Maps keep the manifest's order; nobody changes them. Where a value may be left to the planner, that is a value of
+Maps keep the manifest's order; they are not changed. Where a value may be left to the planner, that is a value of
 its own (`MEASURED`, `None` said to mean "open"), never a guess.
 """
 

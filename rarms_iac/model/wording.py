@@ -1,4 +1,4 @@
-"""Wording of messages: words in a row, small numbers, and what somebody probably meant who misspelt a name."""
+"""Wording of messages: words in a row, small numbers, and what was probably meant by a misspelt name."""
 
 from collections.abc import Collection, Iterable, Sequence
 from itertools import islice
@@ -50,10 +50,10 @@ def each_processor(many: int, word: str = "virtual processor") -> str:
 
 
 def quoted(text: object, most: int | None = None) -> str:
-    """Quote a name or text of somebody else's for a message: `"vision"`.
+    """Quote a foreign name or text for a message: `"vision"`.
 
     Args:
-        text: from anywhere. A sign that nobody would see, or that would break the line, is spelt out: `<U+000A>`.
+        text: from anywhere. A sign that is invisible, or that would break the line, is spelt out: `<U+000A>`.
         most: signs that are kept of it, with `...` for the rest; None: all.
     """
     whole = str(text)
@@ -109,7 +109,7 @@ def distance(word: str, other: str, limit: int) -> int:
 
 
 def remark(text: str) -> str:
-    """The text on one line of printable ASCII; whatever else was in it is shown by its number, line ends as spaces."""
+    """The text on one line of printable ASCII; all else that was in it is shown by its number, line ends as spaces."""
     return "".join(map(_character, " ".join(text.split())))
 
 

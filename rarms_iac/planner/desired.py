@@ -40,7 +40,7 @@ class Desired:
     making: Mapping[str, Making]
     criticality: Mapping[str, int]  # by partition
     classes: Mapping[tuple[str, str], ClassValues]  # by partition (empty: the host) and class: for who wants to see
-    by_hand: tuple[TaskClass, ...]  # wanted in guests that nobody could look into: in no state, so no change
+    by_hand: tuple[TaskClass, ...]  # wanted in guests that could not be looked into: in no state, so no change
     findings: tuple[Diagnostic, ...]
 
 
@@ -113,7 +113,7 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
 
 def _wanted(partition: PlacedPartition, there: Partition | None, application: str) -> Partition:
     by_hand = partition.start is StartMode.MANUAL
-    stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NOBODY
+    stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NO_USER
     runs_or_is_wanted_again = there is not None and (there.settings.running or stopped_by is StoppedBy.MEASUREMENT)
     running = runs_or_is_wanted_again if by_hand else True
     settings = PartitionSettings(

@@ -38,7 +38,7 @@ class MarkReading:
 
 
 def mark_for(
-    machine: str, application: str, name: str, settings_digest: str, stopped_by: StoppedBy = StoppedBy.NOBODY
+    machine: str, application: str, name: str, settings_digest: str, stopped_by: StoppedBy = StoppedBy.NO_USER
 ) -> Mark:
     """The mark that makes the machine of this id the application's partition."""
     short = machine[:ID_DIGITS].lower()

@@ -23,7 +23,7 @@ LONGEST = 60_000
 
 
 def main(words: list[str]) -> None:
-    """Load the function, then call it until nobody listens."""
+    """Load the function, then call it until its reader has gone."""
     base, module, name, period, sends, task = words
     answers = os.dup(1)
     os.dup2(2, 1)
@@ -60,7 +60,7 @@ def task_class(name: str) -> AbstractContextManager[None]:
 def call(
     function: Callable[[], object], begun: float, period: float, report: Callable[..., None], *, with_result: bool
 ) -> None:
-    """Run one job after another; a periodic one is due at its time, whatever those before it took."""
+    """Run one job after another; a periodic one is due at its time, however long those before it took."""
     number = 0
     while True:
         due = begun + number * period if period else time.perf_counter()

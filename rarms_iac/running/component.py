@@ -119,7 +119,7 @@ def run_in_parallel(runs: Sequence[ComponentRun]) -> Iterator[Iterator[tuple[str
     Each run ends as its own `until` says; leaving the `with` ends all of them, at any moment, and closes them.
 
     Raises:
-        CannotStart, SupervisorLost: raised to whoever reads the samples, whichever run it happened to.
+        CannotStart, SupervisorLost: raised to the reader of the samples, of any run.
     """
     messages: queue.Queue[_Message] = queue.Queue(WAITING_SAMPLES)
     threads = [threading.Thread(target=_read_run, args=(run, messages), daemon=True) for run in runs]
@@ -158,6 +158,6 @@ def _read_run(run: ComponentRun, messages: queue.Queue[_Message]) -> None:
         with run:
             for sample in run:
                 messages.put((run.component, sample))
-    except BaseException as error:  # noqa: BLE001 - raised again, to whoever reads the samples
+    except BaseException as error:  # noqa: BLE001 - raised again, to the reader of the samples
         last = error
     messages.put((run.component, last))

@@ -34,7 +34,7 @@ class SamplingEnd(StrEnum):
     RUNNING = "running"  # they still do
     UNTIL = "until"  # measured enough, as the manifest says
     FAILURES = "failures"  # more failed samples than it allows: no verdict
-    CLOSED = "closed"  # whoever reads them has seen enough
+    CLOSED = "closed"  # their reader has seen enough
 
 
 class SampleRecord:

@@ -26,7 +26,7 @@ class CannotStart(RunningError):
 
 
 class SupervisorLost(RunningError):
-    """The process between rarms and the component is gone: somebody killed it, and the component was ended with it."""
+    """The process between rarms and the component is gone: it was killed, and the component was ended with it."""
 
     def __init__(self, component: str, message: str) -> None:
         super().__init__(f"{component}: {message}")
@@ -177,7 +177,7 @@ def _pace(run: Run) -> tuple[str, str]:
 
 
 def _word(word: str, base: Path) -> str:
-    """A word that names a file is relative to the manifest, wherever the component runs."""
+    """A word that names a file is relative to the manifest, in any folder that the component runs in."""
     try:
         names_a_file = bool(word) and not word.startswith("-") and (base / word).exists()
     except (OSError, ValueError):  # too long, or with a character that no file's name has

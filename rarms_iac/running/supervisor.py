@@ -91,7 +91,7 @@ class Supervisor:
         self._tail = b""
         self._closing = threading.Event()
         self._interrupted = threading.Event()
-        self._output_ignored = threading.Event()  # nobody reads lines: they go nowhere
+        self._output_ignored = threading.Event()  # lines are not read: they go nowhere
         self._cpu_ms: float | None = None
         self._process = subprocess.Popen(
             [sys.executable, *_OPTIONS, str(Path(__file__).resolve().with_name(_PROGRAM))],
@@ -118,11 +118,11 @@ class Supervisor:
         self._send("stop")
 
     def ignore_output(self) -> None:
-        """Drop the lines of this component from now on: nobody reads them."""
+        """Drop the lines of this component from now on: they are not read."""
         self._output_ignored.set()
 
     def interrupt(self) -> None:
-        """Have `next` raise `ReadingInterrupted` from now on, in whatever thread it waits."""
+        """Have `next` raise `ReadingInterrupted` from now on, in the thread in which it waits."""
         self._interrupted.set()
         with contextlib.suppress(queue.Full):
             self._events.put_nowait([])

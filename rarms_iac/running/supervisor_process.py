@@ -135,7 +135,7 @@ class PosixSupervisor:
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
             os.chdir(self._order["folder"])
             os.execve(self._order["words"][0], self._order["words"], self._order["environment"])  # noqa: S606 - so it is meant
-        except BaseException as error:  # noqa: BLE001 - whatever it is, this process must not go on as a second supervisor
+        except BaseException as error:  # noqa: BLE001 - after any error this process must not go on as a second supervisor
             named = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
             text = (error.strerror if isinstance(error, OSError) else "") or str(error) or type(error).__name__
             os.write(report, (named + text).encode("utf-8", "replace")[:4000])

@@ -139,7 +139,7 @@ def main() -> None:
         win32job.AssignProcessToJobObject(job, win32process.GetCurrentProcess())
         with contextlib.suppress(OSError):
             WindowsSupervisor(json.loads(order)).run()
-    os._exit(0)  # the job object goes with the supervisor, and whatever is left in it
+    os._exit(0)  # the job object goes with the supervisor, and all that is left in it
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ class Curve:
         return next((estimate for point, estimate in measured if point.reserve == reserve), None)
 
     def safe_value_at(self, reserve: float) -> float | None:
-        """Look up the safe side of the band, which a reservation rests on.
+        """Look up the safe side of the band, which gives a reservation.
 
         Args:
             reserve: as of `value_at`.
@@ -173,7 +173,7 @@ def curves_of(
 
 
 def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
-    """Tell whether the safe side of the curve's band meets the threshold: the rule that every reservation rests on.
+    """Tell whether the safe side of the curve's band meets the threshold: the rule of every reservation.
 
     Args:
         curve: a performance index over CRs.
@@ -202,7 +202,7 @@ def components_not_shown(apts: Iterable[tuple[Curve, Threshold]], reserve: int) 
 
     Returns:
         Names in order, none where all curves hold. Named is whose own band there misses, since the curve moves with
-        whatever is measured later; where no band does, whose curve does not hold.
+        any later measurement; where no band does, whose curve does not hold.
     """
     pairs = list(apts)
     on_the_curve = {curve.component for curve, threshold in pairs if not holds(curve, threshold, reserve)}

@@ -1,7 +1,7 @@
 """The one error that is said of measured numbers, and how it is spent.
 
 Everything that rarms concludes from samples it says wrongly in at most `ERROR` of the runs: that a setting is enough,
-that a threshold is missed, that a layout holds, and that the truth is not beyond a bound. Whatever is said of several
+that a threshold is missed, that a layout holds, and that the truth is not beyond a bound. All that is said of several
 things together shares it.
 """
 

@@ -21,7 +21,7 @@ from rarms_iac.statistics.samples import deadline_misses, effective_samples, end
 from rarms_iac.statistics.steady_state import find_steady_series, split_series, steady_series
 
 FEWEST_EFFECTIVE = 25
-"""Independent samples that a mean's bounds need: of fewer, nobody can say how strongly they depend on one another."""
+"""Independent samples that a mean's bounds need: of fewer, their dependence on one another is unknown."""
 
 _QUARTERS, _FEWEST_OF_QUARTER = 4, 10  # samples
 
@@ -89,7 +89,7 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
     """What four quarters show together, no surer than all samples do as if they were steady.
 
     None: too few samples; an extreme; a quarter without an answer; or quarters that go one way and double: a trend,
-    and nobody knows where that ends. Less of one widens the bounds to where it would go in two settings more.
+    and it is not known where that ends. Less of one widens the bounds to where it would go in two settings more.
     """
     count = len(series.samples)
     if count < _QUARTERS * _FEWEST_OF_QUARTER:
@@ -118,7 +118,7 @@ class _Moments:
     third: float
 
     def with_unseen(self, distance: float, worth: float) -> "_Moments":
-        """Add a job that nobody saw, so far from the mean, to samples worth so many."""
+        """Add an unseen job, so far from the mean, to samples worth so many."""
         part = 1.0 / (worth + 1.0)
         shift = part * distance
         second = (1.0 - part) * self.second + part * distance**2
@@ -134,7 +134,7 @@ def mean_estimate(numbers: Sequence[float], error: float, *, unseen: bool = True
     """Estimate the mean of numbers that cannot be negative, such as times.
 
     Student's t over as many samples as they are worth, moved towards the longer tail by what the skewness asks for
-    (Johnson 1978). Before that a job that nobody saw is added to each side: above it takes twice the mean, or as much
+    (Johnson 1978). Before that an unseen job is added to each side: above it takes twice the mean, or as much
     as the longest seen, below it takes nothing. Without it no bound of a mean can hold, since a rare kind of job may
     be in none of the samples (Bahadur and Savage 1956); with it the bound follows that of a Poisson count, from no
     such job seen to many.
@@ -205,7 +205,7 @@ def share_estimate(ones: Sequence[float], error: float, times: Sequence[float] =
 
 
 def _percentile(times: Sequence[float], share: float, error: float) -> Estimate | NoEstimate:
-    """Order statistics: whatever the distribution, the number of samples below its percentile is binomial."""
+    """Order statistics: for every distribution, the number of samples below its percentile is binomial."""
     count = len(times)
     if count == 0:
         return NoEstimate(reason="no job answered")
@@ -276,7 +276,7 @@ def _extreme(times: Sequence[float], error: float, *, longest: bool) -> Estimate
 
 
 def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
-    """The standard deviation: the root of a mean, that of the squared deviations; the job that nobody saw included."""
+    """The standard deviation: the root of a mean, that of the squared deviations; the unseen job included."""
     times = response_times(series.samples)
     if len(times) < 3:
         return NoEstimate(reason=f"{len(times)} jobs answered; jitter with bounds needs three")

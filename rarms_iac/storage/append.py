@@ -158,7 +158,7 @@ def read_first(path: Path) -> dict[str, Json] | None:
 
 
 def read_last(path: Path) -> dict[str, Json] | None:
-    """The last record alone, whatever stands before it; None where there is none or it is torn.
+    """The last record alone, without a look at those before it; None where there is none or it is torn.
 
     Args:
         path: the log, which is read from its end.

@@ -126,7 +126,7 @@ def decode_union(hint: object, data: object) -> Any:
 
 
 def in_64_bits(number: int, path: str) -> int:
-    """Give the number back where 64 bits, with or without a sign, hold it: whatever is computed from it stays finite.
+    """Give the number back where 64 bits, with or without a sign, hold it: all that is computed from it stays finite.
 
     Args:
         number: from outside.

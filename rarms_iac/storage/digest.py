@@ -22,7 +22,7 @@ def digest(value: object) -> str:
 
 
 def short(text: str, digits: int = 12) -> str:
-    """The first hex digits of a digest: enough to tell things apart that nobody forges.
+    """The first hex digits of a digest: enough to tell things apart that are not forged.
 
     Args:
         text: a digest.
@@ -38,13 +38,13 @@ def set_of_settings(settings: PartitionSettings) -> str:
     """12 hex digits of what a partition is to be.
 
     Whether a partition that does not start by itself runs is its user's affair, so it is not part of the digest; nor is
-    secure boot where nobody fixed it.
+    secure boot where it is not fixed.
 
     Args:
         settings: as rarms writes them to a host; secure boot only where the manifest fixes it.
 
     Returns:
-        The `set` of a mark: where the host's settings have another one, somebody changed them.
+        The `set` of a mark: where the host's settings have another one, they were changed with another tool.
     """
     by_hand = settings.start_action is StartAction.NOTHING
     values = encode(replace(settings, running=False) if by_hand else settings)

@@ -126,7 +126,7 @@ class RealFileEffects:
             except PermissionError:
                 if sys.platform != "win32":
                     raise
-                time.sleep(RETRY_SECONDS)  # somebody has the target open: there a file in use cannot be replaced
+                time.sleep(RETRY_SECONDS)  # another process has the target open: there a file in use cannot be replaced
             else:
                 return
         source.replace(target)

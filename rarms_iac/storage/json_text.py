@@ -15,7 +15,7 @@ _HUGE = (b"e000", b"e+000", b"0" * 300)
 def canonical(value: object) -> str:
     """The value as JSON with sorted keys and no spaces, in ASCII.
 
-    What `storage.codec` can write, and plain JSON. The same value gives the same text on every system, whatever the
+    What `storage.codec` can write, and plain JSON. The same value gives the same text on every system, in any
     order of its mappings.
 
     Args:

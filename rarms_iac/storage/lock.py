@@ -21,7 +21,7 @@ _LOCKED_BYTE = 1 << 30  # behind any text
 
 
 class Locked(Exception):
-    """Somebody else holds the lock."""
+    """Another process holds the lock."""
 
     def __init__(self, path: Path, owner: str) -> None:
         super().__init__(f"{path} is held by {owner}")
@@ -42,7 +42,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         Once, with the lock held.
 
     Raises:
-        Locked: somebody else holds it, after waiting so long.
+        Locked: another process holds it, after waiting so long.
         OSError: what has the name is no regular file, or the system refuses.
     """
     descriptor = open_to_write(path, os.O_CREAT)
@@ -59,7 +59,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 
 
 def read_owner(path: Path) -> str:
-    """Who holds the lock, or held it when it was killed; empty where nobody says.
+    """Who holds the lock, or held it when it was killed; empty where it is not known.
 
     Args:
         path: of the lock's file.

@@ -61,7 +61,7 @@ def identified(plan: Plan) -> Plan:
 
 
 def plan_id(plan: Plan) -> str:
-    """12 hex digits of what the plan does: the same from wherever in the file system `rarms plan` is called.
+    """12 hex digits of what the plan does: the same from any place in the file system `rarms plan` is called.
 
     Scripts are left out, which carry the id, and all that names files as they are seen from there: the manifest's path,
     the files of places, and the findings, whose advice repeats the options of the command. The seal covers them.

@@ -85,7 +85,7 @@ def _open(path: Path | str) -> int:
                 raise
             if Path(path).is_dir():  # Windows opens no folder, and says it has no right to
                 raise NotRegular(path, "a folder") from None
-            time.sleep(_RETRY_SECONDS)  # Windows: somebody is replacing the file right now
+            time.sleep(_RETRY_SECONDS)  # Windows: another process is replacing the file right now
     return os.open(path, flags)
 
 

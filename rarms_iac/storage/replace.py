@@ -66,7 +66,7 @@ def _leftovers(path: Path) -> list[Path]:
 if sys.platform == "win32":
 
     def _is_alive(process: int) -> bool:
-        """Whether it runs; `os.kill` would end it. What Windows says nothing of is somebody's, and counts as alive."""
+        """Whether it runs; `os.kill` would end it. A process that Windows says nothing of counts as alive."""
         import pywintypes
         import win32api
         import win32con

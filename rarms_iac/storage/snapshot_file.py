@@ -44,7 +44,7 @@ def read_snapshot(data: bytes) -> State:
         data: all of the file.
 
     Returns:
-        The state; it says of what nobody could look at that it is not known.
+        The state; it says of what could not be looked at that it is not known.
 
     Raises:
         SnapshotUnreadable: it is no snapshot, or one of another version.

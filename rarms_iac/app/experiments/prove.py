@@ -238,7 +238,7 @@ def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
         partition.mark.name
         for state in states.values()
         for partition in state.of(application).partitions
-        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and not partition.settings.running
+        if partition.mark and partition.mark.stopped_by is not StoppedBy.NO_USER and not partition.settings.running
     )
     if stopped:
         message = f"These partitions were stopped by rarms: {', '.join(stopped)}."

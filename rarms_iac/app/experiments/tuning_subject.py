@@ -36,7 +36,7 @@ from rarms_iac.statistics.curves import components_not_shown, curves_of
 
 
 class TuningStopped(Unanswered):
-    """Somebody asked for an end; what is recorded stays, and the same command goes on."""
+    """A user asked for an end; what is recorded stays, and the same command goes on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ _NUMBER_OF_A_SAMPLE = re.compile("[0-9]{1,12}")
 def as_recorded(setting: Setting) -> Setting:
     """The setting as it will be read back: its times rounded.
 
-    Whoever decides by what was measured decides by this, so that a run that goes on from its log decides the same.
+    All that decides by what was measured decides by this, so that a run that goes on from its log decides the same.
 
     Args:
         setting: as it was measured.

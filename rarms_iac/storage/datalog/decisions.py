@@ -2,7 +2,7 @@
 
 A configuration log, one per platform and component, says which level was chosen, what the CoI gets, in what
 environment, and how it was proven; the last `Chosen` is what holds. The log of tuning, one a platform, says what each
-run of `rarms tune` asked for, in order, and what came of it. A plan rests on none of that: it is there for whoever asks
+run of `rarms tune` asked for, in order, and what came of it. A plan depends on none of that: it is there for readers
 why components share a partition.
 """
 
@@ -104,7 +104,7 @@ def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:
         entries: oldest first.
 
     Returns:
-        None: nobody chose yet.
+        None: not chosen yet.
     """
     return next((entry for entry in reversed(entries) if isinstance(entry, Chosen)), None)
 
@@ -166,7 +166,7 @@ class TuningRun:
 
 
 def tuning_path(folder: Path, platform: str) -> Path:
-    """Where it lies, below the manifest's folder; components have folders there, so it is nobody's.
+    """Where it lies, below the manifest's folder; components have folders there, so it is no component's.
 
     Args:
         folder: the manifest's.

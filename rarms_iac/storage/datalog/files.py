@@ -30,7 +30,7 @@ class LogUnreadable(Exception):
 
 
 def begin_log(path: Path, header: Header) -> None:
-    """Make the file a log without settings, whatever it was; its folder is made. It is on the disk on return.
+    """Make the file a log without settings, also where it was another; its folder is made. On return it is on the disk.
 
     Args:
         path: of the data log (`log_path`).
@@ -130,7 +130,7 @@ def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -
 def read_log(path: Path) -> DataLog | None:
     """The log, without a last line that a crash tore; None where there is no file, or one without a whole header.
 
-    As long as somebody has the log, and the file is the same, it is not read again: a long one takes a second.
+    As long as a process has the log, and the file is the same, it is not read again: a long one takes a second.
 
     Args:
         path: of the data log.
@@ -218,7 +218,7 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
 
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
-    """The configuration log of a component on a platform; no name has a dot, so it is nobody's folder.
+    """The configuration log of a component on a platform; no name has a dot, so it is no component's folder.
 
     Args:
         folder: the manifest's.

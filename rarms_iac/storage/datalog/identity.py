@@ -274,7 +274,7 @@ class Files:
 
 
 def file_digest(path: Path) -> str:
-    """A digest of the content, the same whatever git did to a text's line ends.
+    """A digest of the content, the same after all that git does to a text's line ends.
 
     Args:
         path: of a regular file; it is read in pieces.

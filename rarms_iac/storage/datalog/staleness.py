@@ -45,7 +45,7 @@ class Comparison:
 
     changed: tuple[Changed, ...]  # it is stale, if there are any
     warns: tuple[Changed, ...]  # could matter: the build of the operating system, an interpreter
-    unverified: tuple[str, ...]  # files that are not here, so that nobody can tell
+    unverified: tuple[str, ...]  # files that are not here, so that it cannot be told
 
 
 def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:

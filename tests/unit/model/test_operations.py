@@ -27,7 +27,7 @@ from tests import builders_plan as build
 
 HERE: dict[str, Any] = {"partition": "vision", "machine": "0a1b2c3d-vm"}
 NEW = Mark(application="robot", name="vision", machine="0a1b2c3d", set="0" * 12, stopped_by=StoppedBy.USER)
-OLD = replace(NEW, name="eyes", set="1" * 12, stopped_by=StoppedBy.NOBODY)
+OLD = replace(NEW, name="eyes", set="1" * 12, stopped_by=StoppedBy.NO_USER)
 
 SETTINGS: tuple[tuple[MachineOperation, dict[str, Any]], ...] = (
     (RenamePartition(name="eyes", **HERE), {"name": "eyes"}),

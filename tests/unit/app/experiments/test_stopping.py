@@ -47,7 +47,7 @@ def machines() -> dict[str, tuple[bool, StoppedBy | None]]:
     }
 
 
-RUNNING = {"speech": (True, StoppedBy.NOBODY), "vision": (True, StoppedBy.NOBODY)}
+RUNNING = {"speech": (True, StoppedBy.NO_USER), "vision": (True, StoppedBy.NO_USER)}
 
 
 def test_what_was_stopped_runs_again_and_the_log_is_that_of_a_quiet_host() -> None:
@@ -131,7 +131,7 @@ def test_what_the_user_stopped_stays_stopped() -> None:
 
     assert rarms(*SWEEP, "--stop-partitions").code == 0
 
-    assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NOBODY)}
+    assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NO_USER)}
 
 
 def test_it_says_how_long_it_takes_before_the_first_setting() -> None:
