@@ -25,7 +25,7 @@ from rarms_iac.model.state import (
     TaskClass,
     ValueKind,
 )
-from rarms_iac.model.system import Disruption, StartMode
+from rarms_iac.model.system import Disruption
 from rarms_iac.storage.digest import set_of_settings
 from tests.builders import a_host, memory
 
@@ -268,16 +268,8 @@ def a_rich_plan() -> Plan:
 def placed(name: str = "vision", *, components: Iterable[str] | None = None, host: str = "onboard") -> PlacedPartition:
     """A partition of the component of its own name, unless they are given."""
     return PlacedPartition(
-        name=name,
         host=host,
         components=(name,) if components is None else tuple(components),
         criticality=10,
-        processors=2,
-        reserve=40,
-        limit=100,
-        weight=100,
-        memory=memory("512 MiB"),
-        start=StartMode.AUTOMATIC,
-        generation=2,
-        reason="the manifest fixes its reserve",
+        settings=settings(name),
     )

@@ -69,7 +69,7 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
             sized = size(group, host, reservations)
             least = reservations.least(group.members, host)
             if isinstance(sized, PlacedPartition) and least is not None:
-                entries = _entries(measurements, group, host, sized.reserve, interpolated=least.interpolated)
+                entries = _entries(measurements, group, host, sized.settings.reserve, interpolated=least.interpolated)
                 paths += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
     return tuple(paths)
 

@@ -72,7 +72,7 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
         ):
             facts = _facts(group, host, placed, reservations, system.components[name])
             classes = classes_of(
-                group.members, system.tasks, group.name, manifest.places, processors=placed.processors
+                group.members, system.tasks, group.name, manifest.places, processors=placed.settings.processors
             ).classes
             return replace(facts, task_values=_task_values(facts.task, classes))
     planning = plan_layout(system, reservations, {}, manifest.places)
@@ -100,12 +100,12 @@ def _facts(
         beside=tuple(member.name for member in group.members if member.name != component.name),
         apt=tuple(f"{index} {words}" for index, words in describe_apt(component).items()),
         platform=host.platform,
-        reserve=placed.reserve,
-        limit=placed.limit,
-        weight=placed.weight,
-        processors=placed.processors,
+        reserve=placed.settings.reserve,
+        limit=placed.settings.limit,
+        weight=placed.settings.weight,
+        processors=placed.settings.processors,
         host_processors=host.logical_processors,
-        memory_mib=placed.memory // 2**20,
+        memory_mib=placed.settings.memory // 2**20,
         task=component.task,
         task_values=(),
         command=_command(component),

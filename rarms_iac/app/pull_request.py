@@ -117,7 +117,7 @@ def _headrooms_of(group: Group, host: Host, reservations: MeasuredReservations) 
     log, placed = reservations.log(group.members, host), size(group, host, reservations)
     if isinstance(log, NotMeasured) or not isinstance(placed, PlacedPartition):
         return
-    reserve = min(placed.reserve * placed.processors / log.processors, log.measured[-1])
+    reserve = min(placed.settings.reserve * placed.settings.processors / log.processors, log.measured[-1])
     for member in group.members:
         for index, threshold in member.apt.items():
             expected, bound = log.curves(member.name, index).safe_value_at(reserve), float(threshold.value)

@@ -183,8 +183,8 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
     placed = size(group, host, reservations)
     if not isinstance(placed, PlacedPartition):
         yield "nothing that holds says what it reserves"
-    elif placed.reserve != entry.reserve:
-        yield f"its partition reserves {placed.reserve} % now"
+    elif placed.settings.reserve != entry.reserve:
+        yield f"its partition reserves {placed.settings.reserve} % now"
 
 
 def _entries(path: Path) -> list[Proven]:

@@ -311,12 +311,12 @@ def _levels(
         levels[host.platform] = SelectedLevel(
             platform=host.platform,
             partition=group.name,
-            reserve=sized.reserve,
-            processors=sized.processors,
+            reserve=sized.settings.reserve,
+            processors=sized.settings.processors,
             host=host.name,
             host_processors=host.logical_processors,
             interpolated=least is not None and least.interpolated,
-            expected=_expected(log, choice, sized.reserve),
+            expected=_expected(log, choice, sized.settings.reserve),
         )
     return tuple(levels.values())
 

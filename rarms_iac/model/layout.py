@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
-from rarms_iac.model.quantities import Bytes, LogicalProcessors, guaranteed
-from rarms_iac.model.system import StartMode
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed
+from rarms_iac.model.state import PartitionSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,35 +23,30 @@ class Making:
 class PlacedPartition:
     """A partition with its members, its host and what it gets there, in the provider's grain."""
 
-    name: str
     host: str
     components: tuple[str, ...]  # most critical first, ties by name
     criticality: int  # the highest of its members'
-    processors: int
-    reserve: int  # whole per cent of each virtual processor
-    limit: int
-    weight: int
-    memory: Bytes
-    start: StartMode
-    generation: int
-    reason: str  # why it gets this, for a person
+    settings: PartitionSettings  # running where it starts by itself; secure boot only where the manifest fixes it
     making: Making = Making()
     why_limit: str = ""
     why_weight: str = ""
     sharing: CoreSharing = ANY_THREAD
-    secure_boot: str | None = None  # as the manifest fixes it; None: as its machine has it
-    quota_period_us: int | None = None  # on Linux, how often its limit is counted anew; None: nothing limits it
     mechanism: str = ""  # on Linux, how its reservation is kept and why, for a person
+
+    @property
+    def name(self) -> str:
+        """The partition's name in the manifest."""
+        return self.settings.name
 
     @property
     def claim(self) -> Claim:
         """Its claim on its host while it runs."""
-        return self.sharing.claim(self.processors, self.reserve, self.memory)
+        return self.sharing.claim(self.settings.processors, self.settings.reserve, self.settings.memory)
 
     @property
     def reserved(self) -> LogicalProcessors:
         """The LPs that it is guaranteed, after rounding to the provider's grain."""
-        return guaranteed(self.reserve, self.processors)
+        return guaranteed(self.settings.reserve, self.settings.processors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -115,9 +115,7 @@ class PartitionSettings:
     stop_action: StopAction
     checkpoints: Checkpoints
     running: bool
-    secure_boot: str | None = (
-        None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or unknown
-    )
+    secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or unknown
     # On Linux, how often its limit is counted anew; None: nothing limits it.
     quota_period_us: int | None = field(default=None, metadata=SPARSE)
 

@@ -9,7 +9,6 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, Making, PlacedPartition
 from rarms_iac.model.names import is_shipped_task, renaming
 from rarms_iac.model.state import (
-    Checkpoints,
     Mark,
     Partition,
     PartitionSettings,
@@ -18,13 +17,12 @@ from rarms_iac.model.state import (
     RunState,
     StartAction,
     State,
-    StopAction,
     StoppedBy,
     TaskClass,
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import StartMode, System
+from rarms_iac.model.system import System
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.digest import set_of_settings, set_of_values
 
@@ -112,25 +110,12 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
 
 
 def _wanted(partition: PlacedPartition, there: Partition | None, application: str) -> Partition:
-    by_hand = partition.start is StartMode.MANUAL
     stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NO_USER
     runs_or_is_wanted_again = there is not None and (there.settings.running or stopped_by is StoppedBy.MEASUREMENT)
-    running = runs_or_is_wanted_again if by_hand else True
-    settings = PartitionSettings(
-        name=partition.name,
-        generation=partition.generation,
-        processors=partition.processors,
-        reserve=partition.reserve,
-        limit=partition.limit,
-        weight=partition.weight,
-        memory=partition.memory,
-        dynamic_memory=False,
-        start_action=StartAction.NOTHING if by_hand else StartAction.START,
-        stop_action=StopAction.SHUT_DOWN,
-        checkpoints=Checkpoints.DISABLED,
-        running=running,
-        quota_period_us=partition.quota_period_us,
-        secure_boot=partition.secure_boot if there is None or there.settings.secure_boot else None,
+    settings = replace(
+        partition.settings,
+        running=partition.settings.running or runs_or_is_wanted_again,
+        secure_boot=partition.settings.secure_boot if there is None or there.settings.secure_boot else None,
     )
     wanted = _marked(settings, application, partition.name, there, partition.sharing)
     stays_stopped = stopped_by is StoppedBy.USER and there is not None and not there.settings.running
@@ -186,7 +171,7 @@ def _tasks(
     if observed.facts.provider is ProviderKind.LINUX:
         return tasks, decided, ()  # MMCSS is of Windows; on Linux classes are scheduling parameters of threads
     # The host's own Windows may have fewer processors than the machine (minroot), so none of its are named.
-    processors = {partition.name: partition.processors for partition in here}
+    processors = {partition.name: partition.settings.processors for partition in here}
     for inside, members in _systems(layout, observed.facts.name, here):
         users = [system.components[name] for name in members]
         found = classes_of(users, system.tasks, inside, places, processors=processors.get(inside, 0))

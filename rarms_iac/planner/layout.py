@@ -188,7 +188,9 @@ def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Dia
     """
     groups = {group.name: group for group in problem.groups}
     for host in by_name(problem.system.hosts):
-        here = [partition for partition in answer.partitions if partition.host == host.name and partition.reserve]
+        here = [
+            partition for partition in answer.partitions if partition.host == host.name and partition.settings.reserve
+        ]
         if len(here) < 2:
             continue
         for partition in here:
@@ -227,7 +229,7 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
             (partition, groups[partition.name])
             for partition in answer.partitions
             if partition.host == host.name
-            and partition.reserve
+            and partition.settings.reserve
             and mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE
         ]
         for name, message, advice in deadline_problems(placed, host, processors, admitted):
@@ -263,7 +265,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
         if problem.current_hosts.get(partition.name) != partition.host:
             continue
         best, host = min((claim.percent, host) for host, claim in problem.claims[partition.name].items())
-        if best < partition.processors * partition.reserve:
+        if best < partition.settings.processors * partition.settings.reserve:
             yield findings.BETTER_ELSEWHERE.at(
                 places.key("partitions", partition.name),
                 f"{partition.name} stays on {partition.host}; on {host} it would reserve "

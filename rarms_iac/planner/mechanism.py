@@ -129,7 +129,9 @@ def deadline_problems(
     if not partitions:
         return
     name = partitions[0][0].name
-    wanted = {placed.name: deadline_percent(placed.reserve, placed.processors) for placed, _ in partitions}
+    wanted = {
+        placed.name: deadline_percent(placed.settings.reserve, placed.settings.processors) for placed, _ in partitions
+    }
     if not admitted:
         message = f"The control groups of {host.name} hold only some of its {processors} processors."
         message += " The kernel refuses SCHED_DEADLINE to a thread that may not run on all of them."

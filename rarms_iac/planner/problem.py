@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.capacity import capacity_of, core_sharing, foreign_claims
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import RunsOn, System
@@ -64,7 +64,8 @@ class Problem:
     system: System
     groups: tuple[Group, ...]
     reservations: ReservationSource
-    claims: Mapping[str, Mapping[str, Claim]]  # by partition, then host: where it may run
+    sizes: Mapping[str, Mapping[str, PlacedPartition]]  # by partition, then host: where it may run
+    claims: Mapping[str, Mapping[str, Claim]]  # likewise
     blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
     contradictions: tuple[Cause, ...]
     items: tuple[Item, ...]
@@ -78,7 +79,7 @@ def problem_of(
 ) -> Problem:
     """Put together what the search is given: who may go where, and what it claims there.
 
-    Hosts on which a partition gets the same are sized once.
+    A partition is sized once for all hosts on which it gets the same.
 
     Args:
         system: the manifest.
@@ -91,17 +92,19 @@ def problem_of(
     """
     groups = groups_of(system)
     current_hosts = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
-    alike = _kinds(system, lambda host: host.logical_processors)
-    alike_in_logs = _kinds(system, lambda host: (host.logical_processors, reservations.depends_on(host)))
-    claims: dict[str, Mapping[str, Claim]] = {}
+    alike = _kinds(system, _traits)
+    alike_in_logs = _kinds(system, lambda host: (_traits(host), reservations.depends_on(host)))
+    sizes: dict[str, Mapping[str, PlacedPartition]] = {}
     blocked: dict[str, tuple[Cause, ...]] = {}
     for group in groups:
         kinds = alike_in_logs if rests_on_a_log(group) else alike
-        claims[group.name], blocked[group.name] = _claims(group, system, kinds, reservations, views)
+        sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, views)
+    claims = {name: {host: placed.claim for host, placed in of.items()} for name, of in sizes.items()}
     return Problem(
         system=system,
         groups=groups,
         reservations=reservations,
+        sizes=sizes,
         claims=claims,
         blocked=blocked,
         contradictions=tuple(company(groups, system)),
@@ -136,27 +139,33 @@ def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[st
     return {name: tuple(hosts) for name, hosts in kinds.items()}
 
 
-def _claims(
+def _traits(host: Host) -> Hashable:
+    """What of a host decides what a partition gets there, beside its data logs."""
+    settings = None if isinstance(host.settings, SimulatedHost) else host.settings
+    return host.logical_processors, host.provider, settings
+
+
+def _sizes(
     group: Group,
-    system: System,
     kinds: Mapping[str, tuple[Host, ...]],
     reservations: ReservationSource,
     views: Mapping[str, HostView],
-) -> tuple[Mapping[str, Claim], tuple[Cause, ...]]:
-    """The group's claim on each host that all its members may run on, or why it cannot be there."""
+) -> tuple[Mapping[str, PlacedPartition], tuple[Cause, ...]]:
+    """The group's size on each host that all its members may run on, or why it cannot be there."""
     limits = [member.hosts for member in group.members if member.hosts is not None]
-    found: dict[str, Claim] = {}
-    causes: list[Cause] = []
-    for first, hosts in kinds.items():
-        allowed = [host.name for host in hosts if all(host.name in names for names in limits)]
+    found: dict[str, PlacedPartition] = {}
+    causes: dict[Cause, None] = {}
+    for hosts in kinds.values():
+        allowed = [host for host in hosts if all(host.name in names for names in limits)]
         if not allowed:
             continue
-        answer = size(group, system.hosts[first], reservations)
+        answer = size(group, hosts[0], reservations)
         if isinstance(answer, Cause):
-            causes.append(answer)
-        else:
-            sharings = {name: views.get(name, HostView()).sharing(group.name) for name in allowed}
-            found.update({name: replace(answer, sharing=sharing).claim for name, sharing in sharings.items()})
+            causes[answer] = None
+            continue
+        for host in allowed:
+            sharing = views.get(host.name, HostView()).sharing(group.name)
+            found[host.name] = replace(answer, host=host.name, sharing=sharing)
     return dict(sorted(found.items())), tuple(causes)
 
 
@@ -233,12 +242,7 @@ def _causes(problem: Problem) -> Iterator[Cause]:
 
 
 def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
-    groups = {group.name: group for group in problem.groups}
-    placed = []
-    for name, host in packing.host_of.items():
-        answer = size(groups[name], problem.system.hosts[host], problem.reservations)
-        assert isinstance(answer, PlacedPartition), "a partition is only placed where it can be"
-        placed.append(replace(answer, sharing=problem.views.get(host, HostView()).sharing(name)))
+    placed = [problem.sizes[name][host] for name, host in packing.host_of.items()]
     return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
 
 

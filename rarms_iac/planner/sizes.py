@@ -1,24 +1,19 @@
 """Sizes of partitions on a host: processors, reserve, limit, weight and memory, rounded up to its provider's grain."""
 
-from fractions import Fraction
-
 from rarms_iac.model.changes import SLASH
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
 from rarms_iac.model.quantities import (
-    Bytes,
     CpuAmount,
     LogicalProcessors,
-    guaranteed,
     in_processors,
     machine_memory,
     per_virtual_processor,
-    show_percent,
     show_processors,
 )
-from rarms_iac.model.state import NO_GENERATION
-from rarms_iac.model.system import Measured
-from rarms_iac.model.wording import counted, each_processor
+from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
+from rarms_iac.model.system import Measured, StartMode
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
@@ -58,24 +53,30 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group, host)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory
+    by_itself = group.request.start is StartMode.AUTOMATIC
     return PlacedPartition(
-        name=group.name,
         host=host.name,
         components=tuple(member.name for member in group.members),
         criticality=group.criticality,
-        processors=processors,
-        reserve=reserve,
-        limit=limit,
-        weight=weight,
+        settings=PartitionSettings(
+            name=group.name,
+            generation=_generation(group, host),
+            processors=processors,
+            reserve=reserve,
+            limit=limit,
+            weight=weight,
+            memory=memory if host.provider is ProviderKind.LINUX else machine_memory(memory),
+            dynamic_memory=False,
+            start_action=StartAction.START if by_itself else StartAction.NOTHING,
+            stop_action=StopAction.SHUT_DOWN,
+            checkpoints=Checkpoints.DISABLED,
+            running=by_itself,
+            secure_boot=_fixed_secure_boot(group, host),
+            quota_period_us=_quota_period(group, host, limit, processors),
+        ),
+        making=_making(group, host),
         why_limit=why_limit,
         why_weight=why_weight,
-        memory=Bytes(memory) if host.provider is ProviderKind.LINUX else machine_memory(memory),
-        start=group.request.start,
-        generation=_generation(group, host),
-        reason=_reason(group, host, wanted, reserve, processors),
-        making=_making(group, host),
-        secure_boot=_fixed_secure_boot(group, host),
-        quota_period_us=_quota_period(group, host, limit, processors),
         mechanism=mechanism_of(group, host)[1] if reserve else "",
     )
 
@@ -168,15 +169,3 @@ def suggested_secure_boot(image: str) -> tuple[str, str]:
     if found := next((word for word in LINUX_NAMES if word in name.lower()), ""):
         return "MicrosoftUEFICertificateAuthority", f"the image {name} is called {found}"
     return "MicrosoftWindows", f"nothing in the name of the image {name} tells of Linux"
-
-
-def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, processors: int) -> str:
-    """`40 % of onboard for vision: 40 % of each of its 2 virtual processors`, with what rounding up costs."""
-    if not reserve:
-        return "no reservation: none of its components asks for one"
-    share = show_percent(Fraction(100) * wanted / host.logical_processors)
-    names = ", ".join(member.name for member in group.members)
-    lost = guaranteed(reserve, processors) - wanted
-    rounding = f", rounded up by {show_processors(lost)}" if lost else ""
-    each = each_processor(processors, host.processor_word)
-    return f"{share} of {host.name} for {names}: {reserve} % of {each}{rounding}"

@@ -97,10 +97,10 @@ def explanation_json(explanation: Explanation | HostExplanation) -> str:
             interpolated=least is not None and least.interpolated,
             wanted_processors=None if explanation.wanted is None else float(explanation.wanted),
             reserved_processors=float(placed.reserved) if has_host else None,
-            reserve=placed.reserve if has_host else None,
-            processors=placed.processors,
-            limit=placed.limit,
-            weight=placed.weight,
+            reserve=placed.settings.reserve if has_host else None,
+            processors=placed.settings.processors,
+            limit=placed.settings.limit,
+            weight=placed.settings.weight,
             steps=steps,
         )
     )

@@ -263,12 +263,12 @@ def _rounding(explanation: Explanation) -> Iterator[str]:
             explanation.no_host_because if explanation.wanted is not None else "there is no reservation to round yet"
         )
         return
-    if not placed.reserve:
+    if not placed.settings.reserve:
         yield "none: nothing is reserved"
         return
-    lost = guaranteed(placed.reserve, placed.processors) - explanation.wanted
-    each = each_processor(placed.processors, explanation.host.processor_word)
-    grain = f"{placed.reserve} % of {each} (whole per cent are the provider's grain)"
+    lost = guaranteed(placed.settings.reserve, placed.settings.processors) - explanation.wanted
+    each = each_processor(placed.settings.processors, explanation.host.processor_word)
+    grain = f"{placed.settings.reserve} % of {each} (whole per cent are the provider's grain)"
     yield f"{grain}: {show_processors(placed.reserved)}, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )
@@ -282,8 +282,8 @@ def _partition(explanation: Explanation) -> Iterator[str]:
         names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
         yield f"{explanation.placed.name}: {explanation.component.name} is combined with {names}"
         yield from explanation.why_together
-    processors = counted(explanation.placed.processors, explanation.host.processor_word)
-    yield f"memory {show_bytes(explanation.placed.memory)}, {processors}"
+    processors = counted(explanation.placed.settings.processors, explanation.host.processor_word)
+    yield f"memory {show_bytes(explanation.placed.settings.memory)}, {processors}"
 
 
 def _host(explanation: Explanation) -> Iterator[str]:
@@ -320,8 +320,8 @@ def _host(explanation: Explanation) -> Iterator[str]:
 
 
 def _limit_and_weight(explanation: Explanation) -> Iterator[str]:
-    yield f"limit {explanation.placed.limit} %: {explanation.placed.why_limit}"
-    yield f"weight {explanation.placed.weight}: {explanation.placed.why_weight}"
+    yield f"limit {explanation.placed.settings.limit} %: {explanation.placed.why_limit}"
+    yield f"weight {explanation.placed.settings.weight}: {explanation.placed.why_weight}"
     if explanation.placed.mechanism:
         yield explanation.placed.mechanism
 

@@ -45,8 +45,8 @@ def _host(system: System, layout: Layout, name: str) -> Iterator[GraphNode]:
 
 def _partition(system: System, partition: PlacedPartition) -> Iterator[GraphNode]:
     own = f"partition/{partition.name}"
-    reserve = f"{show_processors(partition.reserved)} reserved ({show_percent(partition.reserve)} each VP)"
-    label = (partition.name, reserve, show_bytes(partition.memory))
+    reserve = f"{show_processors(partition.reserved)} reserved ({show_percent(partition.settings.reserve)} each VP)"
+    label = (partition.name, reserve, show_bytes(partition.settings.memory))
     yield GraphNode(id=own, is_a="partition", name=partition.name, inside=f"host/{partition.host}", label=label)
     for component in partition.components:
         yield _component(system, component, own)

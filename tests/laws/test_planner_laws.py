@@ -35,7 +35,7 @@ def test_a_layout_fits_and_loses_nobody_and_a_misfit_says_why(wanted: list[tuple
             for host in hosts:
                 here = [partition for partition in partitions if partition.host == host.name]
                 assert sum(partition.reserved for partition in here) <= host.logical_processors
-                assert sum(partition.memory for partition in here) <= host.memory
+                assert sum(partition.settings.memory for partition in here) <= host.memory
         case Infeasible(conflict=conflict, causes=causes):
             assert causes
             assert planning.findings

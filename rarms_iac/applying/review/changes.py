@@ -152,16 +152,17 @@ def review_raised_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
     raised = [
         partition
         for partition in part.layout.partitions
-        if partition.host == part.host and partition.limit == partition.reserve
+        if partition.host == part.host and partition.settings.limit == partition.settings.reserve
     ]
     groups = {group.name: group for group in groups_of(part.system)} if raised else {}
     for partition in raised:
-        limit = limit_in_manifest(groups[partition.name], part.plan.host, partition.processors)
-        if limit is not None and limit < partition.reserve:
+        reserve, processors = partition.settings.reserve, partition.settings.processors
+        limit = limit_in_manifest(groups[partition.name], part.plan.host, processors)
+        if limit is not None and limit < reserve:
             yield LIMIT_RAISED.at(
                 part.places.key(part.system.section_of(partition.name), partition.name),
                 f'"{partition.name}" is limited to {limit} % of each of its virtual processors, and its reserve needs '
-                f"{partition.reserve} %: the plan raises the limit to that, and the partition never gets more.",
+                f"{reserve} %: the plan raises the limit to that, and the partition never gets more.",
                 "Raise the limit, or remove it: what was measured without one holds without one.",
                 address=f"partition/{partition.name}",
             )

@@ -33,7 +33,7 @@ def a_robot(reserve: str = "30 %") -> System:
 def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
     found = placed(a_robot())
 
-    assert {name: (partition.limit, partition.weight) for name, partition in found.items()} == {
+    assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
         "vision": (100, 300),
         "speech": (100, 200),
         "logging": (100, 100),
@@ -52,13 +52,13 @@ def test_what_one_needs_moves_nobody_elses_share() -> None:
 
 
 def test_equal_hands_out_the_same() -> None:
-    assert {partition.weight for partition in placed(a_robot(), Headroom.EQUAL).values()} == {WEIGHT}
+    assert {partition.settings.weight for partition in placed(a_robot(), Headroom.EQUAL).values()} == {WEIGHT}
 
 
 def test_none_keeps_those_without_an_apt_to_their_reservation() -> None:
     found = placed(a_robot(), Headroom.NONE)
 
-    assert {name: (partition.limit, partition.weight) for name, partition in found.items()} == {
+    assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
         "vision": (100, 100),
         "speech": (20, 1),
         "logging": (100, 1),
@@ -70,7 +70,8 @@ def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
 
     for policy in Headroom:
         found = placed(system, policy)["speech"]
-        assert (found.limit, found.weight, found.why_weight) == (80, 50, "the manifest fixes it for speech")
+        assert (found.settings.limit, found.settings.weight) == (80, 50)
+        assert found.why_weight == "the manifest fixes it for speech"
 
 
 @given(st.sets(st.integers(0, 1_000_000), min_size=1, max_size=300))

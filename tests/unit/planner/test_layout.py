@@ -36,7 +36,8 @@ def test_the_delivery_robot_gets_what_it_fixes() -> None:
     found = layout(the_delivery_robot())
 
     assert {
-        partition.name: (partition.reserve, partition.limit, partition.weight) for partition in found.partitions
+        partition.name: (partition.settings.reserve, partition.settings.limit, partition.settings.weight)
+        for partition in found.partitions
     } == {
         "face-detection": (40, 100, 400),
         "speech-recognition": (30, 100, 300),
@@ -46,14 +47,10 @@ def test_the_delivery_robot_gets_what_it_fixes() -> None:
     assert found.placement is None, "there was one host to choose"
 
 
-def test_a_reserve_is_rounded_up_to_whole_per_cent_and_the_loss_is_told() -> None:
+def test_a_reserve_is_rounded_up_to_whole_per_cent() -> None:
     (partition,) = layout(a_system(components=[a_component(reserve="0.25 LP", processors=2)])).partitions
 
-    assert (partition.reserve, partition.reserved) == (13, Fraction(26, 100))
-    assert (
-        partition.reason
-        == "12.5 % of onboard for vision: 13 % of each of its 2 virtual processors, rounded up by 0.01 LP"
-    )
+    assert (partition.settings.reserve, partition.reserved) == (13, Fraction(26, 100))
 
 
 def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise() -> None:
@@ -65,11 +62,13 @@ def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise
 
     (partition,) = layout(a_system(components=members, partitions=[both])).partitions
     assert (partition.name, partition.components, partition.criticality) == ("media", ("speech", "vision"), 3)
-    assert (partition.reserve, partition.limit, partition.weight, partition.memory) == (50, 90, 300, 768 * MIB)
+    settings = partition.settings
+    assert (settings.reserve, settings.limit, settings.weight, settings.memory) == (50, 90, 300, 768 * MIB)
 
     own = replace(both, cpu=a_cpu(reserve="45 %", limit="60 %", weight=50), memory=members[0].memory)
     (partition,) = layout(a_system(components=members, partitions=[own])).partitions
-    assert (partition.reserve, partition.limit, partition.weight, partition.memory) == (45, 60, 50, 512 * MIB)
+    settings = partition.settings
+    assert (settings.reserve, settings.limit, settings.weight, settings.memory) == (45, 60, 50, 512 * MIB)
 
 
 def test_a_limit_left_open_by_one_member_is_open() -> None:
@@ -79,7 +78,7 @@ def test_a_limit_left_open_by_one_member_is_open() -> None:
         a_system(components=members, partitions=[a_partition("media", components=["vision", "speech"])])
     ).partitions
 
-    assert partition.limit == 100
+    assert partition.settings.limit == 100
 
 
 def test_components_that_must_be_together_share_a_partition_of_the_most_critical() -> None:
@@ -206,7 +205,7 @@ def test_what_is_to_be_measured_has_no_layout_yet_and_no_apt_means_no_reservatio
 
     assert misfit(a_system(components=[a_component(reserve="measured")]))[1] == ["RARMS100"]
     assert misfit(a_system(components=[a_component(reserve=None, apt=apt)]))[1] == ["RARMS100"]
-    assert layout(a_system(components=[a_component(reserve=None)])).partitions[0].reserve == 0
+    assert layout(a_system(components=[a_component(reserve=None)])).partitions[0].settings.reserve == 0
 
 
 def test_more_than_its_processors_can_use_and_more_processors_than_the_host_has() -> None:
@@ -225,13 +224,13 @@ def test_hyperv_settings_come_from_the_partition_or_else_from_the_host() -> None
 
     (partition,) = layout(a_system(hosts=[host])).partitions
 
-    assert (partition.generation, partition.making.switch, partition.making.image) == (1, "lan", "base.vhdx")
+    assert (partition.settings.generation, partition.making.switch, partition.making.image) == (1, "lan", "base.vhdx")
 
 
 def test_an_open_reserve_of_a_partition_is_its_members() -> None:
     by_hand = replace(a_partition(), cpu=CpuRequest(reserve=None))
 
-    assert layout(a_system(partitions=[by_hand])).partitions[0].reserve == 20
+    assert layout(a_system(partitions=[by_hand])).partitions[0].settings.reserve == 20
 
 
 def test_a_threshold_on_late_jobs_within_the_schedulers_window_is_refused_beside_another_partition() -> None:

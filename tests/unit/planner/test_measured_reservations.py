@@ -63,7 +63,7 @@ def vision(**changes: object) -> System:
 
 def reserves(planning: Planning) -> dict[str, int]:
     assert isinstance(planning.answer, Layout), planning.findings
-    return {partition.name: partition.reserve for partition in planning.answer.partitions}
+    return {partition.name: partition.settings.reserve for partition in planning.answer.partitions}
 
 
 def codes(planning: Planning) -> list[str]:
@@ -96,8 +96,8 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
 
     assert isinstance(found.answer, Layout)
     (partition,) = found.answer.partitions
-    assert (partition.processors, partition.reserve, partition.reserved) == (2, 62, Fraction(124, 100))
-    assert "31 % of onboard" in partition.reason
+    assert (partition.settings.processors, partition.settings.reserve) == (2, 62)
+    assert partition.reserved == Fraction(124, 100)
 
 
 @pytest.mark.parametrize(

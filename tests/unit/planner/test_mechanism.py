@@ -43,7 +43,8 @@ def placed(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPart
 def test_a_share_caps_nothing_and_nobody_has_a_weight_on_linux() -> None:
     found = placed(Mechanism.AUTOMATIC)
 
-    assert (found.limit, found.weight, found.quota_period_us, found.generation) == (100, 100, None, 0)
+    settings = found.settings
+    assert (settings.limit, settings.weight, settings.quota_period_us, settings.generation) == (100, 100, None, 0)
     assert found.why_weight == "Linux shares what nobody reserved in proportion to the reservations"
     assert found.mechanism == "kept as a share, for then idle processors serve everybody (chosen by rarms)"
 
@@ -51,7 +52,7 @@ def test_a_share_caps_nothing_and_nobody_has_a_weight_on_linux() -> None:
 def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_threshold() -> None:
     found = placed(Mechanism.QUOTA)
 
-    assert (found.reserve, found.limit, found.quota_period_us) == (35, 35, 8_800)
+    assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 35, 8_800)
     assert "the mechanism is quota" in found.why_limit
     assert found.mechanism.endswith("(the manifest says so)")
 
@@ -59,7 +60,7 @@ def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_thr
 def test_fewer_processors_than_the_host_has_are_a_quota_on_linux() -> None:
     found = placed(Mechanism.SHARE, processors=1)
 
-    assert (found.processors, found.limit, found.quota_period_us) == (1, 100, 8_800)
+    assert (found.settings.processors, found.settings.limit, found.settings.quota_period_us) == (1, 100, 8_800)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +76,7 @@ def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
 def test_a_deadline_gives_a_thread_all_of_the_reservation_and_caps_nobody_else() -> None:
     found = placed(Mechanism.DEADLINE)
 
-    assert (found.reserve, found.limit, found.quota_period_us) == (35, 100, None)
+    assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 100, None)
     assert (deadline_percent(35, 2), deadline_percent(60, 2)) == (70, 95)
     assert planned(a_linux_host(Mechanism.DEADLINE), [VISION, SPEECH]).findings == ()
 

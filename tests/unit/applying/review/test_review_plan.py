@@ -75,7 +75,8 @@ def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
     parts = [a_component("vision", reserve="20 %"), a_component("speech", reserve="20 %")]
     system = a_system(components=parts, partitions=[both])
     raised = 100 if limit is None else 40  # as the planner lays it out: never below the reserve
-    placed = replace(build.placed("both", components=("vision", "speech")), reserve=40, limit=raised)
+    placed = build.placed("both", components=("vision", "speech"))
+    placed = replace(placed, settings=replace(placed.settings, limit=raised))
     layout = Layout(partitions=(placed,), on_hosts=())
 
     assert told(findings(system=system, layout=layout)) == expected
