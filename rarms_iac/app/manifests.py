@@ -8,8 +8,10 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import Loaded, load, manifest_path
+from rarms_iac.manifest.text.reading import read
 from rarms_iac.model.diagnostics import Places, has_errors
 from rarms_iac.model.system import System
+from rarms_iac.storage.reading import STANDARD_INPUT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,3 +57,18 @@ def load_manifest(source: ManifestSource) -> Manifest:
     if has_errors(remaining):
         raise UseCaseError(Outcome.NEGATIVE, remaining, loaded.sources)
     return Manifest(source=source, system=loaded.system, loaded=loaded)
+
+
+def declared_names(manifest: str, section: str) -> tuple[str, ...]:
+    """Return the keys of a section of a manifest, which may have errors elsewhere.
+
+    Args:
+        manifest: the file or its folder.
+        section: as `components`.
+
+    Returns:
+        In the file's order; none where it cannot be read, or is standard input.
+    """
+    document = None if manifest == STANDARD_INPUT else read(manifest_path(manifest)).value
+    entries = document.get(section) if isinstance(document, dict) else None
+    return tuple(entries) if isinstance(entries, dict) else ()

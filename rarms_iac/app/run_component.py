@@ -14,6 +14,7 @@ from typing import NoReturn
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.wiring import place_on
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
@@ -112,13 +113,27 @@ FAILURES_SHOWN = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRequest:
-    """Which components to run, for how long, against what."""
+    """Which components to run, for how long, against what.
 
-    components: tuple[str, ...] = ()  # none: every one that says how
-    for_ms: int | None = None  # None: as its `until` says
-    samples: int | None = None
-    interference: str | None = None
-    together: bool = False
+    Raises:
+        RequestError: it says how long and how many samples, or no time at all.
+    """
+
+    components: tuple[str, ...] = argument("[COMPONENT]...", default=())  # none: all that say how
+    for_ms: int | None = option(
+        "--for", metavar="TIME", read=read_time, help="For so long: 5s. [default: as `until` says]"
+    )
+    samples: int | None = option("--samples", least=1, help="Until there are so many. [default: as `until` says]")
+    interference: str | None = option(
+        "--interference", metavar="NAME", help="Against this load of the manifest. [default: none]"
+    )
+    together: bool = flag("--together", help="All at once. [default: one after the other]")
+
+    def __post_init__(self) -> None:
+        if self.for_ms is not None and self.for_ms < 1:
+            raise RequestError("--for has to be at least 1 ms.")
+        if self.for_ms is not None and self.samples is not None:
+            raise RequestError("Give --for or --samples, not both.")
 
 
 class SampleReporter:

@@ -10,6 +10,7 @@ from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.options import argument, flag, option
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
@@ -137,10 +138,12 @@ def _show_level(index: PerformanceIndex, value: float) -> str:
 class SelectRequest:
     """A level of performance that is good enough for a component."""
 
-    component: str
-    level: str  # `100 ms`, `95 %`, `24 /s`
-    index: str | None = None  # None: the one of its APT that the level fits
-    dry_run: bool = False  # write nothing
+    component: str = argument()
+    level: str = option("--at", metavar="LEVEL", help='What is good enough: "100 ms", "95 %", "24 /s".', required=True)
+    index: str | None = option(
+        "--index", metavar="INDEX", help="Of which performance index, where the level fits several."
+    )
+    dry_run: bool = flag("--dry-run", help="Write nothing; show what would follow.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors
+from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import hosts_with_partition, refuse_unknown_partitions
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.diff.readings import resolve
@@ -19,10 +21,13 @@ from rarms_iac.providers.interface import StepwiseHost
 class IntruderChange:
     """What somebody else does to a partition; nothing is written into marks or journal."""
 
-    partition: str
-    reserve: int | None = None  # per cent of each virtual processor
-    running: bool | None = None
-    is_removed: bool = False
+    event: Literal["change"] = argument()
+    partition: str = argument()
+    reserve: int | None = option(
+        "--reserve", metavar="PERCENT", least=0, most=100, help="Set this reserve, of each processor."
+    )
+    running: bool | None = option("--on/--off", help="Start it, or turn it off.")
+    is_removed: bool = flag("--remove", help="Turn it off and remove it.")
 
 
 def change_behind_rarms(hosts: Hosts, change: IntruderChange) -> str:

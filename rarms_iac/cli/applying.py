@@ -24,11 +24,9 @@ from rarms_iac.views.plan_json import plan_json
 from rarms_iac.views.run import run_json, run_text
 
 
-def show_plan(
-    session: Session, plan: Plan, sources: Sources | None = None, *, as_json: bool, verbose: bool = False
-) -> None:
+def show_plan(session: Session, plan: Plan, sources: Sources | None = None, *, verbose: bool = False) -> None:
     """Show a plan as text, or as JSON for a program."""
-    if as_json:
+    if session.as_json:
         session.terminal.data(plan_json(plan))
     else:
         session.terminal.show(plan_text(plan, sources=sources, verbose=verbose))
@@ -50,13 +48,13 @@ def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) 
     return report
 
 
-def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions, *, as_json: bool) -> ExitCode:
+def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions) -> ExitCode:
     """Plan, then write the plan (`how.out`), or show it, ask, and do it."""
     if how.out is not None:
-        return _write_only(session, make_plan(hosts, request), how.out, hosts.manifest.sources, as_json=as_json)
+        return _write_only(session, make_plan(hosts, request), how.out, hosts.manifest.sources)
     finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
     if finished is not None:
-        return report_end(session, finished, as_json=as_json)
+        return report_end(session, finished)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
             "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and apply "
@@ -64,15 +62,15 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         )
     plan = make_plan(hosts, request)
     text = plan_text(plan, sources=hosts.manifest.sources)
-    if as_json:
+    if session.as_json:
         session.terminal.talk(text)
     else:
         session.terminal.show(text)
     if not any(part.steps for part in plan.hosts):
-        return report_end(session, RunReport(ending=RunEnding.NOTHING), as_json=as_json, quiet=True)
+        return report_end(session, RunReport(ending=RunEnding.NOTHING), quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
-    return report_end(session, run(session, plan, hosts.folder, how), as_json=as_json)
+    return report_end(session, run(session, plan, hosts.folder, how))
 
 
 def _writing(purpose: Purpose) -> str:
@@ -86,14 +84,12 @@ def stop_or_start(
     purpose: Literal[Purpose.STOP, Purpose.START],
     partitions: tuple[str, ...],
     how: RunOptions,
-    *,
-    as_json: bool,
 ) -> ExitCode:
     """Plan, show, ask, and stop or start these partitions; none named: all of the application."""
     hosts = select_hosts(load_manifest(source), host_selection)
     refuse_unknown_partitions(hosts, partitions)
     request = PlanRequest(purpose=purpose, stop_scope=StopScope(partitions=partitions))
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
+    return plan_ask_apply(session, hosts, request, how)
 
 
 def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:
@@ -121,10 +117,10 @@ def ask(session: Session, question: str) -> None:
         raise UseCaseError(Outcome.REFUSED, [declined()])
 
 
-def report_end(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
+def report_end(session: Session, report: RunReport, *, quiet: bool = False) -> ExitCode:
     """Say how a run ended, and give its exit code."""
     tell(session.terminal, report.diagnostics)
-    if as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
+    if session.as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(run_json(report))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
         session.terminal.talk(run_text(report))
@@ -144,7 +140,7 @@ def code_of(session: Session, ending: RunEnding) -> ExitCode:
             return session.interrupts.exit_code or ExitCode.INTERRUPTED
 
 
-def _write_only(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:
-    show_plan(session, plan, sources, as_json=as_json)
+def _write_only(session: Session, plan: Plan, out: str, sources: Sources) -> ExitCode:
+    show_plan(session, plan, sources)
     write_and_advise(session, out, plan)
     return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import click
+from click.shell_completion import CompletionItem
 
 from rarms_iac.cli.session import common_options
 from rarms_iac.cli.table import COMMANDS, load_command
@@ -39,6 +40,11 @@ class LazyGroup(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[str]]:
+        """Commands from the table, then the options."""
+        commands = [CompletionItem(name, help=text) for name, text in COMMANDS.items() if name.startswith(incomplete)]
+        return [*commands, *click.Command.shell_complete(self, ctx, incomplete)]
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
@@ -49,7 +55,7 @@ class LazyGroup(click.Group):
         """
         if args and ctx.obj is not None:
             ctx.obj.command = args[0]  # before it is imported: an interrupt may come as early
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+        if args and args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
             from rarms_iac.model.wording import suggestion
 
             raise click.UsageError(f'There is no command "{args[0]}".{suggestion(args[0], COMMANDS)}', ctx)

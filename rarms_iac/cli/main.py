@@ -14,7 +14,12 @@ def main(arguments: list[str] | None = None) -> int:
 
     try:
         import gc
+        import os
 
+        if asked := os.environ.get("_RARMS_COMPLETE"):
+            from rarms_iac.cli.completion import answer_completion
+
+            return answer_completion(asked)
         from rarms_iac.cli.entry import run
 
         # NOTE: what a command makes are trees of values, hardly ever circles: to look for those after every 700 new

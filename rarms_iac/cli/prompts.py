@@ -4,8 +4,6 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import click
-
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments.combining import CombiningOffer
 from rarms_iac.app.experiments.level_prompt import SessionEnded
@@ -31,14 +29,13 @@ def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
     """Refuse to ask where nobody can answer, or where the answer cannot be written into a file.
 
     Raises:
-        click.UsageError: There is no terminal, or the manifest is standard input.
+        RequestError: There is no terminal, or the manifest is standard input.
     """
     if not session.terminal.answers:
-        message = (
+        raise RequestError(
             "There is no terminal to ask at. Leave --interactive out, and choose with "
             "`rarms select COMPONENT --at LEVEL`."
         )
-        raise click.UsageError(message, click.get_current_context())
     refuse_standard_input(source)
 
 
@@ -46,10 +43,10 @@ def refuse_standard_input(source: ManifestSource) -> None:
     """Refuse to change a manifest that came from standard input.
 
     Raises:
-        click.UsageError: It did.
+        RequestError: It did.
     """
     if source.manifest == STANDARD_INPUT:
-        raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
+        raise RequestError("Standard input cannot be changed: name a file.")
 
 
 class TerminalLevelPrompt:
@@ -118,11 +115,11 @@ class TerminalCombiningPrompt(TuningProgress):
         return ask_yes_or_no(self._session, questions.WRITE_PARTITIONS)
 
 
-def stop_consent(session: Session, *, stop_partitions: bool, as_json: bool) -> StopConsent:
+def stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
     """Who says whether partitions may be stopped to measure: the option, else somebody at a terminal, once a host."""
     if stop_partitions:
         return always_consents
-    if as_json or not session.terminal.answers:
+    if session.as_json or not session.terminal.answers:
         return never_consents
 
     @cache

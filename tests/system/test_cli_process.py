@@ -1,4 +1,4 @@
-"""What only a process of its own can show: signals, pipes, encodings, and that completion needs no Python."""
+"""What only a process of its own can show: signals, pipes and encodings."""
 
 import os
 import signal

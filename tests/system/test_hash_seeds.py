@@ -32,7 +32,7 @@ apply first.plan --today 2026-11-21
 graph
 snapshot --out .
 drift --json
-destroy --out second.plan --today 2026-11-21
+destroy --out second.plan
 """
 MEASURE = "measure --json"
 TUNE = """\

@@ -166,7 +166,7 @@ def describe_request(request: MeasureRequest) -> str:
     Returns:
         Words such as `default; 200 samples`; equal requests have equal words.
     """
-    words = request.strategy
+    words: str = request.strategy
     if request.reserves:
         words = ", ".join(f"{reserve} %" for reserve in request.reserves)
     elif request.verify:

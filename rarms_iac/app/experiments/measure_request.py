@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
@@ -27,18 +29,24 @@ USUAL_SEED = 1
 class MeasureRequest:
     """What `rarms measure` was asked for."""
 
-    components: tuple[str, ...] = ()  # none: every one with an APT
-    together: bool = False
-    strategy: str = "default"
+    components: tuple[str, ...] = argument("[COMPONENT]...", default=())  # none: all with an APT
+    together: bool = flag("--together", help="Measure the COMPONENTs in one partition. [default: each alone]")
+    strategy: Literal["default", "bisection", "paper"] = option(
+        "--strategy",
+        help="How the least reservation is searched; paper: 10, 20, ... 100 %, to the letter. [default: default]",
+        default="default",
+    )
     reserves: tuple[int, ...] = ()  # performance measurement mode; none: a search
     coarse: bool = False  # a coarse curve, as far as the host can give it, in place of a search
-    interference: str | None = None
-    samples: int | None = None
-    verify: bool = False
-    seed: int | None = None
-    again: bool = False
-    on_busy_host: bool = False
-    lock_timeout_ms: int = 0
+    interference: str | None = option(
+        "--interference", metavar="NAME", help="The load beside it. [default: as the manifest says]"
+    )
+    samples: int | None = samples_option()
+    verify: bool = flag("--verify", help="Measure the reservation that the curve gives between two settings.")
+    seed: int | None = option("--seed", least=1, help="Draw chance from here; only its own settings count.")
+    again: bool = flag("--again", help="Measure all of it once more, beside what is recorded.")
+    on_busy_host: bool = busy_host_option()
+    lock_timeout_ms: int = lock_timeout_option()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from rarms_iac.app.experiments.measure import hold_benches
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
+from rarms_iac.app.options import lock_timeout_option, option
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
@@ -43,10 +44,12 @@ ProofVerdict = Literal["met", "missed", "within the noise", "no steady state", "
 class ProveRequest:
     """How an applied layout is to be run."""
 
-    interference: str | None = None  # a load beside it; None: there is none
-    samples: int | None = None  # of each component; None: as its `run.until` says
-    seed: int = USUAL_SEED
-    lock_timeout_ms: int = 0
+    interference: str | None = option(
+        "--interference", metavar="NAME", help="Run this load beside them. [default: none]"
+    )
+    samples: int | None = option("--samples", least=2, help="So many a component. [default: as `run.until` says]")
+    seed: int = option("--seed", least=1, help="Draw chance from here. [default: 1]", default=USUAL_SEED)
+    lock_timeout_ms: int = lock_timeout_option()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

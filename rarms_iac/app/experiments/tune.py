@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_tuning
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.measure import hold_benches, record_reservations
 from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.experiments.stopping import (
@@ -21,6 +22,7 @@ from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import now
+from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
@@ -36,14 +38,27 @@ from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, Tu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneRequest:
-    """How components are to be combined."""
+    """How components are to be combined.
 
-    strategy: TuningStrategy = "default"
-    repeat: bool = False  # the paper's procedure goes on with the compound until the total fits
-    dry_run: bool = False  # measure, but leave the manifest as it is
-    samples: int | None = None  # a setting; None: as `run.until` says
-    on_busy_host: bool = False
-    lock_timeout_ms: int = 0
+    Raises:
+        RequestError: it repeats, and not the paper's procedure.
+    """
+
+    strategy: TuningStrategy = option(
+        "--strategy",
+        help="default: the best layout, with a proof; paper: combine the two least critical that can be, to the "
+        "letter. [default: default]",
+        default="default",
+    )
+    repeat: bool = flag("--repeat", help="With --strategy paper: go on with the compound until the total fits.")
+    dry_run: bool = flag("--dry-run", help="Measure, but leave the manifest as it is.")
+    samples: int | None = samples_option()
+    on_busy_host: bool = busy_host_option()
+    lock_timeout_ms: int = lock_timeout_option()
+
+    def __post_init__(self) -> None:
+        if self.repeat and self.strategy != "paper":
+            raise RequestError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 """`rarms apply` does what a plan says, and `rarms undo` takes it back."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import click
 from click.core import ParameterSource
@@ -20,39 +21,37 @@ from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.options import argument, flag
 from rarms_iac.app.planning import PlanRequest
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
+from rarms_iac.app.requests import DatedManifestSource, HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.applying import ask, finish_first, plan_ask_apply, report_end, run
+from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
-from rarms_iac.cli.options import change_options, host_options, json_option, manifest_options, run_options
-from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.session import Session
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.run import undo_text
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApplyOptions:
+    """What is applied, and what follows."""
+
+    plan_file: str | None = argument("[PLAN]", default=None)
+    proving: bool = flag("--prove", help="Then run all components in the layout: rarms prove.")
+    abandoning: bool = flag("--abandon", help="Close an unfinished run and leave the host as it is.")
+
+
 @rarms_command("apply")
-@click.argument("plan_file", metavar="[PLAN]", required=False)
-@manifest_options
-@host_options
-@change_options
-@run_options
-@click.option("--prove", "proving", is_flag=True, help="Then run all components in the layout: rarms prove.")
-@click.option("--abandon", "abandoning", is_flag=True, help="Close an unfinished run and leave the host as it is.")
-@json_option
 def apply_command(
     session: Session,
-    *,
-    plan_file: str | None,
-    source: ManifestSource,
+    options: ApplyOptions,
+    source: DatedManifestSource,
     host_selection: HostSelection,
     limits: PlanLimits,
     how: RunOptions,
-    proving: bool,
-    abandoning: bool,
-    as_json: bool,
 ) -> ExitCode:
     """Do exactly what PLAN says; without PLAN: plan, show, ask, and do it.
 
@@ -60,39 +59,33 @@ def apply_command(
     or used, or where a host has moved since it was made. Ctrl-C stops after the running step. With --prove, exit code 4
     says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
-    session.answer_follows = proving
-    if plan_file is not None:
-        _refuse_beside_a_plan(abandoning or host_selection.hosts or limits.targets or limits.max_disruption)
-        plan = read_plan_file(plan_file)
+    session.answer_follows = options.proving
+    if options.plan_file is not None:
+        _refuse_beside_a_plan(options.abandoning or host_selection.hosts or limits.targets or limits.max_disruption)
+        plan = read_plan_file(options.plan_file)
         manifest_source = source if _is_named() else manifest_of(plan, source)
         if changed := describe_changed_manifest(plan, manifest_source):
             session.terminal.tell(f"note: {changed}")
-        code = _apply_plan(session, plan, source, how, as_json=as_json)
-        if not proving:
+        code = _apply_plan(session, plan, source, how)
+        if not options.proving:
             return code
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
-        return _then_prove(session, manifest_source, planned, how, code, as_json=as_json)
-    if proving and abandoning:
-        raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
+        return _then_prove(session, manifest_source, planned, how, code)
+    if options.proving and options.abandoning:
+        raise RequestError("--abandon applies nothing that could be proven.")
     hosts = hosts_to_apply(source, host_selection)
     live = tuple(hosts.open(name) for name in hosts.chosen) if isinstance(hosts, Hosts) else hosts
-    if abandoning:
-        return _abandon(session, live, how, as_json=as_json)
+    if options.abandoning:
+        return _abandon(session, live, how)
     if not isinstance(hosts, Hosts):
         finished = finish_first(session, live, how) or RunReport(ending=RunEnding.NOTHING)
-        return report_end(session, finished, as_json=as_json)
-    code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how, as_json=as_json)
-    return _then_prove(session, source, host_selection, how, code, as_json=as_json) if proving else code
+        return report_end(session, finished)
+    code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how)
+    return _then_prove(session, source, host_selection, how, code) if options.proving else code
 
 
 def _then_prove(
-    session: Session,
-    source: ManifestSource,
-    host_selection: HostSelection,
-    how: RunOptions,
-    code: ExitCode,
-    *,
-    as_json: bool,
+    session: Session, source: ManifestSource, host_selection: HostSelection, how: RunOptions, code: ExitCode
 ) -> ExitCode:
     """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
@@ -101,28 +94,27 @@ def _then_prove(
     from rarms_iac.cli.commands.component_commands import prove_and_show
 
     hosts = select_hosts(load_manifest(source), host_selection)
-    return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms), as_json=as_json)
+    return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms))
 
 
 def _refuse_beside_a_plan(option: object) -> None:
     if option:
-        raise click.UsageError(
-            "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon.",
-            click.get_current_context(),
+        raise RequestError(
+            "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon."
         )
 
 
-def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
+def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> ExitCode:
     reports = abandon_runs(live, waits=how.waits)
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
             session.terminal.talk(f"{name}: the unfinished run is closed, and the host stays as it is.")
-    return report_end(session, combine_reports(list(reports.values())), as_json=as_json)
+    return report_end(session, combine_reports(list(reports.values())))
 
 
-def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions, *, as_json: bool) -> ExitCode:
+def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions) -> ExitCode:
     folder = folder_of(source.manifest) if _is_named() else None
-    return report_end(session, run(session, plan, folder, how), as_json=as_json)
+    return report_end(session, run(session, plan, folder, how))
 
 
 def _is_named() -> bool:
@@ -131,13 +123,7 @@ def _is_named() -> bool:
 
 
 @rarms_command("undo")
-@manifest_options
-@host_options
-@run_options
-@json_option
-def undo_command(
-    session: Session, *, source: ManifestSource, host_selection: HostSelection, how: RunOptions, as_json: bool
-) -> ExitCode:
+def undo_command(session: Session, source: ManifestSource, host_selection: HostSelection, how: RunOptions) -> ExitCode:
     """Take the last apply back, finished or not: its steps' undos, the last one first.
 
     Shows what comes back and what cannot, and asks. Where hosts have different last applies, --host says which.
@@ -145,9 +131,9 @@ def undo_command(
     applies = last_applies(select_hosts(load_manifest(source), host_selection))
     if not how.auto_approve and any(last.can_be_undone for last in applies):
         _show_and_ask(session, applies)
-    with TerminalReporter(session, steps_as_json=as_json) as reporter:
+    with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
         report = undo_applies(applies, waits=how.waits, reporter=reporter, stop=session.interrupts)
-    return report_end(session, report, as_json=as_json)
+    return report_end(session, report)
 
 
 def _show_and_ask(session: Session, applies: Sequence[LastApply]) -> None:

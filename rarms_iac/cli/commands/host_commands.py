@@ -1,41 +1,40 @@
 """Commands about hosts as they are: `rarms doctor`, `status`, `history`, `drift`, `snapshot` and `simulate`."""
 
+from dataclasses import dataclass
 from pathlib import Path
-
-import click
 
 from rarms_iac.app.doctor import examine_hosts
 from rarms_iac.app.drift import look_for_drift
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.app.hosts import record_host, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.options import flag, option
+from rarms_iac.app.requests import HostSelection, ManifestSource, SnapshotSelection
 from rarms_iac.app.scripts import OBSERVE_NAME, observe_script
 from rarms_iac.app.simulate import IntruderChange, change_behind_rarms
 from rarms_iac.app.status import history_of_hosts, overview_of
+from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import write_outputs
-from rarms_iac.cli.options import host_options, host_or_snapshot_options, json_option, manifest_options, output_option
-from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.options import OutputOptions
+from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.finding_forms import OutputTarget
 from rarms_iac.views.hosts import doctor_as, drift_text, snapshot_script_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.status import history_text, status_text
 
 
 @rarms_command("doctor")
-@manifest_options
-@host_or_snapshot_options
-@output_option
 def doctor_command(
-    session: Session, *, source: ManifestSource, host_selection: HostSelection, outputs: tuple[OutputTarget, ...]
+    session: Session, source: ManifestSource, host_selection: SnapshotSelection, options: OutputOptions
 ) -> ExitCode:
     """Look at the hosts and tell what makes a plan ineffective or unsafe there, with what to do. Only reads.
 
     A host is looked at live, or as `rarms snapshot` or the observe script wrote it down (--snapshot). Errors end with
     exit code 2; warnings and notes do not.
     """
+    outputs = options.targets(session)
     hosts = select_hosts(load_manifest(source), host_selection)
     examined = examine_hosts(hosts)
     write_outputs(
@@ -47,18 +46,13 @@ def doctor_command(
 
 
 @rarms_command("status")
-@manifest_options
-@host_or_snapshot_options
-@json_option
-def status_command(
-    session: Session, *, source: ManifestSource, host_selection: HostSelection, as_json: bool
-) -> ExitCode:
+def status_command(session: Session, source: ManifestSource, host_selection: SnapshotSelection) -> ExitCode:
     """Show hosts, partitions and their components, what was applied and proven, what no longer holds. Only reads.
 
     `rarms` alone, in a folder with a manifest, does the same.
     """
     overview = overview_of(select_hosts(load_manifest(source), host_selection))
-    if as_json:
+    if session.as_json:
         session.terminal.data(json_of(overview))
     else:
         session.terminal.show(status_text(overview))
@@ -66,16 +60,11 @@ def status_command(
 
 
 @rarms_command("history")
-@manifest_options
-@host_options
-@json_option
-def history_command(
-    session: Session, *, source: ManifestSource, host_selection: HostSelection, as_json: bool
-) -> ExitCode:
+def history_command(session: Session, source: ManifestSource, host_selection: HostSelection) -> ExitCode:
     """Show what was applied to the hosts by whom, when and with which plan, and what was undone. Only reads."""
     hosts = select_hosts(load_manifest(source), host_selection)
     history = history_of_hosts(hosts)
-    if as_json:
+    if session.as_json:
         session.terminal.data(json_of(history))
     else:
         session.terminal.show(history_text(history))
@@ -83,19 +72,14 @@ def history_command(
 
 
 @rarms_command("drift")
-@manifest_options
-@host_or_snapshot_options
-@json_option
-def drift_command(
-    session: Session, *, source: ManifestSource, host_selection: HostSelection, as_json: bool
-) -> ExitCode:
+def drift_command(session: Session, source: ManifestSource, host_selection: SnapshotSelection) -> ExitCode:
     """Tell what was changed on the hosts, and what is not applied yet. Only reads.
 
     Exit code 2 where a host was changed, 5 where something is only not applied yet, 0 where there is neither.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     report = look_for_drift(hosts)
-    if as_json:
+    if session.as_json:
         session.terminal.data(json_of(report))
     else:
         session.terminal.show(drift_text(report))
@@ -108,29 +92,33 @@ def drift_command(
     return ExitCode.NOT_APPLIED if any(host.not_applied for host in report.hosts) else ExitCode.DONE
 
 
-@rarms_command("snapshot")
-@manifest_options
-@host_options
-@click.option("--out", metavar="PATH", help="A file for one host; a folder, which gets HOST.json, for any number.")
-@click.option("--script", is_flag=True, help="Write the script that looks, to be run on a Hyper-V host or in a guest.")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotOptions:
+    """Where it goes, or the script that makes it."""
+
+    out: str | None = option(
+        "--out", metavar="PATH", help="A file for one host; a folder, which gets HOST.json, for any number."
+    )
+    script: bool = flag("--script", help="Write the script that looks, to be run on a Hyper-V host or in a guest.")
+
+
+@rarms_command("snapshot", json=False)
 def snapshot_command(
-    session: Session, *, source: ManifestSource, host_selection: HostSelection, out: str | None, script: bool
+    session: Session, source: ManifestSource, host_selection: HostSelection, options: SnapshotOptions
 ) -> ExitCode:
     """Write down what the hosts look like, in JSON. Only reads.
 
     `rarms plan --snapshot FILE` plans from it where the host cannot be reached, as in a pull request. --script writes
     observe.ps1 instead, which needs neither manifest nor rarms: what it prints is what rarms writes of a Hyper-V host.
     """
-    if script:
+    out = options.out
+    if options.script:
         return _script(session, out)
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, host_selection)
     several = len(hosts.chosen) != 1
     if several and (out is None or Path(out).is_file()):
-        raise click.UsageError(
-            f"There are {len(hosts.chosen)} hosts: name one with --host, or a folder with --out.",
-            click.get_current_context(),
-        )
+        raise RequestError(f"There are {len(hosts.chosen)} hosts: name one with --host, or a folder with --out.")
     if several and out is not None:
         make_folder(out)
     into_folder = out is not None and Path(out).is_dir()
@@ -156,28 +144,12 @@ def _script(session: Session, out: str | None) -> ExitCode:
     return ExitCode.DONE
 
 
-@rarms_command("simulate")
-@click.argument("event", type=click.Choice(["change"]))
-@click.argument("partition")
-@click.option("--reserve", type=click.IntRange(0, 100), metavar="PERCENT", help="Set this reserve, of each processor.")
-@click.option("--on/--off", "running", default=None, help="Start it, or turn it off.")
-@click.option("--remove", is_flag=True, help="Turn it off and remove it.")
-@manifest_options
-@host_options
+@rarms_command("simulate", json=False)
 def simulate_command(
-    session: Session,
-    *,
-    event: str,  # noqa: ARG001 - there is one
-    partition: str,
-    reserve: int | None,
-    running: bool | None,
-    remove: bool,
-    source: ManifestSource,
-    host_selection: HostSelection,
+    session: Session, change: IntruderChange, source: ManifestSource, host_selection: HostSelection
 ) -> ExitCode:
     """Change PARTITION on its simulated host behind rarms' back, so that `rarms drift` finds it."""
     hosts = select_hosts(load_manifest(source), host_selection)
-    change = IntruderChange(partition=partition, reserve=reserve, running=running, is_removed=remove)
     host = change_behind_rarms(hosts, change)
-    session.terminal.tell(f"{host}: changed {partition} as somebody else would. `rarms drift` finds it.")
+    session.terminal.tell(f"{host}: changed {change.partition} as somebody else would. `rarms drift` finds it.")
     return ExitCode.DONE

@@ -1,81 +1,65 @@
 """Commands about partitions that exist: `rarms stop`, `start`, `destroy`, `import` and `release`."""
 
-import click
+from dataclasses import dataclass
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import PlanRequest, hosts_with_machine, hosts_with_partition
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, PlanRunOptions, PlanTargets
 from rarms_iac.cli.applying import plan_ask_apply, stop_or_start
+from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.options import host_options, json_option, manifest_options, plan_run_options, target_option
-from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.session import Session
 from rarms_iac.model.plan import Purpose
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Partitions:
+    """Which partitions; none: all."""
+
+    partitions: tuple[str, ...] = argument("[PARTITION]...", default=())
+
+
 @rarms_command("stop")
-@click.argument("partitions", metavar="[PARTITION]...", nargs=-1)
-@manifest_options
-@host_options
-@plan_run_options
-@json_option
 def stop_command(
-    session: Session,
-    *,
-    partitions: tuple[str, ...],
-    source: ManifestSource,
-    host_selection: HostSelection,
-    how: RunOptions,
-    as_json: bool,
+    session: Session, which: Partitions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
     """Stop PARTITIONs of this application until `rarms start`; without PARTITION: all of them.
 
     Plan, show, ask, and do it. Each one's mark says that it was stopped: it is no drift, and no plan starts it. What is
     set of it stays, and so does what the host promises it.
     """
-    return stop_or_start(session, source, host_selection, Purpose.STOP, partitions, how, as_json=as_json)
+    return stop_or_start(session, source, host_selection, Purpose.STOP, which.partitions, how)
 
 
 @rarms_command("start")
-@click.argument("partitions", metavar="[PARTITION]...", nargs=-1)
-@manifest_options
-@host_options
-@plan_run_options
-@json_option
 def start_command(
-    session: Session,
-    *,
-    partitions: tuple[str, ...],
-    source: ManifestSource,
-    host_selection: HostSelection,
-    how: RunOptions,
-    as_json: bool,
+    session: Session, which: Partitions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
     """Start PARTITIONs again that `rarms stop` stopped, or a measurement that was killed; without PARTITION: all.
 
     Plan, show, ask, and do it. A PARTITION that is named starts also where somebody else stopped it.
     """
-    return stop_or_start(session, source, host_selection, Purpose.START, partitions, how, as_json=as_json)
+    return stop_or_start(session, source, host_selection, Purpose.START, which.partitions, how)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DestroyOptions(PlanTargets):
+    """What is removed."""
+
+    remove_disks: bool = flag(
+        "--remove-disks", help="Also delete the virtual disks that rarms made; their content is lost."
+    )
 
 
 @rarms_command("destroy")
-@manifest_options
-@host_options
-@target_option
-@click.option(
-    "--remove-disks", is_flag=True, help="Also delete the virtual disks that rarms made; their content is lost."
-)
-@plan_run_options
-@json_option
 def destroy_command(
     session: Session,
-    *,
     source: ManifestSource,
     host_selection: HostSelection,
-    target: tuple[str, ...],
-    remove_disks: bool,
-    how: RunOptions,
-    as_json: bool,
+    options: DestroyOptions,
+    how: PlanRunOptions,
 ) -> ExitCode:
     """Remove everything that carries this application's mark: plan, show, ask, and do it.
 
@@ -87,54 +71,54 @@ def destroy_command(
     """
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, host_selection)
-    request = PlanRequest(purpose=Purpose.DESTROY, limits=PlanLimits(targets=target), remove_disks=remove_disks)
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
+    request = PlanRequest(
+        purpose=Purpose.DESTROY, limits=PlanLimits(targets=options.targets), remove_disks=options.remove_disks
+    )
+    return plan_ask_apply(session, hosts, request, how)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionName:
+    """Which partition."""
+
+    partition: str = argument()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions(PartitionName):
+    """Which machine becomes it."""
+
+    machine: str = option("--id", metavar="ID", help="The id of the machine, as `rarms plan` names it.", required=True)
 
 
 @rarms_command("import")
-@click.argument("partition")
-@click.option("--id", "machine", metavar="ID", required=True, help="The id of the machine, as `rarms plan` names it.")
-@manifest_options
-@host_options
-@plan_run_options
-@json_option
 def import_command(
     session: Session,
-    *,
-    partition: str,
-    machine: str,
+    options: ImportOptions,
     source: ManifestSource,
     host_selection: HostSelection,
-    how: RunOptions,
-    as_json: bool,
+    how: PlanRunOptions,
 ) -> ExitCode:
     """Make the machine with this id the manifest's PARTITION: it gets a mark, and nothing else changes.
 
     The next plan then shows what the manifest wants to be different about it.
     """
     manifest = load_manifest(source)
-    hosts = hosts_with_machine(select_hosts(manifest, host_selection), machine)
-    request = PlanRequest(purpose=Purpose.IMPORT, partition=partition, machine=machine)
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
+    hosts = hosts_with_machine(select_hosts(manifest, host_selection), options.machine)
+    request = PlanRequest(purpose=Purpose.IMPORT, partition=options.partition, machine=options.machine)
+    return plan_ask_apply(session, hosts, request, how)
 
 
 @rarms_command("release")
-@click.argument("partition")
-@manifest_options
-@host_options
-@plan_run_options
-@json_option
 def release_command(
     session: Session,
-    *,
-    partition: str,
+    name: PartitionName,
     source: ManifestSource,
     host_selection: HostSelection,
-    how: RunOptions,
-    as_json: bool,
+    how: PlanRunOptions,
 ) -> ExitCode:
     """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
     manifest = load_manifest(source)
-    hosts = hosts_with_partition(select_hosts(manifest, host_selection), partition)
-    request = PlanRequest(purpose=Purpose.RELEASE, partition=partition)
-    return plan_ask_apply(session, hosts, request, how, as_json=as_json)
+    hosts = hosts_with_partition(select_hosts(manifest, host_selection), name.partition)
+    request = PlanRequest(purpose=Purpose.RELEASE, partition=name.partition)
+    return plan_ask_apply(session, hosts, request, how)

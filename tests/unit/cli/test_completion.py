@@ -1,43 +1,45 @@
-import re
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.cli.commands.help_commands import command_shapes
 from rarms_iac.cli.table import COMMANDS
 from rarms_iac.storage.finding_pages import known_codes
-from rarms_iac.views.completion import Shell
+from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 
 BASH = shutil.which("bash")
 needs_bash = pytest.mark.needs("bash")
 
 
-def complete(*words: str) -> list[str]:
-    """What bash offers for the last word."""
-    assert BASH is not None
-    script = rarms("completion", "bash").out
-    ask = f'{script}\nCOMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _rarms; printf "%s\\n" "${{COMPREPLY[@]}}"'
-    shown = subprocess.run(
-        [BASH, "--norc", "-c", ask, "-", "rarms", *words], capture_output=True, text=True, check=True, env={"PATH": ""}
-    )
-    return shown.stdout.split()
+@pytest.fixture
+def complete(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]  # a function of words
+    """What is offered for the last word, as PowerShell's script asks."""
+
+    def ask(*words: str) -> list[str]:
+        monkeypatch.setenv("_RARMS_COMPLETE", "powershell_complete")
+        monkeypatch.setenv("COMP_WORDS", "\n".join(words[:-1]))
+        monkeypatch.setenv("COMP_CWORD", words[-1])
+        return [line.partition("\t")[0] for line in rarms().lines if line]
+
+    return ask
 
 
-@needs_bash
-def test_the_bash_script_completes_commands_options_and_choices() -> None:
+def test_commands_options_and_choices_are_completed(complete) -> None:  # type: ignore[no-untyped-def]
     assert complete("dri") == ["drift"]
+    assert complete("") == list(COMMANDS)
     assert complete("--ver") == ["--version"]
     assert complete("schema", "--de") == ["--debug"]
     assert complete("completion", "po") == ["powershell"]
     assert complete("validate", "--output", "s") == ["sarif"]
+    assert complete("plan", "--max-disruption", "l") == ["live"]
     assert complete("explain", "RARMS01") == [code for code in known_codes() if code.startswith("RARMS01")]
 
 
-@needs_bash
-def test_the_bash_script_completes_the_components_of_the_manifest(tmp_path: Path) -> None:
+def test_names_are_those_of_the_manifest(tmp_path: Path, complete) -> None:  # type: ignore[no-untyped-def]
     (tmp_path / "rarms.yaml").write_text(
         "hosts:\n  onboard: {}\ncomponents:\n    # the eyes\n    vision:\n        criticality: 3\n    video: {}\n"
         "partitions:\n  vault: {}\n",
@@ -45,38 +47,49 @@ def test_the_bash_script_completes_the_components_of_the_manifest(tmp_path: Path
         newline="\n",
     )
 
-    for names in (("-f", str(tmp_path)), ("--manifest", str(tmp_path / "rarms.yaml"))):
-        assert complete("measure", *names, "v") == ["vision", "video"]
-    assert complete("measure", "-f", str(tmp_path / "none"), "v") == []
+    for manifest in (str(tmp_path), str(tmp_path / "rarms.yaml")):
+        assert complete("measure", "-f", manifest, "v") == ["vision", "video"]
+        assert complete("plan", "--manifest", manifest, "--host", "") == ["onboard"]
 
 
-@pytest.mark.needs("linux")
-def test_what_zsh_and_fish_read_components_with_finds_the_same() -> None:
-    program = re.search(r"awk '(.*)' \"\$file\"", rarms("completion", "zsh").out)
-    manifest = Path(__file__).parents[3] / "manifests" / "delivery-robot" / "rarms.yaml"
-
-    assert program is not None
-    shown = subprocess.run(["awk", program[1], str(manifest)], capture_output=True, text=True, check=True)
-    assert shown.stdout.split() == ["face-detection", "speech-recognition", "path-planning", "video-streaming"]
+@pytest.mark.parametrize(
+    "words", [("measure", "-f", "nothing-here", "v"), ("measure", "--nonsense", "x", "-f", "-", "v")]
+)
+def test_what_cannot_be_read_offers_nothing(words: tuple[str, ...], complete) -> None:  # type: ignore[no-untyped-def]
+    assert complete(*words) == []
 
 
 @needs_bash
-def test_the_bash_script_parses(tmp_path: Path) -> None:
-    script = tmp_path / "rarms.bash"
-    script.write_text(rarms("completion", "bash").out, encoding="utf-8", newline="\n")
+def test_the_bash_script_asks_rarms(tmp_path: Path) -> None:
+    program = tmp_path / "rarms"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m rarms_iac.cli.main "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    script = rarms("completion", "bash").out
+    ask = f'{script}\nCOMP_WORDS=(rarms dri); COMP_CWORD=1; _rarms_completion rarms; printf "%s\\n" "${{COMPREPLY[@]}}"'
+    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(CHECKOUT)}
 
-    assert subprocess.run([str(BASH), "-n", str(script)]).returncode == 0
+    shown = subprocess.run(
+        [str(BASH), "--norc", "-c", ask], capture_output=True, text=True, check=True, env=environment
+    )
+
+    assert (shown.stdout, shown.stderr) == ("drift\n", "")
 
 
-@pytest.mark.parametrize("shell", list(Shell))
-def test_every_script_knows_every_command_and_starts_no_python(shell: Shell) -> None:
-    script = rarms("completion", shell.value).out
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
+def test_every_script_asks_in_its_shell_and_reads_nothing_itself(shell: str) -> None:
+    script = rarms("completion", shell).out
 
-    assert all(name in script for name in COMMANDS)
-    assert "python" not in script.lower().replace("starts no python", "")
+    assert "_RARMS_COMPLETE" in script and f"{shell}_complete" in script  # noqa: PT018
+    assert "components" not in script
 
 
-def test_the_shape_has_every_option() -> None:
-    schema = next(shape for shape in command_shapes() if shape.name == "schema")
+def test_completing_a_command_imports_no_command() -> None:
+    script = (
+        "import sys; from rarms_iac.cli.main import main; main([]); "
+        "print([m for m in sys.modules if m.startswith(('rarms_iac.cli.commands.', 'yaml', 'pydantic', 'rich'))])"
+    )
+    asked = {**os.environ, "_RARMS_COMPLETE": "powershell_complete", "COMP_CWORD": "dri"}
 
-    assert [option.flags[0] for option in schema.options] == ["--no-color", "--debug", "-h"]
+    shown = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=asked)
+
+    assert shown.stdout.splitlines()[-1] == "[]"

@@ -1,99 +1,150 @@
+from dataclasses import dataclass, field, fields
 from datetime import date
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, RunOptions, SnapshotFile
-from rarms_iac.cli import options
-from rarms_iac.cli.commands.help_commands import command_shapes
+from rarms_iac.app.errors import RequestError
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.tune import TuneRequest
+from rarms_iac.app.options import option
+from rarms_iac.app.requests import (
+    DatedManifestSource,
+    HostSelection,
+    ManifestSource,
+    PlanLimits,
+    RunOptions,
+    SnapshotFile,
+    SnapshotSelection,
+)
+from rarms_iac.app.run_component import RunRequest
+from rarms_iac.cli.command import parameters_of, request_of
+from rarms_iac.cli.commands.help_commands import all_commands
+from rarms_iac.cli.options import OutputOptions, StopOptions
+from rarms_iac.cli.session import Session
 from rarms_iac.model.system import Disruption
-from rarms_iac.views.completion import flags_of
+from rarms_iac.views.terminal import this_terminal
+
+DAY = date(2026, 1, 31)
 
 
-def read_by(
-    decorate: object, words: list[str], env: dict[str, str] | None = None
-) -> tuple[int, dict[str, object], str]:
-    """What a command of these options is called with."""
-    called: dict[str, object] = {}
-
-    def function(**given: object) -> None:
-        called.update(given)
-
-    assert callable(decorate)
-    command = click.command()(decorate(function))
+def read_by(request: type, *words: str, env: dict[str, str] | None = None) -> object:
+    """The request that these words are read into; what click says where they cannot be."""
+    read: list[object] = []
+    command = click.Command(
+        "tried", params=parameters_of(request), callback=lambda **values: read.append(request_of(request, values))
+    )
     result = CliRunner().invoke(command, words, env=env)
-    return result.exit_code, called, result.output
+    if isinstance(result.exception, RequestError):
+        return str(result.exception)
+    return read[0] if read else " ".join(result.output.split())
 
 
 def test_the_manifest_is_the_one_here_unless_an_option_or_the_environment_says_otherwise() -> None:
-    today = ["--today", "2026-01-31"]
-    _, default, _ = read_by(options.manifest_options, today)
-    _, given, _ = read_by(options.manifest_options, ["-f", "a.yaml", "--overlay", "b.yaml", "--overlay", "c", *today])
-    _, environment, _ = read_by(options.manifest_options, today, env={"RARMS_MANIFEST": "robots"})
+    today = ("--today", DAY.isoformat())
 
-    day = date(2026, 1, 31)
-    assert default["source"] == ManifestSource(today=day)
-    assert given["source"] == ManifestSource(manifest="a.yaml", overlays=("b.yaml", "c"), today=day)
-    assert environment["source"] == ManifestSource(manifest="robots", today=day)
+    default = read_by(DatedManifestSource, *today)
+    given = read_by(DatedManifestSource, "-f", "a.yaml", "--overlay", "b.yaml", "--overlay", "c", *today)
+    environment = read_by(DatedManifestSource, *today, env={"RARMS_MANIFEST": "robots"})
+
+    assert default == DatedManifestSource(today=DAY)
+    assert given == DatedManifestSource(manifest="a.yaml", overlays=("b.yaml", "c"), today=DAY)
+    assert environment == DatedManifestSource(manifest="robots", today=DAY)
+
+
+def test_a_day_is_asked_for_only_where_it_counts() -> None:
+    with_day = {name for name, command in all_commands() if any("--today" in option.opts for option in command.params)}
+
+    assert with_day == {"validate", "plan", "apply"}
+    assert "No such option" in str(read_by(ManifestSource, "--today", DAY.isoformat()))
 
 
 def test_hosts_and_snapshots() -> None:
-    words = ["--host", "b", "--host", "a", "--host", "b", "--snapshot", "a=x.json", "--snapshot", "./y=z.json"]
+    words = ("--host", "b", "--host", "a", "--host", "b", "--snapshot", "a=x.json", "--snapshot", "./y=z.json")
 
-    _, called, _ = read_by(options.host_or_snapshot_options, words)
-
-    assert called["host_selection"] == HostSelection(
-        hosts=("b", "a"),
-        snapshots=(
-            SnapshotFile(host="a", file="x.json"),
-            SnapshotFile(host="", file="./y=z.json"),
-        ),
+    assert read_by(SnapshotSelection, *words) == SnapshotSelection(
+        hosts=("b", "a"), snapshots=(SnapshotFile(host="a", file="x.json"), SnapshotFile(host="", file="./y=z.json"))
     )
 
 
 def test_how_far_and_how_long() -> None:
-    _, limits, _ = read_by(options.change_options, ["--target", "partition/a", "--max-disruption", "live"])
-    _, how, _ = read_by(options.run_options, ["--auto-approve", "--lock-timeout", "1.5s"])
+    limits = read_by(PlanLimits, "--target", "partition/a", "--max-disruption", "live")
 
-    assert limits["limits"] == PlanLimits(targets=("partition/a",), max_disruption=Disruption.LIVE)
-    assert how["how"] == RunOptions(auto_approve=True, lock_timeout_ms=1500)
+    assert limits == PlanLimits(targets=("partition/a",), max_disruption=Disruption.LIVE)
+    assert isinstance(limits, PlanLimits)
+    assert limits.max_disruption is Disruption.LIVE
+    assert read_by(RunOptions, "--auto-approve", "--lock-timeout", "1.5s") == RunOptions(
+        auto_approve=True, lock_timeout_ms=1500
+    )
 
 
 @pytest.mark.parametrize(
-    ("decorate", "words", "message"),
+    ("request_type", "words", "message"),
     [
-        (options.host_options, ["--host", "Not A Name"], "cannot be the name of a host"),
-        (options.host_or_snapshot_options, ["--snapshot", "a="], "names no file"),
-        (options.host_or_snapshot_options, ["--snapshot", "a=x", "--snapshot", "a=y"], "more than one"),
-        (options.manifest_options, ["--today", "31.1.2026"], "not a day"),
-        (options.run_options, ["--lock-timeout", "60"], "units: us, ms, s, min, h"),
-        (options.change_options, ["--max-disruption", "none"], "partition_stop"),
-        (options.output_option, ["--output", "sraif"], "Did you mean"),
-        (options.output_option, ["--output", "text", "--json"], "two outputs"),
+        (HostSelection, ["--host", "Not A Name"], "cannot be the name of a host"),
+        (SnapshotSelection, ["--snapshot", "a="], "names no file"),
+        (SnapshotSelection, ["--snapshot", "a=x", "--snapshot", "a=y"], "more than one"),
+        (DatedManifestSource, ["--today", "31.1.2026"], "not a day"),
+        (RunOptions, ["--lock-timeout", "60"], "units: us, ms, s, min, h"),
+        (PlanLimits, ["--max-disruption", "none"], "partition_stop"),
+        (MeasureRequest, ["--samples", "1"], "x>=2"),
+        (TuneRequest, ["--repeat"], "belongs to --strategy paper"),
+        (RunRequest, ["--for", "0s"], "at least 1 ms"),
+        (RunRequest, ["--for", "1s", "--samples", "2"], "not both"),
     ],
 )
-def test_what_cannot_be_read_says_what_can(decorate: object, words: list[str], message: str) -> None:
-    code, called, output = read_by(decorate, words)
+def test_what_cannot_be_read_says_what_can(request_type: type, words: list[str], message: str) -> None:
+    answer = read_by(request_type, *words)
 
-    assert (code, called) == (2, {})
-    assert message in " ".join(output.split())
-
-
-@pytest.mark.parametrize(
-    ("words", "stops"),
-    [([], False), (["--stop-partitions"], True), (["--auto-approve"], True)],
-)
-def test_one_flag_approves_whatever_is_asked(words: list[str], *, stops: bool) -> None:
-    _, options_read, _ = read_by(options.stop_option, words)
-
-    assert options_read["stop_partitions"] is stops
+    assert isinstance(answer, str)
+    assert message in answer
 
 
 @pytest.mark.parametrize(
-    "command", ["apply", "undo", "destroy", "import", "release", "stop", "start", "measure", "tune"]
+    ("options", "message"),
+    [(OutputOptions(output=("sraif",)), "Did you mean"), (OutputOptions(output=("text", "json")), "two outputs")],
 )
-def test_the_flag_is_the_same_everywhere(command: str) -> None:
-    shape = next(shape for shape in command_shapes() if shape.name == command)
+def test_an_answer_goes_to_places_of_its_own(options: OutputOptions, message: str) -> None:
+    with pytest.raises(RequestError, match=message):
+        options.targets(Session(terminal=this_terminal()))
 
-    assert "--auto-approve" in flags_of(shape.options)
+
+@pytest.mark.parametrize(
+    ("options", "stops"),
+    [(StopOptions(), False), (StopOptions(stop_partitions=True), True), (StopOptions(auto_approve=True), True)],
+)
+def test_one_flag_approves_whatever_is_asked(options: StopOptions, *, stops: bool) -> None:
+    assert options.stops(on_busy_host=False) is stops
+
+
+def test_partitions_are_not_stopped_where_the_host_may_be_busy() -> None:
+    assert not StopOptions(auto_approve=True).stops(on_busy_host=True)
+    with pytest.raises(RequestError, match="Give one of"):
+        StopOptions(stop_partitions=True).stops(on_busy_host=True)
+
+
+@pytest.mark.parametrize("name", ["apply", "undo", "destroy", "import", "release", "stop", "start", "measure", "tune"])
+def test_the_flag_is_the_same_everywhere(name: str) -> None:
+    command = dict(all_commands())[name]
+
+    assert any("--auto-approve" in option.opts for option in command.params)
+
+
+def test_no_command_has_an_option_twice() -> None:
+    for name, command in all_commands():
+        given = [word for option in command.params for word in (option.name, *option.opts) if word]
+        named = [word for word in given if word.startswith("-")]
+        assert len(named) == len(set(named)), name
+        assert len({option.name for option in command.params}) == len(command.params), name
+
+
+def test_a_field_without_metadata_is_not_asked_for() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Asked:
+        asked: int | None = option("--asked", help="A number.")
+        not_asked: int = field(default=3)
+
+    assert [parameter.name for parameter in parameters_of(Asked)] == ["asked"]
+    assert read_by(Asked, "--asked", "2") == Asked(asked=2)
+    assert len(fields(Asked)) == 2

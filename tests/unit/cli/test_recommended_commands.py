@@ -777,6 +777,7 @@ NOT_RECOMMENDED = (
     "what `rarms tune` measured cannot be told",
     "All together, as `rarms prove` measured them last:",
     "`rarms measure` stopped it and ended before it started it again",
+    "`rarms apply` does the plan's steps itself",
     "`rarms measure` creates and removes partitions with the names",
     "`rarms apply` starts scripts with a policy of their own and is not concerned",
     "nothing brings it back, `rarms undo` neither",

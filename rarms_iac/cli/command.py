@@ -1,0 +1,176 @@
+"""A command: the fields of its requests are click's options (`app.options`), and it is called with the requests."""
+
+import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields
+from enum import StrEnum
+from inspect import cleandoc, get_annotations
+from types import UnionType
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+import click
+from click.core import ParameterSource
+
+from rarms_iac.app.errors import RequestError
+from rarms_iac.app.options import Option, Reader
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.cli.completion import completer_of
+from rarms_iac.cli.ending import ExitCode
+from rarms_iac.cli.session import Session, common_options, session_flag
+from rarms_iac.cli.table import COMMANDS
+
+T = TypeVar("T")
+
+
+class RarmsCommand(click.Command):
+    """A command whose usage errors know whose words they are about."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does.
+
+        Raises:
+            click.UsageError: the words are wrong; it knows whose words they are, which click forgets for some.
+        """
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            error.ctx = error.ctx or ctx
+            raise
+
+
+def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., ExitCode]], click.Command]:
+    """Make a click command of a function that takes the session and its requests, and returns the exit code.
+
+    Args:
+        name: one of `COMMANDS`.
+        json: whether it takes `--json`, which the session then knows.
+    """
+
+    def make(function: Callable[..., ExitCode]) -> click.Command:
+        requests = {key: kind for key, kind in get_annotations(function).items() if key not in {"session", "return"}}
+
+        def run(**values: object) -> ExitCode:
+            context = click.get_current_context()
+            session = context.ensure_object(Session)
+            session.command = name
+            try:
+                given: dict[str, Any] = {key: request_of(kind, values) for key, kind in requests.items()}
+                for source in given.values():
+                    if isinstance(source, ManifestSource):
+                        _repeat_in_advice(context, session, source)
+                return function(session, **given)
+            except RequestError as error:
+                raise click.UsageError(str(error), context) from error
+
+        parameters = [parameter for kind in requests.values() for parameter in parameters_of(kind)]
+        if json:
+            parameters.append(session_flag("--json", _answer_in_json, "Write JSON for programs.", is_eager=True))
+        return RarmsCommand(
+            name,
+            callback=run,
+            params=[*parameters, *common_options()],
+            help=cleandoc(function.__doc__ or ""),
+            short_help=COMMANDS[name],
+        )
+
+    return make
+
+
+def _answer_in_json(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    """From now on, whatever ends the command is told in JSON, too."""
+    if value:
+        context.find_root().obj.as_json = True
+
+
+def _repeat_in_advice(context: click.Context, session: Session, source: ManifestSource) -> None:
+    """From now on, commands that messages recommend name the same manifest and overlays."""
+    words = [word for overlay in source.overlays for word in ("--overlay", overlay)]
+    if context.get_parameter_source("manifest") is ParameterSource.COMMANDLINE:
+        words = ["-f", source.manifest, *words]
+    session.terminal.manifest_options = f" {shlex.join(words)}" if words else ""
+
+
+def parameters_of(request: type) -> list[click.Parameter]:
+    """The options and arguments of a request, in the order of its fields; other fields are not asked for."""
+    return [_parameter(field, field.metadata["option"]) for field in fields(request) if "option" in field.metadata]
+
+
+def request_of(request: type[T], values: Mapping[str, Any]) -> T:
+    """The request of what click has read; what was not given stays as the request has it."""
+    names = (field.name for field in fields(request) if "option" in field.metadata)  # type: ignore[arg-type]  # T is a dataclass
+    return request(**{name: values[name] for name in names if values[name] not in (None, ())})
+
+
+def _parameter(field: "Field[Any]", option: Option) -> click.Parameter:
+    members = get_args(field.type)
+    several = get_origin(field.type) is tuple
+    kind = members[0] if several or isinstance(field.type, UnionType) else field.type
+    required = field.default is MISSING and field.default_factory is MISSING
+    complete = completer_of(field.name, option.metavar)
+    if not option.flags:
+        return click.Argument(
+            [field.name],
+            metavar=option.metavar,
+            nargs=-1 if several else 1,
+            required=required,
+            type=_type(kind, option),
+            shell_complete=complete,
+        )
+    return click.Option(
+        [field.name, *option.flags],
+        help=option.help,
+        metavar=option.metavar,
+        multiple=several,
+        required=required,
+        is_flag=kind is bool,
+        default=None,
+        type=None if kind is bool else _type(kind, option),
+        envvar=option.environment,
+        shell_complete=complete,
+    )
+
+
+def _type(kind: Any, option: Option) -> "click.ParamType[Any]":
+    if option.read is not None:
+        return _Value(option.read)
+    if get_origin(kind) is Literal:
+        return click.Choice(get_args(kind))
+    if issubclass(kind, StrEnum):
+        return _Member(kind)
+    if kind is int:
+        return click.IntRange(option.least, option.most)
+    return click.STRING
+
+
+class _Member(click.Choice[Any]):
+    """A word that is the value of an enumeration's member."""
+
+    def __init__(self, kind: type[StrEnum]) -> None:
+        super().__init__([member.value for member in kind])
+        self.kind = kind
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
+        """The member."""
+        return self.kind(super().convert(value, param, ctx))
+
+
+class _Value(click.ParamType[object]):
+    """A word that a reader makes a value of."""
+
+    name = "value"
+
+    def __init__(self, read: Reader) -> None:
+        self.read = read
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
+        """The value.
+
+        Raises:
+            click.BadParameter: the reader refuses the word.
+        """
+        if not isinstance(value, str):
+            return value
+        try:
+            return self.read(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
