@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.measurement import Bench, EnvironmentSetup, Sample, Series, Setting
+from rarms_iac.model.measurement import Bench, EnvironmentSetup, Setting
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import BusyLoop, Component, Interference, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded

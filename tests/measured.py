@@ -3,7 +3,7 @@
 import random
 from collections.abc import Iterable
 
-from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.series import Sample, Series
 
 
 def a_series(times: Iterable[float | None], *, successful: bool = True, component: str = "coi") -> Series:

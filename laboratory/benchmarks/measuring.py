@@ -26,10 +26,11 @@ from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
-from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import ExperimentStep, Measure, Met, Missed, NotAchievable, Sufficient, Swept, Verdict
 from rarms_iac.model.run import Elapsed
-from rarms_iac.model.system import AtMost, Component, Threshold
+from rarms_iac.model.series import Series
+from rarms_iac.model.system import AtMost, Component, Threshold, run_of
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.distributions import share_interval

@@ -9,9 +9,9 @@ from fractions import Fraction
 
 from laboratory.benchmarks.components import NOISES, deviation_of_logarithm
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.run import Run, SampleCount
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.distributions import share_below
 from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, next_look

@@ -47,9 +47,8 @@ from laboratory.linux.prediction import demand_of, foretold
 from laboratory.linux.verdicts import DRAWS, FARTHEST, NEAREST, VerdictCount, count_verdicts
 from laboratory.paper.drawing import Chart, draw
 from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.measurement import run_of
 from rarms_iac.model.run import Periodic
-from rarms_iac.model.system import Component
+from rarms_iac.model.system import Component, run_of
 from rarms_iac.providers.cgroups.find_tree import find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.statistics.distributions import share_interval

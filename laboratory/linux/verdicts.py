@@ -9,9 +9,9 @@ from statistics import fmean
 
 from laboratory.linux.evaluation import JUDGED
 from laboratory.linux.experiments import Log, value_of
-from rarms_iac.model.measurement import Series, run_of
 from rarms_iac.model.outcomes import Met, Missed
-from rarms_iac.model.system import AtLeast, AtMost, Component
+from rarms_iac.model.series import Series
+from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
 from rarms_iac.statistics.verdicts import judge
 
 DRAWS = 5

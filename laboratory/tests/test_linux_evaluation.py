@@ -24,7 +24,7 @@ from laboratory.linux.evaluation import (
 from laboratory.linux.experiments import PAIRS, Experiment, Log, Record, meets, percentile, value_of, values_of
 from laboratory.linux.page import Findings, Trial, page
 from laboratory.linux.verdicts import VerdictCount, count_verdicts
-from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtLeast, AtMost, Component
 from tests.builders import a_component, at_most
 

@@ -13,9 +13,9 @@ from rarms_iac.app.requests import DEFAULT_MANIFEST
 from rarms_iac.measuring.setup import experiment_of, interference_of
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT, run_of
+from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Component, System
+from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import (

@@ -16,11 +16,12 @@ from rarms_iac.app.report_model import (
 )
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
 from rarms_iac.model.run import Run
-from rarms_iac.model.system import Component, Measured, System, Threshold
+from rarms_iac.model.series import Series
+from rarms_iac.model.system import Component, Measured, System, Threshold, run_of
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
 from rarms_iac.statistics.curves import curve_of

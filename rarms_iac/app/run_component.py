@@ -18,10 +18,10 @@ from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.wiring import place_on
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtLeast, AtMost, Component, RunsOn, System, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of

@@ -10,10 +10,10 @@ from math import ceil, inf
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.measurement import Setting, run_of
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Elapsed, Periodic, Run
-from rarms_iac.model.system import AtLeast, AtMost, Component
+from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
 from rarms_iac.statistics.errors import FIRST_LOOK
 
 STEPS_OF_PAPER = 10

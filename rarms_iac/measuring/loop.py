@@ -24,8 +24,9 @@ from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting, SettingEvidence, columns_of
+from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
+from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, RunningWork, Work

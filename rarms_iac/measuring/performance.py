@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady
-from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold
+from rarms_iac.model.series import Series
+from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.steady_state import find_steady_series
 from rarms_iac.statistics.verdicts import judge_look

@@ -97,3 +97,19 @@ class Run:
     samples: Samples
     deadline: Milliseconds | None  # None: no deadline
     failures: int  # failed samples a setting may have
+
+
+SIMULATED_ONLY = Run(
+    start=Command(words=()),
+    files=(),
+    environment={},
+    folder=".",
+    until=SampleCount(samples=200),
+    timeout=Milliseconds(Fraction(60_000)),
+    stop=Stop(),
+    arrival=Closed(),
+    samples=Samples(source="per_run"),
+    deadline=None,
+    failures=0,
+)
+"""How a component without `run` is run: on a simulated host, with usual values."""

@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from rarms_iac.model.host import Connect, Host, Mechanism
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
-from rarms_iac.model.run import Run
+from rarms_iac.model.run import SIMULATED_ONLY, Run
 
 
 class Disruption(StrEnum):
@@ -137,6 +137,11 @@ class Component:
     runs_on: RunsOn
     interference: str | None
     simulation: Simulation | None
+
+
+def run_of(component: Component) -> Run:
+    """How a component is run; on a simulated host it needs no `run`, and what that would say has its usual value."""
+    return SIMULATED_ONLY if component.run is None else component.run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,8 +8,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from rarms_iac.model.measurement import Bench, Sample, SettingEvidence
+from rarms_iac.model.measurement import Bench, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.series import Sample
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Interference
 from rarms_iac.planner.task_classes import ClassValues

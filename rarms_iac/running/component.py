@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
-from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.run import Call, Run
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
 from rarms_iac.running.start import StartContext, order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rarms_iac.model.measurement import LARGEST_SAMPLE
 from rarms_iac.model.run import Call, Field, Run, Samples
+from rarms_iac.model.series import LARGEST_SAMPLE
 from rarms_iac.model.wording import quoted
 
 SHOWN = 60

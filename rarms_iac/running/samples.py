@@ -5,9 +5,9 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from enum import StrEnum
 
-from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
+from rarms_iac.model.series import Sample
 from rarms_iac.running.reading import AnswerReader, JobAnswer, Unreadable, answer_reader
 from rarms_iac.running.start import CannotStart
 from rarms_iac.running.supervisor import (

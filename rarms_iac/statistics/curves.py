@@ -12,9 +12,10 @@ from itertools import accumulate
 from math import ceil, floor, inf, isfinite
 
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.run import Run
+from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.errors import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate_steady

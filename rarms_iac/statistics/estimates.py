@@ -12,9 +12,9 @@ from operator import mul
 from statistics import fmean, stdev
 
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.measurement import SampleColumns, Series, columns_of
 from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.run import Run
+from rarms_iac.model.series import SampleColumns, Series, columns_of
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
 from rarms_iac.statistics.errors import FIRST_LOOK, LOOK_ERROR
 from rarms_iac.statistics.samples import deadline_misses, effective_samples, ends_ms, response_times, successes

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Sequence
 from math import ceil, inf, isnan
 from operator import mul
 
-from rarms_iac.model.measurement import Sample, Series, Setting, columns_of
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.run import Run
+from rarms_iac.model.series import Sample, Series, columns_of
 
 _LONGEST_LAG = 4  # a share of the samples: 1/4
 

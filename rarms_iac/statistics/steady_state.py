@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import isnan, sqrt
 
-from rarms_iac.model.measurement import Series, columns_of
 from rarms_iac.model.outcomes import Unsteady
+from rarms_iac.model.series import Series, columns_of
 from rarms_iac.statistics.samples import response_times
 
 FEWEST = 40

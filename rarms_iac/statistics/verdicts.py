@@ -5,7 +5,6 @@ from math import sqrt
 from statistics import NormalDist
 from typing import Final
 
-from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import (
     Estimate,
     JudgedIndex,
@@ -19,6 +18,7 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
 from rarms_iac.statistics.estimates import estimate_steady

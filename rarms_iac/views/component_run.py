@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Protocol
 from rarms_iac.app.run_component import ComponentRunResult, SampleReporter, meets, noise
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import show_number
+from rarms_iac.model.series import Sample
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd

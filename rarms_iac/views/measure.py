@@ -15,7 +15,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
-from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
     Estimate,
@@ -28,6 +28,7 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import ERROR, describe_error, describe_extreme

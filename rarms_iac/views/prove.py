@@ -8,8 +8,8 @@ from rarms_iac.app.experiments.prove import verdict_of
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
-from rarms_iac.model.measurement import Series
 from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.console import LiveTable, paragraph, stack, table

@@ -18,8 +18,9 @@ from rarms_iac.measuring.partitions import (
     shapes_of_test_partitions,
 )
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.measurement import P1, P2, EnvironmentSetup, Sample
+from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.run import Elapsed, Field, Run, SampleCount, Samples
+from rarms_iac.model.series import Sample
 from rarms_iac.model.system import BusyLoop, CommandLoad, Component, Stress
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused

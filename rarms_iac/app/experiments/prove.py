@@ -25,9 +25,9 @@ from rarms_iac.measuring.partitions import host_budget, partition_name
 from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, has_memory_for_load, prove, with_samples
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.model.quantities import guaranteed
+from rarms_iac.model.series import Series
 from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.model.version import __version__

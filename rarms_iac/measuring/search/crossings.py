@@ -11,8 +11,8 @@ from math import inf, log, sqrt
 from statistics import NormalDist
 
 from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, SearchTrial
-from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Estimate
+from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.errors import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Met,
     Missed,
@@ -20,6 +20,7 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.run import Run
+from rarms_iac.model.series import Series
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.verdicts import judge_early, judge_look

@@ -12,13 +12,14 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import Host, SchedulerType
-from rarms_iac.model.measurement import Bench, Sample, SettingEvidence, run_of
+from rarms_iac.model.measurement import Bench, SettingEvidence
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, SampleCount
+from rarms_iac.model.series import Sample
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
-from rarms_iac.model.system import Component, Interference
+from rarms_iac.model.system import Component, Interference, run_of
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms, kernel_text

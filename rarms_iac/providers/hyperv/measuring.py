@@ -13,10 +13,10 @@ from typing import assert_never
 
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, HypervHost
-from rarms_iac.model.measurement import Bench, run_of
+from rarms_iac.model.measurement import Bench
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, run_of
 from rarms_iac.planner.sizes import suggested_secure_boot
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect

@@ -11,12 +11,13 @@ from typing import assert_never
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.host import Host
-from rarms_iac.model.measurement import Bench, Sample, run_of
+from rarms_iac.model.measurement import Bench
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
+from rarms_iac.model.series import Sample
 from rarms_iac.model.state import RegistryValue, State, ValueKind
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory, run_of
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine, description

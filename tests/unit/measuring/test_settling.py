@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from rarms_iac.measuring.settling import MEMORY_FACTOR, PATIENCE_FACTOR, Contender, Settling, wants_all_processors
-from rarms_iac.model.measurement import Sample
+from rarms_iac.model.series import Sample
 from rarms_iac.model.system import Browser, BusyLoop, Interference
 
 LEAST = 100.0 * MEMORY_FACTOR

@@ -5,8 +5,8 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.model.measurement import Sample, columns_of
 from rarms_iac.model.run import Run
+from rarms_iac.model.series import Sample, columns_of
 from rarms_iac.statistics.samples import deadline_misses, ends_ms, response_times, successes
 from tests.builders import a_run
 from tests.effort import examples

@@ -5,8 +5,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.model.layout import Cause, Infeasible, Layout
-from rarms_iac.model.measurement import run_of
-from rarms_iac.model.system import PartitionRequest, System
+from rarms_iac.model.system import PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
 from rarms_iac.statistics.curves import Curve, curve_of

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import (
     Call,
@@ -22,6 +21,7 @@ from rarms_iac.model.run import (
     Samples,
     Stop,
 )
+from rarms_iac.model.series import Sample
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.start import StartContext
 

@@ -6,8 +6,8 @@ from math import inf
 import pytest
 
 from rarms_iac.model.indexes import INDEXES
-from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.model.series import Series
 from rarms_iac.statistics.estimates import estimate
 from tests.builders import a_run
 from tests.measured import a_series, noisy

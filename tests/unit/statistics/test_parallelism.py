@@ -2,7 +2,8 @@
 
 import pytest
 
-from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.statistics.samples import usable_processors
 
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
 from rarms_iac.model.run import SampleCount
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, next_look
 from rarms_iac.statistics.estimates import estimate

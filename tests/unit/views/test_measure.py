@@ -6,9 +6,10 @@ from io import StringIO
 
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
+from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import System
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.measure import MeasuringProgress, measure_json, share_done, summary_text

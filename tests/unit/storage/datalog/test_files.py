@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.model.measurement import Sample
+from rarms_iac.model.series import Sample
 from rarms_iac.storage.append import append
 from rarms_iac.storage.datalog.columns import as_recorded, line_of
 from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, begin_log, log_path, read_log

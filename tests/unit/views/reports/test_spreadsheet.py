@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import Measurement, Report
-from rarms_iac.model.measurement import Sample
+from rarms_iac.model.series import Sample
 from rarms_iac.views.reports.spreadsheet import SETTINGS, TooManyRows, csv_text, sample_rows, setting_rows, workbook
 from tests.measured_robot import a_robot, the_logs
 
