@@ -15,21 +15,14 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option, read_time
-from rarms_iac.app.wiring import place_on
+from rarms_iac.app.process_place import place_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.system import AtLeast, AtMost, Component, RunsOn, System, Threshold
+from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
 from rarms_iac.model.wording import counted
-from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.mechanism import deadline_period_us
-from rarms_iac.planner.task_classes import classes_of
-from rarms_iac.providers.interface import HostError
-from rarms_iac.providers.measuring import PartitionWork
-from rarms_iac.rcss import CannotJoin, robotic_task
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
@@ -191,7 +184,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     base = Path(manifest.folder).resolve()
     results: list[ComponentRunResult] = []
     listener = reporter or SampleReporter()
-    places = {component.name: _place_of(manifest, component, listener) for component, _ in chosen}
+    places = {component.name: place_of(manifest, component, listener.placed) for component, _ in chosen}
     try:
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
@@ -227,7 +220,7 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
     if sys.platform == "win32" or isinstance(run.start, Call):
         raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
-    context = StartContext(base=Path(manifest.folder).resolve(), inside=_place_of(manifest, component, reporter))
+    context = StartContext(base=Path(manifest.folder).resolve(), inside=place_of(manifest, component, reporter.placed))
     try:
         become(order_of(name, run, context))
     except CannotStart as problem:
@@ -289,61 +282,6 @@ def _load(system: System, request: RunRequest, base: Path) -> Iterator[Interferi
     load = system.interference[request.interference]
     with InterferingLoad(request.interference, load, StartContext(base=base)) as running:
         yield running
-
-
-def _place_of(manifest: Manifest, component: Component, reporter: SampleReporter) -> ProcessPlace:
-    """Its partition on this machine and its task class; without one, beside everything else, and that is told.
-
-    A manifest without a Linux host has no partition for processes of this machine.
-    """
-    if sys.platform == "win32":
-        return _task_of(component, reporter)
-    system, reasons = manifest.system, []
-    group = next((group for group in groups_of(system) if component in group.members), None)
-    hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
-    if not hosts:
-        if any(host.provider is ProviderKind.LINUX for host in system.hosts.values()):
-            reporter.placed(f"{component.name} runs here, without a reservation: its host is another machine.")
-        return ProcessPlace()
-    name = group.name if group else ""
-    members = (
-        group.members if group else [other for other in system.components.values() if other.runs_on is RunsOn.HOST]
-    )
-    classes = classes_of(members, system.tasks, name, manifest.places).classes
-    for host in hosts:
-        period = deadline_period_us(group, host) if group else None
-        part = PartitionWork(partition=name, components=(component,), classes=classes, deadline_period_us=period)
-        try:
-            place = place_on(host, part, system.application.name)
-        except HostError as problem:
-            reasons.append(str(problem))
-            continue
-        task = f" ({' '.join(place.words)})" if place.words else ""
-        inside = f"in its partition {name} on {host.name}" if group else f"on {host.name} itself"
-        reporter.placed(f"{component.name} runs {inside}{task}.")
-        return place
-    reporter.placed(f"{component.name} runs without a reservation, beside everything else: {'; '.join(reasons)}.")
-    return ProcessPlace()
-
-
-def _task_of(component: Component, reporter: SampleReporter) -> ProcessPlace:
-    """The task class for the runner's own thread on Windows, where it can be joined; other threads have to ask."""
-    task = component.task
-    if task is None:
-        return ProcessPlace()
-    if component.run is None or not isinstance(component.run.start, Call):
-        reporter.placed(
-            f"{component.name} is a command: only its own threads can join {task}, by a call that its author adds "
-            "(docs/task-classes.md)."
-        )
-        return ProcessPlace()
-    try:
-        with robotic_task(task):
-            reporter.placed(f"{component.name} runs in the task class {task}.")
-    except CannotJoin as problem:
-        reporter.placed(f"{component.name} runs without its task class: {problem}")
-        return ProcessPlace()
-    return ProcessPlace(task=task)
 
 
 def _run_group(

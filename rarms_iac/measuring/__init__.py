@@ -2,7 +2,8 @@
 
 An experiment (`setup.py`), a strategy (`strategies.py`, `search/`) and a host that can be measured on come in;
 settings in a data log and a conclusion (`model/outcomes`) go out. Begin with `loop.measure`. `partitions.py` makes P1
-and P2 and says what a host can give them, `settling.py` when samples count, `evidence.py` whether something disturbed
-a setting, `duration.py` how long it takes, `performance.py` says what a setting shows, `findings.py` what a person must
-hear of the end, and `prove.py` runs an applied layout and judges all of its components together.
+and P2 and says what a host can give them, `settling.py` when samples count, `sampling.py` takes them, `evidence.py`
+says whether something disturbed a setting, `duration.py` how long it takes, `performance.py` what it shows,
+`findings.py` what a person must hear of the end, and `prove.py` runs an applied layout and judges all of its components
+together.
 """

@@ -7,7 +7,6 @@ from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.loop import watch
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     free_memory,
@@ -17,6 +16,7 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
 )
 from rarms_iac.measuring.performance import MeasuredIndex
+from rarms_iac.measuring.sampling import watch
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.model.measurement import P2, SettingEvidence
 from rarms_iac.model.outcomes import (

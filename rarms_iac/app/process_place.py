@@ -1,0 +1,78 @@
+"""Where a component's process belongs on this machine: in its partition and task class, where those are here."""
+
+import sys
+from collections.abc import Callable
+
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.wiring import place_on
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.run import Call
+from rarms_iac.model.system import Component, RunsOn
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.mechanism import deadline_period_us
+from rarms_iac.planner.task_classes import classes_of
+from rarms_iac.providers.interface import HostError
+from rarms_iac.providers.measuring import PartitionWork
+from rarms_iac.rcss import CannotJoin, robotic_task
+from rarms_iac.running.start import ProcessPlace
+
+
+def place_of(manifest: Manifest, component: Component, report: Callable[[str], None]) -> ProcessPlace:
+    """Find the partition and the task class of a component on this machine.
+
+    Args:
+        manifest: Without a Linux host it has no partition for processes of this machine.
+        component: One of its components.
+        report: Hears in words where the component is about to run; a component that nothing could reserve for has none.
+
+    Returns:
+        Its place; without a partition here, beside everything else.
+    """
+    if sys.platform == "win32":
+        return _task_of(component, report)
+    system, reasons = manifest.system, []
+    group = next((group for group in groups_of(system) if component in group.members), None)
+    hosts = [host for host in system.hosts.values() if host.provider is ProviderKind.LINUX and host.connect is None]
+    if not hosts:
+        if any(host.provider is ProviderKind.LINUX for host in system.hosts.values()):
+            report(f"{component.name} runs here, without a reservation: its host is another machine.")
+        return ProcessPlace()
+    name = group.name if group else ""
+    members = (
+        group.members if group else [other for other in system.components.values() if other.runs_on is RunsOn.HOST]
+    )
+    classes = classes_of(members, system.tasks, name, manifest.places).classes
+    for host in hosts:
+        period = deadline_period_us(group, host) if group else None
+        part = PartitionWork(partition=name, components=(component,), classes=classes, deadline_period_us=period)
+        try:
+            place = place_on(host, part, system.application.name)
+        except HostError as problem:
+            reasons.append(str(problem))
+            continue
+        task = f" ({' '.join(place.words)})" if place.words else ""
+        inside = f"in its partition {name} on {host.name}" if group else f"on {host.name} itself"
+        report(f"{component.name} runs {inside}{task}.")
+        return place
+    report(f"{component.name} runs without a reservation, beside everything else: {'; '.join(reasons)}.")
+    return ProcessPlace()
+
+
+def _task_of(component: Component, report: Callable[[str], None]) -> ProcessPlace:
+    """The task class for the runner's own thread on Windows, where it can be joined; other threads have to ask."""
+    task = component.task
+    if task is None:
+        return ProcessPlace()
+    if component.run is None or not isinstance(component.run.start, Call):
+        report(
+            f"{component.name} is a command: only its own threads can join {task}, by a call that its author adds "
+            "(docs/task-classes.md)."
+        )
+        return ProcessPlace()
+    try:
+        with robotic_task(task):
+            report(f"{component.name} runs in the task class {task}.")
+    except CannotJoin as problem:
+        report(f"{component.name} runs without its task class: {problem}")
+        return ProcessPlace()
+    return ProcessPlace(task=task)
