@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Resource, Update
 from rarms_iac.model.claims import Claim
+from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
@@ -258,7 +259,7 @@ def a_rich_plan() -> Plan:
                 severity=Severity.WARNING,
                 summary="A change restarts or stops a partition",
                 detail="speech stops for a moment.",
-                advice="Do it when nobody needs it.",
+                advice=prose("Do it when nobody needs it."),
                 address="partition/speech",
             )
         ],

@@ -124,18 +124,18 @@ def plan_in(path: str, data: bytes) -> "Plan":
         UseCaseError: it is no plan of this version or was edited (refused).
     """
     from rarms_iac.applying.scripts import edited_script
-    from rarms_iac.storage.plan_file import PlanEdited, PlanFileError, read_plan
+    from rarms_iac.storage.plan_file import PLAN_AGAIN, PlanEdited, PlanFileError, read_plan
 
     try:
         plan = read_plan(data)
         if name := edited_script(plan):
             raise PlanEdited(
                 f"its script {name} is not what its steps make: it was edited, and sealed anew",
-                "Make the plan again: `rarms plan --out FILE`",
+                PLAN_AGAIN,
             )
     except PlanFileError as error:
         raise UseCaseError(
-            Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", f"{error.advice}.")]
+            Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", error.advice)]
         ) from error
     return plan
 

@@ -12,6 +12,7 @@ from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
@@ -280,7 +281,7 @@ def _with_next_command(
         return finding
     host, log = logs[0]
     curve = log.curves(choice.component.name, choice.index.name)
-    return replace(finding, advice=_advice_beyond(choice.index, curve, log, host))
+    return replace(finding, advice=prose(_advice_beyond(choice.index, curve, log, host)))
 
 
 def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, MeasuredTogether]]) -> None:

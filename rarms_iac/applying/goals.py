@@ -13,6 +13,7 @@ from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
@@ -152,7 +153,7 @@ def _advise_namesake_first(diagnostic: Diagnostic) -> Diagnostic:
     if diagnostic.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
         return diagnostic
     advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
-    return replace(diagnostic, advice=advice)
+    return replace(diagnostic, advice=prose(advice))
 
 
 def _locator(

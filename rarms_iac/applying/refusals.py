@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, PLAN_OUT, UNDO, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
@@ -23,7 +24,9 @@ UNKNOWN = Finding.error("RARMS250", "It is unknown how the run ended")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
 SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
 
-GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
+_EITHER = prose(APPLY, " to finish it, ", UNDO, " to take it back, or ", APPLY_ABANDON, " to leave it as it is.")
+GO_ON = prose("Run ", _EITHER)
+_NEW_PLAN = prose("Make a new plan: ", PLAN_OUT, ".")
 
 
 def used(host: str, plan: str) -> Diagnostic:
@@ -31,7 +34,7 @@ def used(host: str, plan: str) -> Diagnostic:
     return USED.at(
         None,
         f"Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
-        "Make a new plan: `rarms plan --out FILE`.",
+        _NEW_PLAN,
         address=f"host/{host}",
     )
 
@@ -41,7 +44,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     return MOVED.at(
         None,
         f"On {host} this is no longer as the plan saw it: {'; '.join(parts)}.",
-        "Nothing was changed. Look with `rarms drift`, then make a new plan.",
+        prose("Nothing was changed. Look with ", DRIFT, ", then make a new plan."),
         address=f"host/{host}",
     )
 
@@ -64,7 +67,7 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     return UNFINISHED.at(
         None,
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
-        f"Wait while that process still works. Otherwise: {GO_ON[:1].lower()}{GO_ON[1:]}",
+        prose("Wait while that process still works. Otherwise run ", _EITHER),
         address=f"host/{host}",
     )
 
@@ -84,7 +87,7 @@ def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
     return STEP_MOVED.at(
         step.place,
         f"{step.address} on {host}, before `{step.title}`: {differences(live, step.before)}.",
-        "Nothing more was changed. Look with `rarms drift`. " + GO_ON,
+        prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=str(step.address),
     )
 
@@ -94,7 +97,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
     return STEP_FAILED.at(
         step.place,
         f"{step.address} on {host}, `{step.title}`: {error.message}.",
-        f"{_as_sentence(error.advice)} {GO_ON}",
+        sentences(error.advice, GO_ON),
         address=str(step.address),
     )
 
@@ -112,7 +115,7 @@ def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
 def host_failed(error: HostError) -> Diagnostic:
     """The host cannot be read, or what it keeps for us is damaged."""
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
-    return finding.at(None, f"{error.host}: {error.message}.", _as_sentence(error.advice), address=f"host/{error.host}")
+    return finding.at(None, f"{error.host}: {error.message}.", error.advice, address=f"host/{error.host}")
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:
@@ -120,7 +123,7 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
     return NOT_REACHED.at(
         None,
         f"{address} on {host}: {difference}.",
-        "Something else changes it too. Look with `rarms drift`.",
+        prose("Something else changes it too. Look with ", DRIFT, "."),
         address=address,
     )
 
@@ -135,7 +138,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
     return UNDO_PARTIAL.at(
         step.place,
         f"{step.address} on {host}, `{step.title}`: {step.undo.message}.",
-        "Look at it with `rarms drift` afterwards.",
+        prose("Look at it with ", DRIFT, " afterwards."),
         address=str(step.address),
     )
 
@@ -143,7 +146,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """The same, as an undo script says it of itself."""
     detail = f"{host}: {lost.rstrip('.')}."
-    return UNDO_PARTIAL.at(None, detail, "Look at it with `rarms drift` afterwards.", address=f"host/{host}")
+    return UNDO_PARTIAL.at(None, detail, prose("Look at it with ", DRIFT, " afterwards."), address=f"host/{host}")
 
 
 def unknown(host: str, plan: str, why: str) -> Diagnostic:
@@ -151,7 +154,7 @@ def unknown(host: str, plan: str, why: str) -> Diagnostic:
     return UNKNOWN.at(
         None,
         f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
-        "Run `rarms apply`: it asks the host's own journal, and finishes what is unfinished.",
+        prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
         address=f"host/{host}",
     )
 
@@ -161,7 +164,7 @@ def no_script(host: str, plan: str) -> Diagnostic:
     return SCRIPT_REFUSED.at(
         None,
         f"Plan {plan} holds no script for {host}.",
-        "Make a new plan: `rarms plan --out FILE`.",
+        _NEW_PLAN,
         address=f"host/{host}",
     )
 
@@ -174,13 +177,13 @@ def script_refused(host: str, event: RunEvent) -> Diagnostic:
         return SCRIPT_REFUSED.at(
             None,
             f"{host}: {event.detail}.",
-            "No step was done. Look with `rarms drift`, then make a new plan.",
+            prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
             address=f"host/{host}",
         )
     return STEP_MOVED.at(
         None,
         f"{event.address} on {host}: {event.detail}.",
-        "Nothing more was changed. Look with `rarms drift`; " + GO_ON,
+        prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=event.address,
     )
 
@@ -191,7 +194,7 @@ def script_failed(host: str, at: str, message: str, code: int) -> Diagnostic:
     return (STEP_FAILED if at else SCRIPT_FAILED).at(
         None,
         f"{location}: {message.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
-        f"Mend that on the host. {GO_ON}",
+        sentences("Mend that on the host.", GO_ON),
         address=at or f"host/{host}",
     )
 
@@ -206,10 +209,6 @@ def differences(live: Readings, expected: Readings) -> str:
         if live.get(name) != expected[name]
     ]
     return ", ".join(changes)
-
-
-def _as_sentence(advice: str) -> str:
-    return f"{advice[:1].upper()}{advice[1:]}."
 
 
 def _format_reading(value: bool | int | str) -> str:

@@ -2,9 +2,15 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol, Self
+from typing import Protocol, Self, TypeAlias
+
+from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, prose
+from rarms_iac.model.output import output
+
+Facts: TypeAlias = Mapping[str, str | int | float | tuple[str, ...]]
+"""The names and numbers behind a message, each under a name of its own."""
 
 
 class Severity(StrEnum):
@@ -68,19 +74,21 @@ class Finding:
         self,
         place: Place | None,
         detail: str,
-        advice: str,
+        advice: Wording,
         *,
         address: str = "",
         related: tuple[Related, ...] = (),
+        values: Facts | None = None,
     ) -> "Diagnostic":
         """One case of this finding: what and why (`detail`), and what to do (`advice`).
 
         Args:
             place: in a manifest; None: it is about a host, a file or a run.
             detail: what is wrong and why, with its numbers; whole sentences.
-            advice: what to do; whole sentences.
+            advice: what to do; whole sentences, with the commands that they recommend.
             address: what it is about, as `policy.accept` names it; empty: nothing that has one.
             related: other places that belong to it.
+            values: the names and numbers of `detail`, for programs; no unit but the one that a name ends with.
 
         Returns:
             The case; nothing is printed.
@@ -90,10 +98,11 @@ class Finding:
             severity=self.severity,
             summary=self.summary,
             detail=detail,
-            advice=advice,
+            advice=prose(advice),
             place=place,
             address=address,
             related=related,
+            values=values or {},
         )
 
 
@@ -105,10 +114,17 @@ class Diagnostic:
     severity: Severity
     summary: str
     detail: str
-    advice: str
+    advice: Prose
     place: Place | None = None
     address: str = ""  # what it is about, as `policy.accept` names it: partition/vision
     related: tuple[Related, ...] = ()
+    values: Facts = field(default_factory=dict, hash=False)
+
+    @property
+    @output
+    def commands(self) -> tuple[RecommendedCommand, ...]:
+        """The commands that it recommends."""
+        return self.advice.commands
 
 
 def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
@@ -169,8 +185,15 @@ def following(shown: Diagnostic, number: int) -> Diagnostic:
     Returns:
         It, without a place and without an address.
     """
-    detail, advice = f"{number:,} more of this kind follow.", "Correct those that are shown."
-    return replace(shown, detail=detail, advice=advice, place=None, address="", related=())
+    return replace(
+        shown,
+        detail=f"{number:,} more of this kind follow.",
+        advice=prose("Correct those that are shown."),
+        values={"more": number},
+        place=None,
+        address="",
+        related=(),
+    )
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed
 from rarms_iac.model.state import PartitionSettings
 
@@ -85,7 +86,7 @@ class Cause:
     address: str  # addresses: partition/vision, host/onboard
     message: str
     code: str = ""  # of the finding that tells it
-    advice: str = ""  # what to do; empty: as the finding always says
+    advice: Wording = ""  # what to do; empty: as the finding always says
 
 
 TOGETHER = "all of these:"

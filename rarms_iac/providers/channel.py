@@ -189,7 +189,7 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
         return Channel(words)
     except OSError as error:
         message = f"{words[0]} cannot be started: {error.strerror or error}"
-        raise HostFailed(host, message, f"install {words[0]}, or mend its rights") from None
+        raise HostFailed(host, message, f"Install {words[0]}, or mend its rights.") from None
 
 
 def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[str], bool]) -> str | None:
@@ -207,7 +207,7 @@ def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[st
     Raises:
         HostFailed: ssh does not get through, or nothing came for `CONNECT_SECONDS`.
     """
-    advice = f"try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`"
+    advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
     try:
         while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
             if is_wanted(line):

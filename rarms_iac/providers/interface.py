@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRun
@@ -18,7 +19,7 @@ from rarms_iac.model.state import State
 class HostError(Exception):
     """Something went wrong at a host; the facts are its attributes."""
 
-    def __init__(self, host: str, message: str, advice: str) -> None:
+    def __init__(self, host: str, message: str, advice: Wording) -> None:
         super().__init__(f"{host}: {message}")
         self.host = host
         self.message = message
@@ -41,7 +42,7 @@ class HostLocked(HostError):
     """Another run holds the host."""
 
     def __init__(self, host: str, owner: str) -> None:
-        super().__init__(host, f"it is held by {owner}", "wait for it, or give --lock-timeout")
+        super().__init__(host, f"it is held by {owner}", "Wait for it, or give --lock-timeout.")
         self.owner = owner
 
 

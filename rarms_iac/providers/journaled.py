@@ -69,7 +69,7 @@ class JournaledHost:
 
     @contextmanager
     def _report_damage(self, path: Path) -> Iterator[None]:
-        advice = f"restore {path} from a copy, or move it away to go on without it"
+        advice = f"Restore {path} from a copy, or move it away to go on without it."
         try:
             yield
         except Damaged as problem:
@@ -89,7 +89,7 @@ class JournaledHost:
             raise HostLocked(self.name, locked.owner) from None
         except OSError as problem:
             raise HostFailed(
-                self.name, f"{path} cannot be written: {problem.strerror or problem}", "make room, or mend its rights"
+                self.name, f"{path} cannot be written: {problem.strerror or problem}", "Make room, or mend its rights."
             ) from None
 
 

@@ -8,7 +8,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from rarms_iac.model.measurement import Bench, SettingEvidence
+from rarms_iac.model.commands import Wording
+from rarms_iac.model.measurement import Bench, Sample, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import State
@@ -22,7 +23,7 @@ class Obstacle:
     """Why a host cannot run a component or a load, and what to do."""
 
     reason: str  # follows its name
-    advice: str
+    advice: Wording
 
 
 NO_RUN = Obstacle("it has no `run`", "Write how it is started.")

@@ -9,6 +9,7 @@ import json
 from dataclasses import replace
 from typing import ClassVar, cast
 
+from rarms_iac.model.commands import PLAN_OUT, Wording, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.version import __version__
@@ -23,6 +24,7 @@ MAX_BYTES = 64 * 2**20
 
 EDITED = Finding.error("RARMS180", "The plan file was edited")
 UNREADABLE = Finding.error("RARMS188", "This is not a plan file")
+PLAN_AGAIN = prose("Make the plan again: ", PLAN_OUT, ".")
 
 
 class PlanFileError(Exception):
@@ -30,7 +32,7 @@ class PlanFileError(Exception):
 
     finding: ClassVar[Finding]
 
-    def __init__(self, message: str, advice: str) -> None:
+    def __init__(self, message: str, advice: Wording) -> None:
         super().__init__(message)
         self.message = message
         self.advice = advice
@@ -122,29 +124,25 @@ def read_plan(data: bytes) -> Plan:
     document = _parsed(data)
     seal = document.pop("seal", None)
     if seal != _seal(document):
-        raise PlanEdited(
-            "its seal does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`"
-        )
+        raise PlanEdited("its seal does not fit its content: it was edited", PLAN_AGAIN)
     if document.get("rarms_version") != __version__:
         raise PlanUnreadable(
             f"rarms {quoted(document.get('rarms_version'))} made it, and this is rarms {__version__}",
-            "Make the plan again with this version of rarms: `rarms plan --out FILE`",
+            prose("Make the plan again with this version of rarms: ", PLAN_OUT, "."),
         )
     try:
         plan = decode(Plan, document)
     except NotDecodable as error:
         raise PlanUnreadable(
-            str(error), "Make the plan again with this version of rarms: `rarms plan --out FILE`"
+            str(error), prose("Make the plan again with this version of rarms: ", PLAN_OUT, ".")
         ) from error
     if plan.id != plan_id(plan):
-        raise PlanEdited(
-            "its id does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`"
-        )
+        raise PlanEdited("its id does not fit its content: it was edited", PLAN_AGAIN)
     return plan
 
 
 def _parsed(data: bytes) -> dict[str, Json]:
-    again = "Give a file that `rarms plan --out FILE` wrote"
+    again = prose("Give a file that ", PLAN_OUT, " wrote.")
     try:
         document = parse_json(data.decode("utf-8-sig"))
     except ValueError as error:
@@ -154,7 +152,7 @@ def _parsed(data: bytes) -> dict[str, Json]:
     if document["format_version"] != FORMAT:
         raise PlanUnreadable(
             f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}",
-            "Make the plan again with this version of rarms: `rarms plan --out FILE`",
+            prose("Make the plan again with this version of rarms: ", PLAN_OUT, "."),
         )
     return document
 

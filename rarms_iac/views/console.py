@@ -10,8 +10,11 @@ import io
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
+
+from rarms_iac.model.commands import Prose, plain_text
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -22,6 +25,9 @@ if TYPE_CHECKING:
 
 Content: TypeAlias = Union["Text", str]
 """Text of one style, or of several; a `str` is made harmless wherever it is shown."""
+
+_MANIFEST = ContextVar("manifest", default="")
+"""What recommended commands end with while something is rendered: ` -f cell`."""
 
 WIDTH = 80
 UNLIMITED = 1_000_000
@@ -98,17 +104,19 @@ def stack(*parts: "RenderableType | None") -> "RenderableType":
     return Group(*(part for part in parts if part is not None))
 
 
-def paragraph(content: Content, *, indent: int = 0, more: int = 0, start: Content = "") -> "RenderableType":
+def paragraph(content: Content | Prose, *, indent: int = 0, more: int = 0, start: Content = "") -> "RenderableType":
     """Running text, wrapped between words; a word longer than a line keeps a line of its own.
 
     Its own line ends stay. The further lines of an item (`- so`) stand below the item's first word.
 
     Args:
-        content: the text.
+        content: the text; commands in it name the manifest that this one was given.
         indent: columns before every line.
         more: further columns before every line but the first.
         start: what stands before the first line; the other lines stand below what follows it.
     """
+    if isinstance(content, Prose):
+        return _Recommendation(content=content, indent=indent, more=more, start=start)
     head = styled(" " * indent, start)
     lines = [_item(line) for line in styled(content).split("\n", allow_blank=True)]
     below = styled(" " * head.cell_len)
@@ -122,30 +130,18 @@ def _item(line: "Text") -> "RenderableType":
     return _HangingIndent(head=line[: marker.end()], more=0, content=line[marker.end() :]) if marker else line
 
 
-def insert(content: "RenderableType", pattern: re.Pattern[str], words: str) -> "RenderableType":
-    """Return the content with these words behind each match of a pattern, in paragraphs and plain text.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Recommendation:
+    """A paragraph with commands, which are written out when it is rendered: only then the manifest's name is known."""
 
-    Args:
-        content: made of `stack`, `paragraph` and `str`; a table stays as it is.
-        pattern: looked for in texts before they are wrapped.
-        words: in the style of what they stand behind.
-    """
-    from rich.console import Group
-    from rich.text import Text
+    content: Prose
+    indent: int
+    more: int
+    start: Content
 
-    match content:
-        case str():
-            return pattern.sub(lambda found: found[0] + words, content)
-        case Text():
-            for found in reversed(list(pattern.finditer(content.plain))):
-                content = content[: found.end()].append(words).append_text(content[found.end() :])
-            return content
-        case _HangingIndent():
-            return replace(content, content=insert(content.content, pattern, words))
-        case Group():
-            return Group(*(insert(part, pattern, words) for part in content.renderables))
-        case _:
-            return content
+    def __rich__(self) -> "RenderableType":
+        text = plain_text(self.content, _MANIFEST.get())
+        return paragraph(text, indent=self.indent, more=self.more, start=self.start)
 
 
 def indented(content: "RenderableType", indent: int) -> "RenderableType":
@@ -256,16 +252,21 @@ class _FittedTable:
         return stack(*parts)
 
 
-def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:
+def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False, manifest: str = "") -> str:
     """Lay the content out as text that ends with a line end, without blanks at line ends.
 
     Args:
         content: a renderable of rich; a `str` is taken as it is, not made harmless.
         width: columns; `UNLIMITED` breaks no line.
         colour: with escape sequences; without, the same text in the same lines.
+        manifest: what recommended commands end with, such as ` -f cell`.
     """
     out = io.StringIO()
-    _console(out, width, terminal=False, colour=colour).print(content, crop=False, end="")
+    token = _MANIFEST.set(manifest)
+    try:
+        _console(out, width, terminal=False, colour=colour).print(content, crop=False, end="")
+    finally:
+        _MANIFEST.reset(token)
     text = out.getvalue().replace(_GLUE, " ")
     return "".join(f"{line.rstrip(' ')}\n" for line in text.removesuffix("\n").split("\n"))
 

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any, assert_never
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
+from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources, count_severities
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.storage.codec import encode_output
 from rarms_iac.views.console import visible
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.common import FindingsOutput
@@ -202,7 +204,9 @@ def _result(diagnostic: Diagnostic, rule: int, *, suppressed: bool) -> dict[str,
         "ruleId": diagnostic.code,
         "ruleIndex": rule,
         "level": LEVELS[diagnostic.severity],
-        "message": {"text": visible(f"{diagnostic.summary}. {diagnostic.detail} {diagnostic.advice}".strip())},
+        "message": {
+            "text": visible(plain_text(sentences(f"{diagnostic.summary}.", diagnostic.detail, diagnostic.advice)))
+        },
     }
     if diagnostic.place is not None:
         result["locations"] = [_location(diagnostic.place)]
@@ -211,8 +215,13 @@ def _result(diagnostic: Diagnostic, rule: int, *, suppressed: bool) -> dict[str,
             {"id": number, **_location(other.place), "message": {"text": visible(other.message)}}
             for number, other in enumerate(diagnostic.related, 1)
         ]
-    if diagnostic.address:
-        result["properties"] = {"address": visible(diagnostic.address)}
+    properties = {
+        "address": visible(diagnostic.address),
+        "values": encode_output(diagnostic.values),
+        "commands": encode_output(diagnostic.commands),
+    }
+    if any(properties.values()):
+        result["properties"] = {name: value for name, value in properties.items() if value}
     if suppressed:
         result["suppressions"] = [{"kind": "inSource", "status": "accepted", "justification": "policy.accept"}]
     return result
@@ -274,7 +283,7 @@ def _case(suite: ET.Element, diagnostic: Diagnostic) -> ET.Element:
 
 def _add_result(case: ET.Element, diagnostic: Diagnostic) -> None:
     location = f"{diagnostic.place}, {diagnostic.place.path}\n" if diagnostic.place else ""
-    text = _xml(f"{location}{diagnostic.detail}\n{diagnostic.advice}")
+    text = _xml(f"{location}{diagnostic.detail}\n{plain_text(diagnostic.advice)}")
     if diagnostic.severity is Severity.ERROR:
         ET.SubElement(case, "failure", type=diagnostic.code, message=_xml(diagnostic.summary)).text = text
     else:
@@ -314,7 +323,7 @@ def _properties(diagnostic: Diagnostic) -> str:
 
 
 def _message(diagnostic: Diagnostic) -> str:
-    return _data("\n".join(part for part in (diagnostic.detail, diagnostic.advice) if part))
+    return _data("\n".join(part for part in (diagnostic.detail, plain_text(diagnostic.advice)) if part))
 
 
 def _data(text: str) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.model.wording import counted
 from rarms_iac.views.console import DIM, ERROR, NOTE, STRONG, WARNING, columns, paragraph, stack, styled, visible
@@ -107,9 +108,9 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
         parts = [*_location(diagnostic), *(f"{other.place}, {other.message}" for other in diagnostic.related)]
-        text = " ".join(part for part in (diagnostic.detail, diagnostic.advice if len(advices) > 1 else "") if part)
-        item = ": ".join(part for part in (visible(", ".join(parts), keep=""), text.replace("\n", "\n  ")) if part)
-        yield paragraph(f"- {item}", indent=INDENT)
+        location = visible(", ".join(parts), keep="")
+        text = sentences(diagnostic.detail, diagnostic.advice if len(advices) > 1 else "")
+        yield paragraph(prose(location, ": " if location and text else "", text), indent=INDENT, start="- ")
     if len(advices) == 1:
         yield from (paragraph(advice, indent=INDENT) for advice in advices if advice)
 

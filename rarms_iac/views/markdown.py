@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 
+from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.wording import counted
 from rarms_iac.views.console import visible
@@ -38,7 +39,7 @@ def finding_parts(findings: Sequence[Diagnostic]) -> Iterator[str]:
 
 def _finding(finding: Diagnostic) -> str:
     place = f" {code(str(finding.place))}" if finding.place else ""
-    detail = safe(" ".join((finding.detail, finding.advice)).strip())
+    detail = safe(plain_text(sentences(finding.detail, finding.advice)))
     return f"- **{finding.severity.value} {finding.code}** {safe(finding.summary)}{place}: {detail}"
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatus
+from rarms_iac.model.commands import sentences
 from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import show_percent, show_processors
 from rarms_iac.model.state import StoppedBy
@@ -40,7 +41,7 @@ def status_text(overview: Overview) -> "RenderableType":
 def _host(host: HostOverview) -> "Iterator[RenderableType]":
     if host.problems:
         yield styled((f"Host {host.name}", STRONG), " could not be looked at:")
-        yield from (paragraph(f"{problem.detail} {problem.advice}", indent=2) for problem in host.problems)
+        yield from (paragraph(sentences(problem.detail, problem.advice), indent=2) for problem in host.problems)
         yield ""
         return
     used = host.reserved_lp + host.unmanaged_lp

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import os
-import re
 import shutil
 import sys
 from collections.abc import Mapping
@@ -11,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
+
+from rarms_iac.model.commands import Wording, plain_text
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -22,11 +23,6 @@ NARROWEST = 40
 WIDEST = 100
 """Longer lines are harder to read, however wide the terminal is."""
 DEFAULT_WIDTH = 80
-
-_RECOMMENDED = re.compile(
-    r"`rarms (?!(?:init|completion|schema|explain|show|fmt)\b|apply [^-`])[a-z]+(?![^`]* -f )[^`]*(?=`)"
-)
-"""A command that a message recommends, where it takes a manifest and names none."""
 
 
 @dataclass(slots=True)
@@ -79,40 +75,32 @@ class Terminal:
 
     def show(self, content: "RenderableType") -> None:
         """Write what a person asked for, laid out for standard output."""
-        from rarms_iac.views.console import UNLIMITED, render
-
-        self.data(render(self._named(content), UNLIMITED if self.piped else self.width, colour=self.colour))
+        self.data(self._render(content, piped=self.piped, colour=self.colour))
 
     def talk(self, content: "RenderableType") -> None:
         """Write what is said beside it, with a line end; a `str` as it is, anything else laid out by rich."""
         self.out = flush_stream(self.out)
         if not isinstance(content, str):
-            from rarms_iac.views.console import UNLIMITED, render
+            self.err = write_text(self.err, self._render(content, piped=self.talk_piped, colour=self.talk_colour))
+        else:
+            self.err = write_text(self.err, content + "\n")
 
-            width = UNLIMITED if self.talk_piped else self.width
-            content = render(self._named(content), width, colour=self.talk_colour).removesuffix("\n")
-        self.err = write_text(self.err, content + "\n")
+    def _render(self, content: "RenderableType", *, piped: bool, colour: bool) -> str:
+        from rarms_iac.views.console import UNLIMITED, render
 
-    def tell(self, text: str) -> None:
+        return render(content, UNLIMITED if piped else self.width, colour=colour, manifest=self.manifest_options)
+
+    def tell(self, text: Wording) -> None:
         """Write sentences beside it, wrapped between words, and show them now; what begins with blanks is an item.
 
         NOTE: without rich, whose import a command with `--json` would wait for.
         """
-        if self.manifest_options:
-            text = _RECOMMENDED.sub(lambda found: found[0] + self.manifest_options, text)
+        text = plain_text(text, self.manifest_options)
         if not self.talk_piped:
             further = " " * (len(text) - len(text.lstrip(" ")) + 2) if text.startswith(" ") else ""
             text = fill(text, self.width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
         self.talk(text)
         self.err = flush_stream(self.err)
-
-    def _named(self, content: "RenderableType") -> "RenderableType":
-        """The content, in which recommended commands name the manifest that this one was given."""
-        if not self.manifest_options:
-            return content
-        from rarms_iac.views.console import insert
-
-        return insert(content, _RECOMMENDED, self.manifest_options)
 
     def live(self) -> "Console":
         """A console on standard error for what is updated in place; only where `lively`."""

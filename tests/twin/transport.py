@@ -26,7 +26,7 @@ class TwinTransport:
     ) -> ScriptExited | ScriptLost:
         """As the protocol says; every line is heard before the script's end is."""
         if self.host is None:
-            raise HostFailed("onboard", "nobody answers", "plug it in")
+            raise HostFailed("onboard", "nobody answers", "Plug it in.")
         put(self.host, {name: text.encode("ascii") for name, text in script.files.items()})
         ran = run(self.host, script.runs, as_json="-AsJson" in arguments, abandon="-Abandon" in arguments)
         for line in (self.before, *ran.lines, self.after):

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Related
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.names import ROBOTIC_TASKS
@@ -30,7 +31,7 @@ class Violation:
 
     path: Path
     detail: str
-    advice: str
+    advice: Wording
     at_key: bool = False  # it points at the key of the path, not at its value
     address: str | None = None  # as `policy.accept` names it; None: the host, component, ... that the path leads into
     related: tuple[tuple[Path, bool, str], ...] = ()  # other paths, whether their key is meant, and a label

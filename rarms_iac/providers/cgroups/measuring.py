@@ -11,6 +11,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from rarms_iac.diff.readings import resolve
+from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.measurement import Bench, SettingEvidence
 from rarms_iac.model.operations import Operation, WriteTaskClass
@@ -131,9 +132,11 @@ class LinuxMeasuringHost(LinuxHostProvider):
         try:
             yield
         except CannotStart as problem:
-            raise HostRefused(self.name, f"{problem}", "try it alone: `rarms run COMPONENT`") from problem
+            raise HostRefused(
+                self.name, f"{problem}", prose("Try it alone: ", command("run", "COMPONENT"), ".")
+            ) from problem
         except RunningError as problem:
-            raise HostFailed(self.name, f"{problem}", "measure again: what is recorded is kept") from problem
+            raise HostFailed(self.name, f"{problem}", "Measure again: what is recorded is kept.") from problem
 
     def _component_runs(self, part: PartitionWork, groups: Mapping[str, str]) -> Iterator[ComponentRun]:
         """Yield the components of a partition. They run until the work ends; the caller judges their failures."""
@@ -158,7 +161,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             raise HostRefused(
                 self.name,
                 message,
-                "somebody changed cpuset.cpus of its group: `rarms plan` shows it, `rarms apply` takes it back",
+                prose("Somebody changed cpuset.cpus of its group: ", PLAN, " shows it, ", APPLY, " takes it back."),
             )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 
@@ -197,7 +200,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         if len(running) != 1:
             message = f"no partition {partition} of {application} runs"
             raise HostRefused(
-                self.name, message, "see what is missing with `rarms plan`, and bring it there with `rarms apply`"
+                self.name, message, prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
             )
         group = definitions[running[0].id].group
         if real_time:
@@ -205,7 +208,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
                 self.tree.allow_real_time(group, running[0].settings.reserve)
             except OSError as problem:
                 message = f"{partition} gets no budget for its task classes: {problem.strerror}"
-                advice = "take real-time budgets (cpu.rt_runtime_us) from other control groups"
+                advice = "Take real-time budgets (cpu.rt_runtime_us) from other control groups."
                 raise HostRefused(self.name, message, advice) from problem
         return group
 
@@ -348,7 +351,7 @@ def _real_time_priority(host: str) -> Iterator[None]:
         raise HostRefused(
             host,
             "rarms may not take a real-time priority, without which the load delays its clock",
-            "run as root; under control groups v1 from a group with a budget (cpu.rt_runtime_us), such as the root",
+            "Run as root; under control groups v1 from a group with a budget (cpu.rt_runtime_us), such as the root.",
         ) from problem
     try:
         yield

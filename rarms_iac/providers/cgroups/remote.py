@@ -93,12 +93,12 @@ class RemoteShell:
         user = self._user(_SAY_USER)
         if user is None:
             message = f"`sh` does not start on {self._target}: {last_of(self._channel.error_lines)}"
-            raise HostFailed(self._host, message, "connect to a Linux host, as a user who may log in there")
+            raise HostFailed(self._host, message, "Connect to a Linux host, as a user who may log in there.")
         # NOTE: one line, because a shell that reads in blocks takes what follows `exec` with it.
         if user != "0" and self._user(f"exec sudo -n sh -c '{_SAY_USER}; exec sh'") != "0":
             message = f"{self._target} is not root there, and `sudo -n sh` is refused: "
             message += last_of(self._channel.error_lines)
-            advice = "connect as root, or let that user run `sudo -n sh` without a password (docs/linux.md)"
+            advice = "Connect as root, or let that user run `sudo -n sh` without a password (docs/linux.md)."
             raise HostFailed(self._host, message, advice)
         self._channel.send(preamble.encode("ascii"))
 
@@ -162,7 +162,7 @@ class RemoteShell:
     def _broken(self, message: str) -> HostFailed:
         self._lost = message
         message = f"the connection to {self._target} broke: {message}".rstrip(".")
-        return HostFailed(self._host, message, "run the same command again once the host is up")
+        return HostFailed(self._host, message, "Run the same command again once the host is up.")
 
 
 def text_of(lines: Sequence[str]) -> str:
@@ -431,7 +431,7 @@ class RemoteLinuxHost(LinuxHostProvider):
 
     def _unreadable(self, message: str) -> HostFailed:
         return HostFailed(
-            self.name, f"what {self._target} shows cannot be read: {message[:300]}", "look at the host by hand"
+            self.name, f"what {self._target} shows cannot be read: {message[:300]}", "Look at the host by hand."
         )
 
     def _here(self, path: Path | PurePosixPath) -> Path:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import APPLY, DOCTOR, PLAN, prose
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host, LinuxHost
@@ -64,8 +65,8 @@ ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did 
 OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that were not stopped with rarms")
 NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 STATE_FOLDER = Path("/var/lib/rarms")
-PLAN_AGAIN = "look at the host again: `rarms plan`"
-ASK_DOCTOR = "see what this kernel lacks: `rarms doctor`"
+PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
+ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
 _DEFINITION_LIMIT = 2**20
 
 
@@ -111,7 +112,7 @@ class LinuxHostProvider(JournaledHost):
                 raise HostRefused(
                     self.name,
                     f"control groups need what is missing here: {'; '.join(found.names)}",
-                    "run as root, with the controllers mounted so that groups can be made (docs/linux.md)",
+                    "Run as root, with the controllers mounted so that groups can be made (docs/linux.md).",
                 )
             self._known_tree = found
         return self._known_tree
@@ -163,8 +164,11 @@ class LinuxHostProvider(JournaledHost):
         if names:
             message = f"{counted(len(names), 'partition')} of {self.name} ran until the machine stopped, or until "
             message += f"the control group was removed: {in_a_row(names)}."
-            advice = "`rarms apply` starts what is off. Have the machine do that at each start (docs/linux.md, "
-            advice += '"After the machine starts").'
+            advice = prose(
+                APPLY,
+                " starts what is off. Have the machine do that at each start (docs/linux.md, "
+                '"After the machine starts").',
+            )
             yield OFF_WITHOUT_STOP.at(None, message, advice, address=f"host/{self.name}")
 
     def _without_withheld_time(self) -> Iterator[Diagnostic]:
@@ -380,7 +384,7 @@ class LinuxHostProvider(JournaledHost):
             raise HostDamaged(
                 self.name,
                 f"others than root may write to {folder}, so rarms does not trust the files in it",
-                f"check the files there, then `chown -R root {folder}` and `chmod 700 {folder}`",
+                f"Check the files there, then `chown -R root {folder}` and `chmod 700 {folder}`.",
             )
 
     def _is_folder_private(self) -> bool:

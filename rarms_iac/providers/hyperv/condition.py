@@ -151,7 +151,7 @@ def unread_error(observation: HostObservation, host: str, *, guest: bool = False
     if not unread or (not guest and rights_of(observation) is Rights.MISSING):
         return None
     message = "not everything could be read: " + "; ".join(f"{title}: {why}" for title, why in unread.items())
-    return HostFailed(host, message, "see to it as an administrator of that Windows, then look again")
+    return HostFailed(host, message, "See to it as an administrator of that Windows, then look again.")
 
 
 NOT_WHOLE = Finding.warning("RARMS161", "A reserve is no whole per cent")

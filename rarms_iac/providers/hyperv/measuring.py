@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from pathlib import Path
 from typing import assert_never
 
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, HypervHost
 from rarms_iac.model.measurement import Bench
@@ -114,7 +115,9 @@ class HypervMeasuringHost(LiveHypervHost):
         if isinstance(subject, Component) and subject.task is not None:
             return Obstacle(
                 f"its guest would know the class {subject.task} only after a restart, which rarms does not do",
-                "Write its `cpu: { reserve: ... }` yourself: `rarms prove` runs it in its own partition.",
+                prose(
+                    "Write its `cpu: { reserve: ... }` yourself: ", command("prove"), " runs it in its own partition."
+                ),
             )
         return self._obstacle_in_guest(subject)
 
@@ -221,13 +224,13 @@ class HypervMeasuringHost(LiveHypervHost):
                     raise self._broken(f"the script was lost: {lost.why}")
         event = read_event(line)
         if event is not None and event.status is EventStatus.REFUSED:
-            raise HostRefused(self.name, event.detail, "mend that, then measure again: what is recorded is kept")
+            raise HostRefused(self.name, event.detail, "Mend that, then measure again: what is recorded is kept.")
         if event is not None and event.kind is EventKind.FAILED:
             raise self._broken(event.detail)
         return line
 
     def _broken(self, message: str) -> HostFailed:
-        return HostFailed(self.name, message, "measure again: what is recorded is kept, and what is there is removed")
+        return HostFailed(self.name, message, "Measure again: what is recorded is kept, and what is there is removed.")
 
     @contextmanager
     def _started(self, script: ScriptBundle, is_ready: Callable[[RunEvent], bool]) -> Iterator[ScriptSession]:
@@ -267,7 +270,7 @@ class HypervMeasuringHost(LiveHypervHost):
         text = render_measuring(self._host, facts, application, machines, works)
         problems = inspect(text, ScriptKind.MEASURE, name)
         if has_errors(problems):
-            raise HostFailed(self.name, f"{name} must not run: {problems[0].detail}", "report this")
+            raise HostFailed(self.name, f"{name} must not run: {problems[0].detail}", "Report this.")
         return ScriptBundle(runs=name, files={name: text.decode("ascii")})
 
     def _machine(self, shape: PartitionShape) -> TestMachine:
@@ -296,13 +299,13 @@ class HypervMeasuringHost(LiveHypervHost):
         works: list[GuestWork] = []
         for part in partitions:
             if not part.partition and (part.components or part.load):
-                raise HostRefused(self.name, "what runs on the host itself cannot be measured", "give it a partition")
+                raise HostRefused(self.name, "what runs on the host itself cannot be measured", "Give it a partition.")
             credential = self._credentials.get(part.partition) or self._settings.credential or ""
             loads = () if part.load is None else (part.load,)
             for subject in (*part.components, *loads):
                 if obstacle := self.obstacle(subject) if shapes else self._obstacle_in_guest(subject):
                     name = subject.name if isinstance(subject, Component) else "the load"
-                    raise HostRefused(self.name, f"{name} cannot run: {obstacle.reason}", obstacle.advice.rstrip("."))
+                    raise HostRefused(self.name, f"{name} cannot run: {obstacle.reason}", obstacle.advice)
             works += (self._component_work(part.partition, credential, component) for component in part.components)
             if part.load is not None:
                 wide = next((shape.processors for shape in shapes if shape.name == part.partition), 1)

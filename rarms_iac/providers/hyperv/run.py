@@ -5,6 +5,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.host import Host
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
@@ -78,7 +79,7 @@ class LiveHypervHost:
         """See the interface."""
         observation = self.observation()
         if is_unread(observation.journal):
-            raise HostFailed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
+            raise HostFailed(self.name, f"{JOURNAL} may not be read", "Connect as a member of its Administrators.")
         match last_run_of(observation):
             case NoJournal():
                 return None
@@ -86,9 +87,9 @@ class LiveHypervHost:
                 return run
             case JournalPlanted(owner=owner):
                 message = f"{JOURNAL} belongs to {owner}, not to Administrators or SYSTEM"
-                raise HostDamaged(self.name, message, "find out who put it there, then remove it")
+                raise HostDamaged(self.name, message, "Find out who put it there, then remove it.")
             case JournalDamaged(message=message):
-                advice = "look at what the last run did, then remove it"
+                advice = "Look at what the last run did, then remove it."
                 raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
 
     def unfinished(self) -> ScriptRun | None:
@@ -121,7 +122,9 @@ class LiveHypervHost:
         except FileNotFoundError:
             return text
         except OSError as error:
-            raise HostFailed(self.name, f"{self._signed / name} cannot be read: {error}", "mend or remove it") from None
+            raise HostFailed(
+                self.name, f"{self._signed / name} cannot be read: {error}", "Mend or remove it."
+            ) from None
         return copy if without_signature(copy) == text else text
 
     def recorded(self) -> bytes:
@@ -150,7 +153,7 @@ class LiveHypervHost:
         match ended:
             case ScriptLost(why=why):
                 raise HostFailed(
-                    self.name, f"it could not be observed: {why}", "look whether it is busy, then try again"
+                    self.name, f"it could not be observed: {why}", "Look whether it is busy, then try again."
                 )
             case ScriptExited(code=0):
                 pass
@@ -165,7 +168,7 @@ class LiveHypervHost:
             raise self._unreadable(str(error)) from None
 
     def _unreadable(self, message: str) -> HostFailed:
-        advice = "run the script there by hand and look: `rarms snapshot --script` writes it"
+        advice = prose("Run the script there by hand and look: ", command("snapshot", script=True), " writes it.")
         return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
 
 

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Protocol
 
+from rarms_iac.model.commands import prose
 from rarms_iac.model.host import Connect
 from rarms_iac.powershell.templates import as_script, read
 from rarms_iac.providers.channel import (
@@ -140,8 +141,13 @@ class LocalTransport:
         raise HostFailed(
             self._host,
             f"{names} is not on this computer, which the manifest says is the host",
-            "say how the host is reached (`connect: {ssh: user@host}`), or plan without it: run the script that "
-            f"`rarms snapshot --script` writes there, then `rarms plan --snapshot {self._host}=FILE`",
+            prose(
+                "Say how the host is reached (`connect: {ssh: user@host}`), or plan without it: run the script that ",
+                command("snapshot", script=True),
+                " writes there, then ",
+                command("plan", snapshot=f"{self._host}=FILE"),
+                ".",
+            ),
         )
 
 
@@ -161,7 +167,7 @@ class SshTransport:
             refusal = _RefusalListener(listener)
             ended = _follow(channel, silence_s, refusal, lambda: channel.send(STOP))
             if isinstance(ended, ScriptExited) and ended.code == FAILED_CODE and refusal.reason:
-                raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "run it again")
+                raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "Run it again.")
             if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
                 return ScriptLost(why=f"the connection broke ({last_of(ended.last_lines)})")
             return ended
@@ -242,7 +248,7 @@ def _ready_channel(host: str, target: str, program: str, words: Sequence[str]) -
             raise HostFailed(
                 host,
                 message + last_of(channel.error_lines),
-                "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
+                "Say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`.",
             )
         yield channel
 

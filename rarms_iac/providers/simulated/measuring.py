@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import assert_never
 
 from rarms_iac.diff.readings import resolve
+from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Bench
 from rarms_iac.model.mmcss import thread_priority
@@ -132,7 +133,11 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             return None
         return Obstacle(
             "it does not say what it demands on a simulated host",
-            "Give it `simulation: { work: 20 ms }`, or measure on a real host: `rarms run COMPONENT` tries it.",
+            prose(
+                "Give it `simulation: { work: 20 ms }`, or measure on a real host: ",
+                command("run", "COMPONENT"),
+                " tries it.",
+            ),
         )
 
     @contextmanager
@@ -173,7 +178,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         partitions = resolve(state.partitions, partition, Scope(application=application, plan=""))
         if len(partitions) != 1 or not partitions[0].settings.running:
             raise HostRefused(
-                self.name, f"no partition {partition} of {application} runs", "`rarms plan` shows what is wanted"
+                self.name, f"no partition {partition} of {application} runs", prose(PLAN, " shows what is wanted.")
             )
         return content.machines[partitions[0].id]
 
@@ -193,7 +198,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             raise HostRefused(
                 self.name,
                 f"{component.name} does not say what it demands on a simulated host",
-                "give it a `simulation`, or measure on a host that runs real components",
+                "Give it a `simulation`, or measure on a host that runs real components.",
             ) from None
 
 

@@ -7,6 +7,7 @@ from typing import TypeVar, assert_never
 from rarms_iac.diff.readings import disk_readings
 from rarms_iac.model import operations
 from rarms_iac.model.changes import RESPONSIVENESS, SLASH, Address
+from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import (
@@ -85,9 +86,11 @@ def refuse_disk_removal(content: Content, operation: operations.RemoveDisk) -> R
     """Why this disk cannot be deleted, None where it can."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
-        return Refusal(message=f"there is no disk {operation.path}", advice="look at the host again: `rarms plan`")
+        return Refusal(
+            message=f"there is no disk {operation.path}", advice=prose("Look at the host again: ", PLAN, ".")
+        )
     if live["used"]:
-        return Refusal(message=f"{operation.path} is in use", advice="remove what has it first")
+        return Refusal(message=f"{operation.path} is in use", advice="Remove what has it first.")
     return None
 
 
@@ -117,9 +120,11 @@ def refuse_task_change(registry: Registry, operation: operations.TaskOperation) 
     match operation:
         case operations.WriteTaskClass(values=wanted):
             problem = _impossible_key(task) or _impossible_values(wanted)
-            return Refusal(message=f"{_described(task)}: {problem}", advice="correct it") if problem else None
+            return Refusal(message=f"{_described(task)}: {problem}", advice="Correct it.") if problem else None
         case operations.RemoveTaskClass() if values is None:
-            return Refusal(message=f"there is no {_described(task)}", advice="look at the host again: `rarms plan`")
+            return Refusal(
+                message=f"there is no {_described(task)}", advice=prose("Look at the host again: ", PLAN, ".")
+            )
         case operations.WriteTaskRecord(record=TaskRecord(application=application)):
             return _refuse_record_of_others(task, record, application)
         case operations.EraseTaskRecord(application=application):
@@ -180,7 +185,7 @@ def _refuse_record_of_others(task: str, record: TaskRecord | None, application: 
         return None
     return Refusal(
         message=f"{_described(task)} belongs to the application {record.application}",
-        advice="take it out of one of the two manifests",
+        advice="Take it out of one of the two manifests.",
     )
 
 

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -85,21 +86,23 @@ class Refusal:
     """Why an operation is refused, and what would help."""
 
     message: str
-    advice: str
+    advice: Wording
 
 
 def refuse_without_rights(facts: HostFacts) -> Refusal:
     """The answer to everything where the rights are missing."""
     return Refusal(
         message=f"access to {facts.computer_name} is denied",
-        advice="run as an administrator of the host (simulated.administrator: true)",
+        advice="Run as an administrator of the host (simulated.administrator: true).",
     )
 
 
 def refuse_creation(operation: CreatePartition, settings: PartitionSettings) -> Refusal | None:
     """Why this machine cannot be made."""
     problem = out_of_range(settings)
-    return Refusal(message=f"{operation.partition} cannot be made: {problem}", advice="correct it") if problem else None
+    return (
+        Refusal(message=f"{operation.partition} cannot be made: {problem}", advice="Correct it.") if problem else None
+    )
 
 
 def refuse_change(
@@ -120,16 +123,16 @@ def refuse_change(
             return _refuse_running(machine, "what the host does with it when it stops")
         case SetSecureBoot() if machine.settings.generation == 1:
             name = machine.settings.name
-            return Refusal(message=f"{name} is of generation 1, which has no secure boot", advice="make it again")
+            return Refusal(message=f"{name} is of generation 1, which has no secure boot", advice="Make it again.")
         case SetSecureBoot():
             return _refuse_running(machine, "secure boot")
         case StartPartition():
             return _refuse_start(machine, content, facts)
         case StopPartition() if machine.state is RunState.BUSY:
-            return Refusal(message=f"{machine.settings.name} is changing its state", advice="try again in a moment")
+            return Refusal(message=f"{machine.settings.name} is changing its state", advice="Try again in a moment.")
         case RemovePartition() if machine.state not in {RunState.OFF, RunState.SAVED}:
             state = f"{machine.settings.name} is {machine.state.value}"
-            return Refusal(message=f"{state}, and only a machine that is off can be removed", advice="stop it first")
+            return Refusal(message=f"{state}, and only a machine that is off can be removed", advice="Stop it first.")
         case _:
             return None
 
@@ -139,13 +142,13 @@ def _refuse_running(machine: SimulatedMachine, setting: str) -> Refusal | None:
         return None
     return Refusal(
         message=f"{machine.settings.name} is {machine.state.value}, and {setting} can only change while it is off",
-        advice="stop it first",
+        advice="Stop it first.",
     )
 
 
 def _refuse_settings(settings: PartitionSettings) -> Refusal | None:
     problem = out_of_range(settings)
-    return Refusal(message=f"{settings.name}: {problem}", advice="correct it") if problem else None
+    return Refusal(message=f"{settings.name}: {problem}", advice="Correct it.") if problem else None
 
 
 def _refuse_memory(
@@ -176,7 +179,7 @@ def _refuse_start(machine: SimulatedMachine, content: Content, facts: HostFacts)
     if machine.state is RunState.RUNNING:
         return None
     if machine.state in {RunState.BUSY, RunState.CRITICAL}:
-        return Refusal(message=f"{machine.settings.name} is {machine.state.value}", advice="look at the host")
+        return Refusal(message=f"{machine.settings.name} is {machine.state.value}", advice="Look at the host.")
     return _refuse_lack_of_memory(machine.settings, machine, content, facts) or _refuse_lack_of_reserve(
         machine, content, facts
     )
@@ -193,7 +196,7 @@ def _refuse_lack_of_memory(
             f"{wanted.name} needs {show_bytes(wanted.memory)}, and of {show_bytes(facts.memory)} "
             f"{show_bytes(max(0, facts.memory - taken))} are free"
         ),
-        advice="stop another machine, or give it less memory",
+        advice="Stop another machine, or give it less memory.",
     )
 
 
@@ -208,7 +211,7 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
                 f"{settings.name} has {settings.processors} virtual processors with a reserve, "
                 f"and there are {facts.logical_processors} logical ones"
             ),
-            advice="give it fewer processors, or no reserve",
+            advice="Give it fewer processors, or no reserve.",
         )
     # Under the core scheduler two threads of a core never run two machines (windows.md 2).
     threads = 2 if facts.smt and facts.scheduler is SchedulerType.CORE else 1
@@ -222,7 +225,7 @@ def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: 
             f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
             f"does not fit {facts.logical_processors} logical processors beside what runs"
         ),
-        advice="lower a reserve, or stop another machine",
+        advice="Lower a reserve, or stop another machine.",
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.host import Fault, FaultEffect, Host
 from rarms_iac.model.operations import CreatePartition, MachineOperation, Operation, RemoveDisk, TaskOperation
 from rarms_iac.model.plan import Readings, Scope
@@ -43,7 +44,7 @@ from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.replace import remove_leftovers
 from rarms_iac.storage.replace import replace as replace_file
 
-PARTITION_AGAIN = "look at the host again: `rarms plan`"
+PARTITION_AGAIN = prose("Look at the host again: ", PLAN, ".")
 
 
 class SimulatedHostProvider(JournaledHost):
@@ -91,12 +92,12 @@ class SimulatedHostProvider(JournaledHost):
         name, effect = fault[0], fault[1].effect
         if effect is FaultEffect.REFUSE:
             self.save(_with_strike(before, name))
-            raise HostRefused(self.name, f"the fault {name} refuses {operation.kind}", "take it out of the manifest")
+            raise HostRefused(self.name, f"the fault {name} refuses {operation.kind}", "Take it out of the manifest.")
         self.save(_with_strike(after, name))
         if effect is FaultEffect.LATE:
             self._sleep(float(fault[1].delay) / 1000)
             return
-        raise HostFailed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
+        raise HostFailed(self.name, f"the fault {name} makes {operation.kind} fail", "Take it out of the manifest.")
 
     def load(self) -> Content:
         """Read what is on the host; an empty machine where there is no file.
@@ -128,7 +129,7 @@ class SimulatedHostProvider(JournaledHost):
             raise HostFailed(
                 self.name,
                 f"{self._path} cannot be written: {problem.strerror or problem}",
-                "make room, or mend its rights",
+                "Make room, or mend its rights.",
             ) from None
         self._last_content = (data, content)
 

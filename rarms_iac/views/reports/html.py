@@ -12,6 +12,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
+from rarms_iac.model.commands import plain_text
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.statistics.errors import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
@@ -70,7 +71,9 @@ def as_html(report: Report) -> bytes:
             ],
             candidates=candidate_rows(report),
             more_candidates=candidates_left_out(report),
-            statuses=[(bool(status.differs), status.host, status_text(status)) for status in report.statuses],
+            statuses=[
+                (bool(status.differs), status.host, plain_text(status_text(status))) for status in report.statuses
+            ],
             reserves=RESERVES,
             errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte

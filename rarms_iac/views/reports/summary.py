@@ -14,6 +14,7 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
+from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
 from rarms_iac.model.indexes import show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_lp_percent, show_percent, show_processors
 from rarms_iac.planner.combining.candidates import Node
@@ -267,17 +268,17 @@ def _compounds(report: Report) -> list[Node]:
     return [node for node in report.candidates if node.parts and node.is_gain]
 
 
-def status_text(status: HostStatus) -> str:
+def status_text(status: HostStatus) -> Wording:
     """Whether what the manifest asks for is on the host, and what brings it there."""
     if not status.is_planned:
-        return "Nothing can be applied as it is: `rarms plan` tells why."
+        return prose("Nothing can be applied as it is: ", PLAN, " tells why.")
     if not status.differs:
         return "Applied: the host is as the manifest wants it."
     addresses_of: dict[str, list[str]] = {}
     for address, message in status.differs:
         addresses_of.setdefault(message, []).append(address)
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
-    return f"{parts[:1].upper()}{parts[1:]}. `rarms plan` shows what is to be done, `rarms apply` does it."
+    return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")
 
 
 def _figure(value: Fraction) -> str:

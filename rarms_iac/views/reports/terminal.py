@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
+from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack, table
@@ -104,7 +105,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     for fit in platform_fits(report):
         yield paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}")
     for host in report.statuses:
-        yield paragraph(f"{host.host}: {status_text(host)}")
+        yield paragraph(prose(f"{host.host}: ", status_text(host)))
     if report.proofs:
         yield ""
         yield "All together, as `rarms prove` measured them last:"

@@ -214,7 +214,7 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
     assert (vision.mark, vision.settings) == (None, was["vision"].settings)
     in_the_way = lab.prepare()
     assert codes(in_the_way.findings) == ["RARMS150", "RARMS014"], "there is no room beside it, and it is why"
-    assert "would fit" not in in_the_way.findings[1].advice
+    assert "would fit" not in str(in_the_way.findings[1].advice)
 
     lab.apply(lab.plan(purpose=Purpose.IMPORT, partition="vision", machine=vision.id))
 
@@ -244,7 +244,7 @@ def test_a_target_that_is_spelt_wrong_gets_the_address_that_is_meant(lab: Lab, t
     (finding,) = lab.prepare(targets=(target,)).findings
 
     assert 'Did you mean "partition/vision"?' in finding.detail
-    assert "`rarms plan --verbose` lists them" in finding.advice
+    assert "`rarms plan --verbose` lists them" in str(finding.advice)
 
 
 def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:

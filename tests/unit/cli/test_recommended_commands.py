@@ -18,6 +18,7 @@ import pytest
 
 import rarms_iac
 from rarms_iac.cli.ending import ExitCode
+from rarms_iac.model import commands
 from rarms_iac.storage.datalog.files import append_setting
 from rarms_iac.storage.datalog.log import Recorded
 from tests.builders_measured import a_series, a_setting
@@ -745,24 +746,23 @@ OTHER_TESTS = {
     "Name the components that matter": "test_of_a_large_page_components_can_be_named",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
-    "see what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
+    "See what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
     "or adopt the right machine with": "tests/system/test_remote_host.py",
-    "Look with `rarms drift`;": "tests/system/test_remote_host.py",  # a script's step failed
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
-    "run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
-    "say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
+    "Run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
+    "Say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
     "(`rarms show --script PLAN --guest {inside}": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
-    "somebody changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
+    "Somebody changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     # On Linux, or at another moment, what a situation says:
-    "see what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
-    "try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
-    "look at the host again: `rarms plan`": "somebody changed a partition",
+    "See what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
+    "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
+    "Look at the host again: `rarms plan`": "somebody changed a partition",
     "`rarms plan` shows what is wanted": "a stopped partition would be proven",
     "Measure the parts again (": "it was measured beside what runs on the host",
     "If it was changing a host, run": "an apply was killed",
@@ -770,6 +770,7 @@ OTHER_TESTS = {
 """The test, the file of tests or the situation that runs what a message recommends, by words of the message."""
 
 NOT_RECOMMENDED = (
+    "`rarms apply` does the plan's steps itself",
     "no run of `rarms tune` that is on record here wrote it",
     "`rarms tune` measured no other compound with it",
     ", as `rarms tune` measured it: ",
@@ -811,23 +812,39 @@ def texts_of(path: Path) -> Iterator[str]:
                 skipped.add(docstring)
             case ast.keyword(arg="help" | "description" | "epilog"):
                 skipped.update(ast.walk(node))
-            case ast.JoinedStr():
+            case ast.JoinedStr() | ast.Call(func=ast.Name(id="prose")):
                 skipped.update(part for part in ast.walk(node) if part is not node)
             case _:
                 continue
     for node in ast.walk(tree):
-        if node not in skipped and isinstance(node, ast.JoinedStr):
-            yield "".join(
-                str(part.value) if isinstance(part, ast.Constant) else ast.unparse(part) for part in node.values
-            )
-        elif node not in skipped and isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value
+        if node not in skipped and isinstance(node, ast.JoinedStr | ast.Constant | ast.Call):
+            yield text_of(node)
+
+
+def text_of(node: ast.AST) -> str:
+    """A text as a reader of the code sees it, its commands written out; empty: it is none."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=parts):
+            return "".join(str(part.value) if isinstance(part, ast.Constant) else ast.unparse(part) for part in parts)
+        case ast.Call(func=ast.Name(id="prose"), args=parts):
+            return "".join(map(text_of, parts))
+        case ast.Name(id=name) if isinstance(known := getattr(commands, name, None), commands.RecommendedCommand):
+            return f"`{known.text}`"
+        case ast.Call(func=ast.Name(id="command"), args=arguments, keywords=options):
+            words = [text_of(argument) or ast.unparse(argument) for argument in arguments]
+            for option in options:
+                words += [f"--{(option.arg or '').strip('_').replace('_', '-')}", text_of(option.value)]
+            return f"`rarms {' '.join(word for word in words if word)}`"
+        case _:
+            return ""
 
 
 def recommending_texts() -> list[str]:
     """The texts of the package that name a command of rarms between backticks."""
     named = re.compile(r"`rarms [a-z]|`\{[^`]*\b(again|origin|_writing)\b[^`]*\}[^`]*`|\} --help`")
-    modules = sorted(Path(rarms_iac.__file__).parent.rglob("*.py"))
+    modules = sorted({*Path(rarms_iac.__file__).parent.rglob("*.py")} - {Path(commands.__file__)})
     return [text for module in modules for text in texts_of(module) if named.search(text)]
 
 

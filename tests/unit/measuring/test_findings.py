@@ -84,7 +84,7 @@ def test_what_more_samples_did_not_resolve_is_not_sent_to_more_samples_again(sam
     [found] = findings_of(EXPERIMENT, NotResolved(reason="within the noise"), settings, FirstLine(""))
 
     assert found.code == "RARMS111"
-    assert advice in found.advice
+    assert advice in str(found.advice)
 
 
 def test_an_index_that_so_few_samples_cannot_bound_is_not_sent_to_another_threshold() -> None:
@@ -95,7 +95,7 @@ def test_an_index_that_so_few_samples_cannot_bound_is_not_sent_to_another_thresh
     [found] = findings_of(experiment, NotResolved(reason="within the noise"), settings, FirstLine(""))
 
     assert found.detail == "vision: within the noise; p99_response_time 32 ms (32 to no bound)."
-    assert found.advice == "That takes more samples: `rarms measure vision --again --samples 2000`."
+    assert str(found.advice) == "That takes more samples: `rarms measure vision --again --samples 2000`."
 
 
 @pytest.mark.parametrize(("samples", "advice"), [(100, "measure longer"), (2000, "look for what grows in vision")])
@@ -108,8 +108,8 @@ def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice
     (less,) = findings_of(experiment, enough, (setting,), FirstLine(""))
     (none,) = findings_of(experiment, nothing, (setting,), FirstLine(""))
 
-    assert advice in less.advice
-    assert ("--samples" in none.advice) == ("--samples" in less.advice) == (samples == 100)
+    assert advice in str(less.advice)
+    assert ("--samples" in str(none.advice)) == ("--samples" in str(less.advice)) == (samples == 100)
 
 
 @pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
@@ -134,4 +134,4 @@ def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() ->
     assert [diagnostic.code for diagnostic in found] == ["RARMS268"]
     assert f"It uses 1 of its {processors} virtual processors at most" in found[0].detail
     assert "0.54 LP with 1" in found[0].detail
-    assert "processors: 1" in found[0].advice
+    assert "processors: 1" in str(found[0].advice)

@@ -143,7 +143,7 @@ def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None
         "seams 1 GiB and motion 512 MiB need 1536 MiB; onboard has 1 GiB to promise. "
         "All three partitions together need 1792 MiB."
     )
-    assert "768 MiB more memory on onboard" in found[0].advice
+    assert "768 MiB more memory on onboard" in str(found[0].advice)
 
 
 def test_what_one_host_cannot_hold_is_spread_over_several() -> None:

@@ -84,7 +84,7 @@ def test_between_two_settings_it_is_looked_up_and_said_so() -> None:
     assert 66 <= reserve <= 68
     assert (diagnostic.code, diagnostic.address) == ("RARMS103", "component/vision")
     assert f"{reserve} % for vision was looked up between 50 % and 70 %" in diagnostic.detail
-    assert "rarms measure vision --verify" in diagnostic.advice
+    assert "rarms measure vision --verify" in str(diagnostic.advice)
 
 
 def test_a_cr_is_of_the_partitions_own_processors() -> None:
@@ -116,7 +116,9 @@ def test_where_no_setting_meets_the_apt_the_answer_is_no(
     assert isinstance(found.answer, Infeasible)
     assert diagnostic.code == "RARMS106"
     assert message in diagnostic.detail
-    assert ("`rarms measure vision`" in diagnostic.advice) is measures_on, "above 100 % there is nothing to measure"
+    assert ("`rarms measure vision`" in str(diagnostic.advice)) is measures_on, (
+        "above 100 % there is nothing to measure"
+    )
 
 
 def test_only_the_thresholds_that_no_setting_meets_are_named() -> None:
@@ -133,7 +135,7 @@ def test_without_a_log_it_says_what_it_was_told() -> None:
     (diagnostic,) = planned(vision(), {("vision",): stale}).findings
     (unknown,) = planned(vision(), {}).findings
 
-    assert (diagnostic.code, diagnostic.detail, diagnostic.advice) == ("RARMS102", "It changed.", "Measure again.")
+    assert (diagnostic.code, diagnostic.detail, str(diagnostic.advice)) == ("RARMS102", "It changed.", "Measure again.")
     assert unknown.code == "RARMS100"
 
 

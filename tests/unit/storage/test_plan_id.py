@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.plan import Plan
 from rarms_iac.storage.plan_file import plan_id, read_plan, write_plan
@@ -18,7 +19,7 @@ def made_from(folder: str) -> Plan:
         severity=Severity.NOTE,
         summary="An interference is not used",
         detail="It is not named.",
-        advice=f"Measure with it: `rarms measure -f {folder or '.'}`.",
+        advice=prose("Measure with it: ", command("measure", f=folder or ".")),
         place=place,
     )
     change = create(partition(settings()), because(file=place.file))

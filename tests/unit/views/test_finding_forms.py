@@ -8,6 +8,7 @@ import jsonschema
 import pytest
 from hypothesis import given
 
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
 from rarms_iac.views.console import render
 from rarms_iac.views.finding_forms import (
@@ -28,8 +29,19 @@ EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservatio
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")
 PLACE = Place(file="manifests/my robot.yaml", line=31, column=5, path="hosts.onboard", length=4)
 ERROR = EXCEEDED.at(
-    PLACE, "It needs 120 %.", "Relax an APT.", address="host/onboard", related=(Related(place=PLACE, message="here"),)
+    PLACE,
+    "It needs 120 %.",
+    prose("Relax an APT: ", command("select", "vision", at="100 ms"), "."),
+    address="host/onboard",
+    related=(Related(place=PLACE, message="here"),),
+    values={"needed_percent": 120},
 )
+COMMAND = {
+    "verb": "select",
+    "arguments": ["vision"],
+    "options": [{"name": "--at", "value": "100 ms"}],
+    "text": "rarms select vision --at '100 ms'",
+}
 WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
 SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
 
@@ -44,7 +56,9 @@ def test_json_is_versioned_and_whole() -> None:
         "severity": "error",
         "summary": "Reservations exceed the platform",
         "detail": "It needs 120 %.",
-        "advice": "Relax an APT.",
+        "advice": "Relax an APT: `rarms select vision --at '100 ms'`.",
+        "values": {"needed_percent": 120},
+        "commands": [COMMAND],
         "address": "host/onboard",
         "place": {"file": "manifests/my robot.yaml", "line": 31, "column": 5, "length": 4, "path": "hosts.onboard"},
         "related": [
@@ -122,7 +136,9 @@ def test_junit_fails_errors_skips_accepted_and_lets_warnings_speak() -> None:
     assert (suite.get("tests"), suite.get("failures"), suite.get("skipped")) == ("3", "1", "1")
     failed, told, skipped = suite
     assert (failed.get("file"), failed.get("line")) == ("manifests/my robot.yaml", "31")
-    assert failed.findtext("failure") == "manifests/my robot.yaml:31:5, hosts.onboard\nIt needs 120 %.\nRelax an APT."
+    where, what, advice = (failed.findtext("failure") or "").splitlines()
+    assert (where, what) == ("manifests/my robot.yaml:31:5, hosts.onboard", "It needs 120 %.")
+    assert advice == "Relax an APT: `rarms select vision --at '100 ms'`."
     assert told.findtext("system-out") == "warning: It stops.\nWait."
     assert skipped.find("skipped") is not None
 

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
 from rarms_iac.views.console import columns, render, visible
 from rarms_iac.views.findings import findings_text, summary
@@ -141,7 +142,7 @@ diagnostics = st.builds(
     severity=st.sampled_from(Severity),
     summary=st.text(st.characters(), max_size=30),
     detail=st.text(st.characters(), max_size=90),
-    advice=st.text(st.characters(), max_size=90),
+    advice=st.builds(prose, st.text(st.characters(), max_size=90)),
     place=st.none()
     | st.builds(
         Place,

@@ -239,7 +239,7 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 
     (offered,) = [diagnostic for diagnostic in planned(a_robot(), logs).findings if diagnostic.code == "RARMS014"]
 
-    pair, more = offered.advice.splitlines()
+    pair, more = str(offered.advice).splitlines()
     assert pair.startswith("Combining may be enough, and `rarms tune` measures it: path and speech together need 38 %")
     assert more.startswith("One more logical processor on onboard, with `processors: 2` for path, speech and vision")
 
@@ -256,7 +256,7 @@ def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_th
     system = replace(system, components={**system.components, "dock": more})
     (offered,) = [diagnostic for diagnostic in planned(system, logs).findings if diagnostic.code == "RARMS014"]
 
-    head, together, *apts = offered.advice.splitlines()[:4]
-    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], offered.advice
+    head, together, *apts = str(offered.advice).splitlines()[:4]
+    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], str(offered.advice)
     assert len(apts) > 1
     assert all(line.startswith("  - ") and LINE.search(line) for line in apts)
