@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.measurement import Bench, Sample, SettingEvidence
+from rarms_iac.model.measurement import Bench, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import State
