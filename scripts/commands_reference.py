@@ -7,8 +7,8 @@ import sys
 
 import click
 
-from rarms_iac.cli.commands.help_commands import all_commands
 from rarms_iac.cli.group import root_group
+from rarms_iac.cli.table import all_commands
 
 WIDTH = 80
 
@@ -36,7 +36,7 @@ def reference() -> str:
     group = root_group()
     top = click.Context(group, info_name="rarms", terminal_width=WIDTH, **group.context_settings)
     parts = [HEAD, _section("rarms", group.get_help(top))]
-    for name, command in all_commands():
+    for name, command in all_commands().items():
         context = click.Context(command, info_name=name, parent=top, terminal_width=WIDTH)
         parts.append(_section(f"rarms {name}", command.get_help(context)))
     return "\n".join(parts)

@@ -1,17 +1,14 @@
 """Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
 import sys
-from typing import Literal
 
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.files import write_plan_file
-from rarms_iac.app.hosts import Hosts, select_hosts
-from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.planning import PlanRequest, refuse_unknown_partitions
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.planning import plan as make_plan
-from rarms_iac.app.requests import HostSelection, ManifestSource, RunOptions
-from rarms_iac.applying.requested_changes import StopScope
+from rarms_iac.app.requests import RunOptions
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
@@ -26,10 +23,7 @@ from rarms_iac.views.run import run_json, run_text
 
 def show_plan(session: Session, plan: Plan, sources: Sources | None = None, *, verbose: bool = False) -> None:
     """Show a plan as text, or as JSON for a program."""
-    if session.as_json:
-        session.terminal.data(plan_json(plan))
-    else:
-        session.terminal.show(plan_text(plan, sources=sources, verbose=verbose))
+    session.answer(lambda: plan_json(plan), lambda: plan_text(plan, sources=sources, verbose=verbose))
 
 
 def write_and_advise(session: Session, path: str, plan: Plan) -> None:
@@ -75,21 +69,6 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
 
 def _writing(purpose: Purpose) -> str:
     return "rarms plan" if purpose is Purpose.APPLY else f"rarms {purpose.value}"
-
-
-def stop_or_start(
-    session: Session,
-    source: ManifestSource,
-    host_selection: HostSelection,
-    purpose: Literal[Purpose.STOP, Purpose.START],
-    partitions: tuple[str, ...],
-    how: RunOptions,
-) -> ExitCode:
-    """Plan, show, ask, and stop or start these partitions; none named: all of the application."""
-    hosts = select_hosts(load_manifest(source), host_selection)
-    refuse_unknown_partitions(hosts, partitions)
-    request = PlanRequest(purpose=purpose, stop_scope=StopScope(partitions=partitions))
-    return plan_ask_apply(session, hosts, request, how)
 
 
 def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:

@@ -93,10 +93,7 @@ def _path(error: click.UsageError) -> str:
 
 
 def _tell(
-    session: Session,
-    code: ExitCode,
-    diagnostics: Sequence[Diagnostic],
-    sources: "Sources | None" = None,
+    session: Session, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: "Sources | None" = None
 ) -> ExitCode:
     from rarms_iac.cli.messages import tell
 

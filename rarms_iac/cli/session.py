@@ -2,11 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import click
 
 from rarms_iac.cli.ending import Interrupts
 from rarms_iac.views.terminal import Terminal
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 @dataclass(slots=True, kw_only=True)
@@ -18,6 +22,13 @@ class Session:
     command: str = ""  # its name, as soon as it runs
     as_json: bool = False  # a program reads standard output: an early end is told there, too
     answer_follows: bool = False  # a run that is done is not the command's answer: what follows it is
+
+    def answer(self, as_json: Callable[[], str], as_text: Callable[[], "RenderableType"]) -> None:
+        """Write the command's answer for a program, or for a person."""
+        if self.as_json:
+            self.terminal.data(as_json())
+        else:
+            self.terminal.show(as_text())
 
 
 def common_options() -> list[click.Parameter]:

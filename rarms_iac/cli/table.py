@@ -58,3 +58,8 @@ def load_command(name: str) -> click.Command:
     module = next((module for module, names in _TOGETHER.items() if name in names), f"{name}_command")
     command: click.Command = getattr(import_module(f"rarms_iac.cli.commands.{module}"), f"{name}_command")
     return command
+
+
+def all_commands() -> dict[str, click.Command]:
+    """Every command by its name, in the table's order. Imports them all."""
+    return {name: load_command(name) for name in COMMANDS}

@@ -30,7 +30,6 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
-from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.run import undo_text
 
@@ -61,12 +60,16 @@ def apply_command(
     """
     session.answer_follows = options.proving
     if options.plan_file is not None:
-        _refuse_beside_a_plan(options.abandoning or host_selection.hosts or limits.targets or limits.max_disruption)
+        if options.abandoning or host_selection.hosts or limits.targets or limits.max_disruption:
+            raise RequestError(
+                "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon."
+            )
         plan = read_plan_file(options.plan_file)
         manifest_source = source if _is_named() else manifest_of(plan, source)
         if changed := describe_changed_manifest(plan, manifest_source):
             session.terminal.tell(f"note: {changed}")
-        code = _apply_plan(session, plan, source, how)
+        folder = folder_of(source.manifest) if _is_named() else None
+        code = report_end(session, run(session, plan, folder, how))
         if not options.proving:
             return code
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
@@ -97,24 +100,12 @@ def _then_prove(
     return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms))
 
 
-def _refuse_beside_a_plan(option: object) -> None:
-    if option:
-        raise RequestError(
-            "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon."
-        )
-
-
 def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> ExitCode:
     reports = abandon_runs(live, waits=how.waits)
     for name, report in reports.items():
         if report.ending is RunEnding.DONE:
             session.terminal.talk(f"{name}: the unfinished run is closed, and the host stays as it is.")
     return report_end(session, combine_reports(list(reports.values())))
-
-
-def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions) -> ExitCode:
-    folder = folder_of(source.manifest) if _is_named() else None
-    return report_end(session, run(session, plan, folder, how))
 
 
 def _is_named() -> bool:

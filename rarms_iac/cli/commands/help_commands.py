@@ -1,10 +1,7 @@
 """What helps to use rarms: `rarms explain`, `schema` and `completion`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
-
-import click
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import argument, flag
@@ -12,9 +9,7 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.completion import completion_script
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.group import root_group
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.table import COMMANDS
 from rarms_iac.storage.finding_pages import code_of, finding_page, is_code
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.views.explain import page_text, unknown_code
@@ -59,10 +54,10 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     manifest = load_manifest(source)
     explained = explain_component(manifest, name)
     tell(session.terminal, explained.errors, manifest.sources)
-    if session.as_json:
-        session.terminal.data(explanation_json(explained.explanation))
-    else:
-        session.terminal.show(explanation_text(explained.explanation, without_errors=bool(explained.errors)))
+    session.answer(
+        lambda: explanation_json(explained.explanation),
+        lambda: explanation_text(explained.explanation, without_errors=bool(explained.errors)),
+    )
     return ExitCode.DONE if explained.fits else ExitCode.NO
 
 
@@ -79,10 +74,7 @@ def _finding(session: Session, finding: str) -> ExitCode:
     page = finding_page(code)
     if page is None:
         raise RequestError(unknown_code(finding))
-    if session.as_json:
-        session.terminal.data(json_of(ExplanationOutput(subject=code, page=page)))
-    else:
-        session.terminal.show(page_text(page))
+    session.answer(lambda: json_of(ExplanationOutput(subject=code, page=page)), lambda: page_text(page))
     return ExitCode.DONE
 
 
@@ -122,13 +114,3 @@ def completion_command(session: Session, options: CompletionOptions) -> ExitCode
     """
     session.terminal.data(completion_script(options.shell))
     return ExitCode.DONE
-
-
-def all_commands() -> Iterator[tuple[str, click.Command]]:
-    """Every command with its name, in the table's order. Imports them all."""
-    group = root_group()
-    context = click.Context(group, info_name="rarms")
-    for name in COMMANDS:
-        command = group.get_command(context, name)
-        assert command is not None, f"the table names {name}, and there is no such command"
-        yield name, command

@@ -52,10 +52,7 @@ def status_command(session: Session, source: ManifestSource, host_selection: Sna
     `rarms` alone, in a folder with a manifest, does the same.
     """
     overview = overview_of(select_hosts(load_manifest(source), host_selection))
-    if session.as_json:
-        session.terminal.data(json_of(overview))
-    else:
-        session.terminal.show(status_text(overview))
+    session.answer(lambda: json_of(overview), lambda: status_text(overview))
     return ExitCode.DONE
 
 
@@ -64,10 +61,7 @@ def history_command(session: Session, source: ManifestSource, host_selection: Ho
     """Show what was applied to the hosts by whom, when and with which plan, and what was undone. Only reads."""
     hosts = select_hosts(load_manifest(source), host_selection)
     history = history_of_hosts(hosts)
-    if session.as_json:
-        session.terminal.data(json_of(history))
-    else:
-        session.terminal.show(history_text(history))
+    session.answer(lambda: json_of(history), lambda: history_text(history))
     return ExitCode.DONE
 
 
@@ -79,10 +73,7 @@ def drift_command(session: Session, source: ManifestSource, host_selection: Snap
     """
     hosts = select_hosts(load_manifest(source), host_selection)
     report = look_for_drift(hosts)
-    if session.as_json:
-        session.terminal.data(json_of(report))
-    else:
-        session.terminal.show(drift_text(report))
+    session.answer(lambda: json_of(report), lambda: drift_text(report))
     for host, plan in report.unfinished.items():
         session.terminal.tell(
             f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as changed."
@@ -114,8 +105,7 @@ def snapshot_command(
     out = options.out
     if options.script:
         return _script(session, out)
-    manifest = load_manifest(source)
-    hosts = select_hosts(manifest, host_selection)
+    hosts = select_hosts(load_manifest(source), host_selection)
     several = len(hosts.chosen) != 1
     if several and (out is None or Path(out).is_file()):
         raise RequestError(f"There are {len(hosts.chosen)} hosts: name one with --host, or a folder with --out.")

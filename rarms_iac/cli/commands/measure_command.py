@@ -106,10 +106,10 @@ def measure_command(
         consents_to_fewer = always_narrows if write_processors else _asking(session)
         outcome = narrow(hosts, request, outcome, measured_again, consents_to_fewer, reporter)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
-    if session.as_json:
-        session.terminal.data(measure_json(outcome.results, outcome.findings, outcome.not_begun))
-    else:
-        session.terminal.show(summary_text(outcome.results, outcome.not_begun, outcome.fixed))
+    session.answer(
+        lambda: measure_json(outcome.results, outcome.findings, outcome.not_begun),
+        lambda: summary_text(outcome.results, outcome.not_begun, outcome.fixed),
+    )
     if options.interactive and not (outcome.stopped or outcome.ended or has_errors(outcome.findings)):
         further = TuneRequest(samples=request.samples, on_busy_host=request.on_busy_host)
         return _combine(session, current(), further, consents)

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, option
-from rarms_iac.app.planning import PlanRequest, hosts_with_machine, hosts_with_partition
+from rarms_iac.app.planning import PlanRequest, hosts_with_machine, hosts_with_partition, refuse_unknown_partitions
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, PlanRunOptions, PlanTargets
-from rarms_iac.cli.applying import plan_ask_apply, stop_or_start
+from rarms_iac.applying.requested_changes import StopScope
+from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
@@ -30,7 +31,8 @@ def stop_command(
     Plan, show, ask, and do it. Each one's mark says that it was stopped: it is no drift, and no plan starts it. What is
     set of it stays, and so does what the host promises it.
     """
-    return stop_or_start(session, source, host_selection, Purpose.STOP, which.partitions, how)
+    hosts = select_hosts(load_manifest(source), host_selection)
+    return plan_ask_apply(session, hosts, _request(hosts, Purpose.STOP, which), how)
 
 
 @rarms_command("start")
@@ -41,7 +43,13 @@ def start_command(
 
     Plan, show, ask, and do it. A PARTITION that is named starts also where somebody else stopped it.
     """
-    return stop_or_start(session, source, host_selection, Purpose.START, which.partitions, how)
+    hosts = select_hosts(load_manifest(source), host_selection)
+    return plan_ask_apply(session, hosts, _request(hosts, Purpose.START, which), how)
+
+
+def _request(hosts: Hosts, purpose: Purpose, which: Partitions) -> PlanRequest:
+    refuse_unknown_partitions(hosts, which.partitions)
+    return PlanRequest(purpose=purpose, stop_scope=StopScope(partitions=which.partitions))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,8 +77,7 @@ def destroy_command(
     Disks are kept. With --remove-disks those go that rarms made: they grow out of an image, lie where rarms puts
     them, and no other machine, disk or checkpoint needs them. What was on them is lost.
     """
-    manifest = load_manifest(source)
-    hosts = select_hosts(manifest, host_selection)
+    hosts = select_hosts(load_manifest(source), host_selection)
     request = PlanRequest(
         purpose=Purpose.DESTROY, limits=PlanLimits(targets=options.targets), remove_disks=options.remove_disks
     )
@@ -93,32 +100,22 @@ class ImportOptions(PartitionName):
 
 @rarms_command("import")
 def import_command(
-    session: Session,
-    options: ImportOptions,
-    source: ManifestSource,
-    host_selection: HostSelection,
-    how: PlanRunOptions,
+    session: Session, options: ImportOptions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
     """Make the machine with this id the manifest's PARTITION: it gets a mark, and nothing else changes.
 
     The next plan then shows what the manifest wants to be different about it.
     """
-    manifest = load_manifest(source)
-    hosts = hosts_with_machine(select_hosts(manifest, host_selection), options.machine)
+    hosts = hosts_with_machine(select_hosts(load_manifest(source), host_selection), options.machine)
     request = PlanRequest(purpose=Purpose.IMPORT, partition=options.partition, machine=options.machine)
     return plan_ask_apply(session, hosts, request, how)
 
 
 @rarms_command("release")
 def release_command(
-    session: Session,
-    name: PartitionName,
-    source: ManifestSource,
-    host_selection: HostSelection,
-    how: PlanRunOptions,
+    session: Session, name: PartitionName, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
     """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
-    manifest = load_manifest(source)
-    hosts = hosts_with_partition(select_hosts(manifest, host_selection), name.partition)
+    hosts = hosts_with_partition(select_hosts(load_manifest(source), host_selection), name.partition)
     request = PlanRequest(purpose=Purpose.RELEASE, partition=name.partition)
     return plan_ask_apply(session, hosts, request, how)

@@ -91,9 +91,7 @@ def _plan(plan_file: str | None, source: ManifestSource, host_selection: Snapsho
     from rarms_iac.app.planning import PlanRequest
     from rarms_iac.app.planning import plan as make_plan
 
-    manifest = load_manifest(source)
-    hosts = select_hosts(manifest, host_selection)
-    return make_plan(hosts, PlanRequest())
+    return make_plan(select_hosts(load_manifest(source), host_selection), PlanRequest())
 
 
 def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options: ShowOptions) -> ExitCode:
@@ -108,13 +106,14 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
             session.terminal.talk(sentence)
         return ExitCode.DONE
     inspect_scripts(selected)
-    if options.against is not None:
+    against = options.against
+    if against is not None:
         script = only_script(selected, "--against")
-        difference = compare_with_file(options.against, script)
-        if session.as_json:
-            session.terminal.data(difference_json(difference, options.against, script.name))
-        else:
-            session.terminal.show(difference_text(difference, options.against, script.name))
+        difference = compare_with_file(against, script)
+        session.answer(
+            lambda: difference_json(difference, against, script.name),
+            lambda: difference_text(difference, against, script.name),
+        )
         return ExitCode.DONE
     if session.as_json:
         session.terminal.data(scripts_json(plan.id, selected))

@@ -26,11 +26,7 @@ class TuneOptions(StopOptions):
 
 @rarms_command("tune")
 def tune_command(
-    session: Session,
-    source: ManifestSource,
-    host_selection: HostSelection,
-    request: TuneRequest,
-    options: TuneOptions,
+    session: Session, source: ManifestSource, host_selection: HostSelection, request: TuneRequest, options: TuneOptions
 ) -> ExitCode:
     """Find components that can share a partition and reserve less together, and write that into the manifest.
 

@@ -20,9 +20,9 @@ from rarms_iac.app.requests import (
 )
 from rarms_iac.app.run_component import RunRequest
 from rarms_iac.cli.command import parameters_of, request_of
-from rarms_iac.cli.commands.help_commands import all_commands
 from rarms_iac.cli.options import OutputOptions, StopOptions
 from rarms_iac.cli.session import Session
+from rarms_iac.cli.table import all_commands
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.terminal import this_terminal
 
@@ -54,7 +54,9 @@ def test_the_manifest_is_the_one_here_unless_an_option_or_the_environment_says_o
 
 
 def test_a_day_is_asked_for_only_where_it_counts() -> None:
-    with_day = {name for name, command in all_commands() if any("--today" in option.opts for option in command.params)}
+    with_day = {
+        name for name, command in all_commands().items() if any("--today" in option.opts for option in command.params)
+    }
 
     assert with_day == {"validate", "plan", "apply"}
     assert "No such option" in str(read_by(ManifestSource, "--today", DAY.isoformat()))
@@ -126,13 +128,13 @@ def test_partitions_are_not_stopped_where_the_host_may_be_busy() -> None:
 
 @pytest.mark.parametrize("name", ["apply", "undo", "destroy", "import", "release", "stop", "start", "measure", "tune"])
 def test_the_flag_is_the_same_everywhere(name: str) -> None:
-    command = dict(all_commands())[name]
+    command = all_commands()[name]
 
     assert any("--auto-approve" in option.opts for option in command.params)
 
 
 def test_no_command_has_an_option_twice() -> None:
-    for name, command in all_commands():
+    for name, command in all_commands().items():
         given = [word for option in command.params for word in (option.name, *option.opts) if word]
         named = [word for word in given if word.startswith("-")]
         assert len(named) == len(set(named)), name
