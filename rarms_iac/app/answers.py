@@ -2,6 +2,25 @@
 
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.drift import DriftReport
+from rarms_iac.app.graph import CandidateGraph, LayoutGraph
+from rarms_iac.app.guide import GuideFacts
+from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
+from rarms_iac.app.select import Selection
 from rarms_iac.app.status import History, Overview
+from rarms_iac.model.diagnostics import Findings
+from rarms_iac.storage.finding_pages import FindingPage
 
-Answer = DriftReport | Examinations | History | Overview
+Answer = (
+    CandidateGraph
+    | DriftReport
+    | Examinations
+    | FindingPage
+    | Findings
+    | FormattedManifests
+    | GuideFacts
+    | History
+    | LayoutGraph
+    | Overview
+    | Selection
+    | WrittenFiles
+)

@@ -1,14 +1,16 @@
 """The data of `rarms graph`: the layout as the manifest alone places it, and the candidate graph."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.model.host import Host
+from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import PartitionRequest, System, Threshold
@@ -24,14 +26,64 @@ from rarms_iac.statistics.curves import Curve, components_not_shown
 from rarms_iac.storage.datalog.files import log_path
 
 
-def layout_of_manifest(manifest: Manifest) -> Layout:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentNode:
+    """A component in the picture of a layout."""
+
+    name: str
+    criticality: int
+    task: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionNode:
+    """A partition in the picture of a layout, with what runs in it."""
+
+    name: str
+    reserve: int  # whole per cent of each of its processors
+    reserved_lp: Fraction
+    memory: int  # bytes
+    components: tuple[ComponentNode, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostNode:
+    """A host in the picture of a layout, with what lies in it."""
+
+    name: str
+    provider: ProviderKind
+    host_lp: int
+    memory: int  # bytes
+    partitions: tuple[PartitionNode, ...]
+    components: tuple[ComponentNode, ...]  # those that run on the host itself
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutGraph:
+    """Which component runs in which partition on which host."""
+
+    kind: Literal["graph"] = "graph"
+    application: str
+    hosts: tuple[HostNode, ...]  # by name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateGraph:
+    """Components that could share a partition, parts before what consists of them."""
+
+    kind: Literal["candidates"] = "candidates"
+    application: str
+    candidates: tuple[Node, ...]
+
+
+def graph_of_manifest(manifest: Manifest) -> LayoutGraph:
     """Place all components as the manifest and its data logs alone say; no host is looked at.
 
     Args:
         manifest: with its data logs beside it.
 
     Returns:
-        A layout on all hosts.
+        All hosts, with the partitions in the layout's order.
 
     Raises:
         UseCaseError: There is no layout (negative).
@@ -40,10 +92,52 @@ def layout_of_manifest(manifest: Manifest) -> Layout:
     planning = plan_layout(manifest.system, reservations, {}, manifest.places)
     if not isinstance(planning.answer, Layout):
         raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
-    return planning.answer
+    return graph_of_layout(manifest.system, planning.answer)
 
 
-def candidate_nodes(manifest: Manifest, *, predict: bool) -> tuple[Node, ...]:
+def graph_of_layout(system: System, layout: Layout) -> LayoutGraph:
+    """Arrange a layout by hosts.
+
+    Args:
+        system: of the manifest.
+        layout: of its partitions.
+
+    Returns:
+        All hosts, also those that get nothing.
+    """
+
+    def nodes(names: Iterable[str]) -> tuple[ComponentNode, ...]:
+        components = (system.components[name] for name in names)
+        return tuple(
+            ComponentNode(name=component.name, criticality=component.criticality, task=component.task)
+            for component in components
+        )
+
+    hosts = tuple(
+        HostNode(
+            name=host.name,
+            provider=host.provider,
+            host_lp=host.logical_processors,
+            memory=host.memory,
+            partitions=tuple(
+                PartitionNode(
+                    name=partition.name,
+                    reserve=partition.settings.reserve,
+                    reserved_lp=partition.reserved,
+                    memory=partition.settings.memory,
+                    components=nodes(partition.components),
+                )
+                for partition in layout.partitions
+                if partition.host == host.name
+            ),
+            components=nodes(component for component, on in layout.on_hosts if on == host.name),
+        )
+        for _, host in sorted(system.hosts.items())
+    )
+    return LayoutGraph(application=system.application.name, hosts=hosts)
+
+
+def candidate_graph(manifest: Manifest, *, predict: bool) -> CandidateGraph:
     """Return the candidate graph: every compound of the partitions whose reservations rest on data logs.
 
     Args:
@@ -52,16 +146,15 @@ def candidate_nodes(manifest: Manifest, *, predict: bool) -> tuple[Node, ...]:
             everything else.
 
     Returns:
-        Nodes, parts before what consists of them.
+        The CoIs and their compounds.
 
     Raises:
         UseCaseError: A reservation is not known, or no host may have them all (negative).
     """
     candidates, guide = _candidates(manifest)
-    if not predict:
-        return nodes_of(candidates, {})
-    predicted = {mask: reserve for mask in candidates.by_mask if (reserve := guide.predicted(mask)) is not None}
-    return nodes_of(candidates, predicted)
+    masks = candidates.by_mask if predict else ()
+    predicted = {mask: reserve for mask in masks if (reserve := guide.predicted(mask)) is not None}
+    return CandidateGraph(application=manifest.system.application.name, candidates=nodes_of(candidates, predicted))
 
 
 def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:

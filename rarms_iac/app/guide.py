@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import describe_apt
@@ -26,6 +27,7 @@ from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_val
 class GuideFacts:
     """The values to set by hand for one component."""
 
+    kind: Literal["guide"] = "guide"
     component: str
     partition: str
     beside: tuple[str, ...]  # other components of the partition
@@ -35,7 +37,7 @@ class GuideFacts:
     limit: int
     weight: int
     processors: int  # virtual
-    host_processors: int
+    host_lp: int
     memory_mib: int
     task: str | None
     task_values: tuple[str, ...]  # `Priority = 5 (DWORD)`
@@ -104,7 +106,7 @@ def _facts(
         limit=placed.settings.limit,
         weight=placed.settings.weight,
         processors=placed.settings.processors,
-        host_processors=host.logical_processors,
+        host_lp=host.logical_processors,
         memory_mib=placed.settings.memory // 2**20,
         task=component.task,
         task_values=(),

@@ -5,6 +5,7 @@ from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, conflict_finding
 from rarms_iac.app.files import make_folder, write_file
@@ -15,6 +16,7 @@ from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import WINDOWS_DEVICES, is_name
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import read_file
 from rarms_iac.storage.shipped import shipped_text
@@ -62,22 +64,39 @@ _BLANK_BYTES = 4096
 class FormattedManifest:
     """A manifest's or an overlay's text, before and in its canonical form."""
 
-    path: str
+    path: Internal[str]
     file: str  # as messages name it
-    before: bytes
-    after: str
+    before: Internal[bytes]
+    after: Internal[str]
 
     @property
+    @output
     def changed(self) -> bool:
         """Whether it was not in the canonical form; a byte order mark or CRLF counts too."""
         return self.before != self.after.encode()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormattedManifests:
+    """Files that were looked at for their form."""
+
+    kind: Literal["fmt"] = "fmt"
+    files: tuple[FormattedManifest, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenFiles:
+    """The manifest that was written first, and its schema."""
+
+    kind: Literal["written"] = "written"
+    files: tuple[str, ...]  # the manifest first
 
 
 SCHEMA_NAME = "rarms.schema.json"
 """The file beside a manifest that its first line names: what an editor checks it against, also without a network."""
 
 
-def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool = False) -> tuple[str, ...]:
+def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool = False) -> WrittenFiles:
     """Write a commented manifest that validates and plans as it is, with its schema; return both paths.
 
     A blank file gives way to the manifest, and an earlier schema to this version's.
@@ -106,7 +125,7 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
     schema = path.with_name(SCHEMA_NAME)
     write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())
     write_file(str(schema), shipped_text("schemas/manifest.json").encode())
-    return path.as_posix(), schema.as_posix()
+    return WrittenFiles(files=(path.as_posix(), schema.as_posix()))
 
 
 def _is_blank(path: Path) -> bool:
@@ -116,7 +135,7 @@ def _is_blank(path: Path) -> bool:
     return not read_file(path, _BLANK_BYTES).strip()
 
 
-def format_manifests(paths: Sequence[str]) -> tuple[FormattedManifest, ...]:
+def format_manifests(paths: Sequence[str]) -> FormattedManifests:
     """The canonical form of manifests and overlays, comments kept. Writes nothing.
 
     Args:
@@ -142,7 +161,7 @@ def format_manifests(paths: Sequence[str]) -> tuple[FormattedManifest, ...]:
         formatted.append(FormattedManifest(path=path, file=tree.source.file, before=_as_stored(tree), after=after))
     if problems:
         raise UseCaseError(Outcome.NEGATIVE, problems, sources)
-    return tuple(formatted)
+    return FormattedManifests(files=tuple(formatted))
 
 
 def _as_stored(parsed: ParsedText) -> bytes:

@@ -9,7 +9,7 @@ from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
-from rarms_iac.app.graph import candidate_nodes
+from rarms_iac.app.graph import candidate_graph
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import log_errors
@@ -91,7 +91,7 @@ def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[LogBes
 
 def _candidates(manifest: Manifest) -> tuple[Node, ...]:
     try:
-        return candidate_nodes(manifest, predict=False)
+        return candidate_graph(manifest, predict=False).candidates
     except UseCaseError:
         return ()
 

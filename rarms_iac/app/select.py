@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil, floor, isfinite
+from typing import Literal
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_choices
@@ -17,7 +18,9 @@ from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, plain
+from rarms_iac.model.outcomes import Estimate
+from rarms_iac.model.output import output
+from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.findings import NOT_MET
@@ -25,7 +28,7 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size
-from rarms_iac.statistics.curves import Curve
+from rarms_iac.statistics.curves import Curve, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,9 +40,15 @@ class SelectedLevel:
     reserve: int  # whole per cent of each virtual processor
     processors: int  # virtual ones
     host: str  # the first of the platform
-    host_processors: int
+    host_lp: int  # LPs that it has
     interpolated: bool
-    expected: tuple[float, float, float] | None  # the index there, and its band; None: not measured there
+    expected: Estimate | Point | None  # the index there, and its band; None: not measured there
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction:
+        """What the partition is guaranteed, in LPs."""
+        return guaranteed(self.reserve, self.processors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,22 +56,26 @@ class HostHeadroom:
     """What a host has left, once every partition has its reservation; less than nothing: it does not fit."""
 
     host: str
-    processors: Fraction
-    host_processors: int
+    headroom_lp: Fraction
+    host_lp: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
     """A level that was chosen, and what follows."""
 
+    kind: Literal["selection"] = "selection"
     component: str
     index: str
+    unit: str  # of the levels
     before: Threshold | None
     after: Threshold
     levels: tuple[SelectedLevel, ...]  # by platform
     rests_on_a_log: bool  # else the manifest fixes the reserve
     headrooms: tuple[HostHeadroom, ...]  # none where there is no layout
     why_no_headroom: str
+    findings: tuple[Diagnostic, ...]
+    file: str = ""  # of the manifest, with the level; empty: nothing was written
 
 
 class BeyondMeasured(UseCaseError):
@@ -148,15 +161,6 @@ class SelectRequest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SelectOutcome:
-    """What follows from a level, and where it stands now."""
-
-    selection: Selection
-    findings: tuple[Diagnostic, ...]
-    file: str  # of the manifest, with the level; empty: nothing was written
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Choice:
     """A level of one index of one component."""
 
@@ -166,7 +170,7 @@ class _Choice:
     threshold: Threshold
 
 
-def select_level(manifest: Manifest, request: SelectRequest) -> SelectOutcome:
+def select_level(manifest: Manifest, request: SelectRequest) -> Selection:
     """Choose the performance that is good enough for a component, and write it into the manifest as its APT.
 
     Comments of the manifest stay; what an overlay says is changed there. The reservation that follows is recorded in
@@ -188,13 +192,13 @@ def select_level(manifest: Manifest, request: SelectRequest) -> SelectOutcome:
     choice = _choice_of(manifest.system, request.component, request.level, request.index)
     measurements = measurements_of(manifest)
     changed = replace(measurements, system=_with_level(manifest.system, choice))
-    selection, findings = _selection(manifest, changed, choice)
+    selection = _selection(manifest, changed, choice)
     if request.dry_run:
-        return SelectOutcome(selection=selection, findings=findings, file="")
+        return selection
     component = choice.component
     file = write_level(manifest, component, choice.index, choice.text)
     record_choices(changed, (component.name,))
-    return SelectOutcome(selection=selection, findings=findings, file=file)
+    return replace(selection, file=file)
 
 
 def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:
@@ -234,7 +238,7 @@ def _fits(index: PerformanceIndex, at: str) -> bool:
     return True
 
 
-def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tuple[Selection, tuple[Diagnostic, ...]]:
+def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Selection:
     """Work out what follows from the choice; `changed`: the measurements with the level in the manifest."""
     system, name = changed.system, choice.component.name
     reservations = measured_reservations(changed, {})
@@ -252,17 +256,18 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tu
             if any(finding.code == NOT_MET.code for finding in findings) and log.measured[-1] < _limit(log, host):
                 raise BeyondMeasured(problem, log.measured[-1] + 1, _limit(log, host))
         raise problem
-    selection = Selection(
+    return Selection(
         component=name,
         index=choice.index.name,
+        unit=choice.index.symbol,
         before=choice.component.apt.get(choice.index.name),
         after=choice.threshold,
         levels=levels,
         rests_on_a_log=group is not None and rests_on_a_log(group),
         headrooms=_headrooms(planning, system),
         why_no_headroom=_why_no_layout(planning),
+        findings=() if has_errors(planning.findings) else planning.findings,
     )
-    return selection, () if has_errors(planning.findings) else planning.findings
 
 
 def _logs(group: Group, system: System, reservations: MeasuredReservations) -> Iterator[tuple[Host, MeasuredTogether]]:
@@ -312,23 +317,18 @@ def _levels(
         if not isinstance(sized, PlacedPartition) or isinstance(log, NotMeasured):
             continue
         least = reservations.least(group.members, host)
+        curve = log.curves(choice.component.name, choice.index.name)
         levels[host.platform] = SelectedLevel(
             platform=host.platform,
             partition=group.name,
             reserve=sized.settings.reserve,
             processors=sized.settings.processors,
             host=host.name,
-            host_processors=host.logical_processors,
+            host_lp=host.logical_processors,
             interpolated=least is not None and least.interpolated,
-            expected=_expected(log, choice, sized.settings.reserve),
+            expected=curve.estimate_at(sized.settings.reserve) or curve.value_at(sized.settings.reserve),
         )
     return tuple(levels.values())
-
-
-def _expected(log: MeasuredTogether, choice: _Choice, reserve: int) -> tuple[float, float, float] | None:
-    curve = log.curves(choice.component.name, choice.index.name)
-    point = curve.estimate_at(reserve) or curve.value_at(reserve)
-    return None if point is None else (point.value, point.lower, point.upper)
 
 
 def _headrooms(planning: Planning, system: System) -> tuple[HostHeadroom, ...]:
@@ -337,11 +337,11 @@ def _headrooms(planning: Planning, system: System) -> tuple[HostHeadroom, ...]:
     return tuple(
         HostHeadroom(
             host=name,
-            processors=capacity_of(host, None).processors
+            headroom_lp=capacity_of(host, None).processors
             - sum(
                 (partition.reserved for partition in planning.answer.partitions if partition.host == name), Fraction(0)
             ),
-            host_processors=host.logical_processors,
+            host_lp=host.logical_processors,
         )
         for name, host in sorted(system.hosts.items())
     )

@@ -105,10 +105,10 @@ def _tell(
 def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic]) -> None:
     """Why there is no answer, for who asked for one in JSON; an answer that is there already stays the only one."""
     if session.as_json and not session.terminal.answered:
-        from rarms_iac.model.diagnostics import in_order
-        from rarms_iac.views.finding_forms import findings_json
+        from rarms_iac.model.diagnostics import Findings, in_order
+        from rarms_iac.views.json_output import json_of
 
-        session.terminal.data(findings_json(in_order(tuple(diagnostics))))
+        session.terminal.data(json_of(Findings(findings=in_order(tuple(diagnostics)))))
 
 
 def _trace(terminal: Terminal) -> None:

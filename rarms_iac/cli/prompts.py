@@ -12,7 +12,7 @@ from rarms_iac.app.experiments.stopping import StopConsent, always_consents, nev
 from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.select import BeyondMeasured, SelectOutcome
+from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
@@ -64,12 +64,12 @@ class TerminalLevelPrompt:
         """Read a line; the input's end is an empty one."""
         return read_answer(self._session, questions.level_question(component))
 
-    def confirms(self, proposed: SelectOutcome) -> bool:
+    def confirms(self, proposed: Selection) -> bool:
         """Show what would follow, and ask."""
-        self._terminal.talk(selection_text(proposed.selection))
+        self._terminal.talk(selection_text(proposed))
         return ask_yes_or_no(self._session, questions.WRITE_LEVEL)
 
-    def refines(self, written: SelectOutcome) -> bool:
+    def refines(self, written: Selection) -> bool:
         """Ask, naming the reservations that were not measured themselves."""
         return ask_yes_or_no(self._session, questions.refine_question(written))
 
@@ -84,7 +84,7 @@ class TerminalLevelPrompt:
         else:
             tell(self._terminal, problem.diagnostics, problem.sources)
 
-    def written(self, outcome: SelectOutcome) -> None:
+    def written(self, outcome: Selection) -> None:
         """Say where it was written."""
         self._terminal.talk(f"Written to {Path(outcome.file).as_posix()}.")
 

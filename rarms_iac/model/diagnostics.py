@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol, Self, TypeAlias
+from typing import Literal, Protocol, Self, TypeAlias
 
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, prose
 from rarms_iac.model.output import output
@@ -221,6 +221,21 @@ def count_severities(diagnostics: Sequence[Diagnostic]) -> dict[str, int]:
         f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
         for severity in Severity
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """What a command found, and what the policy accepts of it: its answer where it has no other."""
+
+    kind: Literal["findings"] = "findings"
+    findings: tuple[Diagnostic, ...]
+    accepted: tuple[Diagnostic, ...] = ()
+
+    @property
+    @output
+    def counts(self) -> Mapping[str, int]:
+        """How many findings there are of each severity."""
+        return count_severities(self.findings)
 
 
 class Places(Protocol):

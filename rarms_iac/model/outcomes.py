@@ -6,6 +6,7 @@ conclusion, and views and program output show all of them.
 
 from dataclasses import dataclass
 
+from rarms_iac.model.output import OpenBound
 from rarms_iac.model.system import Threshold
 
 
@@ -17,8 +18,10 @@ class Estimate:
     """
 
     value: float
-    lower: float  # the truth is rarely below, by the error that was asked for; -inf: samples say nothing of this side
-    upper: float  # likewise above; inf: likewise
+    lower: (
+        OpenBound  # the truth is rarely below, by the error that was asked for; -inf: samples say nothing of this side
+    )
+    upper: OpenBound  # likewise above; inf: likewise
     samples: int  # those that the value is made of
     effective_samples: float  # how many independent samples they are worth; at most `samples`
     beyond: float | None = None  # of an extreme: the share of jobs, in per cent, that may yet lie beyond it

@@ -11,6 +11,7 @@ from enum import StrEnum
 from fractions import Fraction
 
 from rarms_iac.model.host import Connect, Host, Mechanism
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
 from rarms_iac.model.run import SIMULATED_ONLY, Run
 
@@ -85,14 +86,26 @@ class Application:
 class AtMost:
     """The index must not be larger: response times, jitter, miss rates."""
 
-    value: Fraction  # in the index's own unit
+    value: Internal[Fraction]  # in the index's own unit
+
+    @property
+    @output
+    def at_most(self) -> Fraction:
+        """The bound."""
+        return self.value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtLeast:
     """The index must not be smaller: success rates, throughput."""
 
-    value: Fraction
+    value: Internal[Fraction]
+
+    @property
+    @output
+    def at_least(self) -> Fraction:
+        """The bound."""
+        return self.value
 
 
 Threshold = AtMost | AtLeast

@@ -14,6 +14,7 @@ from math import ceil, floor, inf, isfinite
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.model.output import OpenBound
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
@@ -27,8 +28,8 @@ class Point:
 
     reserve: float  # CR, 1..100 per cent of the partition's own VPs
     value: float
-    lower: float
-    upper: float
+    lower: OpenBound
+    upper: OpenBound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

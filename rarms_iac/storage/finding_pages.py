@@ -1,5 +1,8 @@
 """The pages of the findings, which are shipped: which codes there are, and what each page says of its severity."""
 
+from dataclasses import dataclass
+from typing import Literal
+
 from rarms_iac.storage.shipped import shipped, shipped_text
 
 FOLDER = "docs/findings"
@@ -8,6 +11,15 @@ FOLDER = "docs/findings"
 def known_codes() -> tuple[str, ...]:
     """Return the code of every finding there is, sorted: each has a page."""
     return tuple(sorted(page.stem for page in shipped(FOLDER).glob("RARMS*.md")))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindingPage:
+    """What a finding means and how to mend it."""
+
+    kind: Literal["explanation"] = "explanation"
+    subject: str  # its code
+    page: str  # Markdown
 
 
 def finding_page(code: str) -> str | None:

@@ -170,7 +170,7 @@ def _linux(facts: GuideFacts) -> Iterator[str]:
     yield "   `cgroup.subtree_control`."
     yield f"2. Memory: `echo {facts.memory_mib}M > {group}/memory.max`."
     yield f"3. A reservation is a share under load: among all groups that compete, give this one {share} of"
-    yield f"   {100 * facts.host_processors} parts: `echo {max(1, share)} > {group}/cpu.weight`, each other likewise."
+    yield f"   {100 * facts.host_lp} parts: `echo {max(1, share)} > {group}/cpu.weight`, each other likewise."
     if facts.limit < 100:
         period = _period_us(facts.shortest_ms)
         quota = period * facts.limit * facts.processors // 100

@@ -15,13 +15,12 @@ from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
 from rarms_iac.model.commands import plain_text, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources, count_severities
+from rarms_iac.model.diagnostics import Diagnostic, Findings, Place, Severity, Sources
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.storage.codec import encode_output
 from rarms_iac.views.console import visible
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.common import FindingsOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -94,7 +93,7 @@ def findings_as(
 
             return findings_text(diagnostics, sources, accepted=accepted)
         case OutputFormat.JSON:
-            return findings_json(diagnostics, accepted=accepted)
+            return json_of(Findings(findings=tuple(diagnostics), accepted=tuple(accepted)))
         case OutputFormat.SARIF:
             from rarms_iac.storage.finding_pages import finding_page
 
@@ -133,17 +132,6 @@ def in_repository(diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
             related=tuple(replace(other, place=moved(other.place)) for other in diagnostic.related),
         )
         for diagnostic in diagnostics
-    )
-
-
-def findings_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
-    """One versioned document."""
-    return json_of(
-        FindingsOutput(
-            findings=tuple(diagnostics),
-            accepted=tuple(accepted),
-            counts=count_severities(diagnostics),
-        )
     )
 
 

@@ -9,7 +9,7 @@ from rarms_iac.app.experiments.combining import CombiningOffer
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.experiments.narrowing import Narrowing
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.select import BeyondMeasured, SelectOutcome
+from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.model.quantities import show_lp_percent, show_processors
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
@@ -46,9 +46,9 @@ def level_question(component: str) -> Question:
     )
 
 
-def refine_question(written: SelectOutcome) -> Question:
+def refine_question(written: Selection) -> Question:
     """Whether to measure the reservations that were looked up between measured ones."""
-    reserves = sorted({level.reserve for level in written.selection.levels if level.interpolated})
+    reserves = sorted({level.reserve for level in written.levels if level.interpolated})
     named = in_a_row([f"{reserve} %" for reserve in reserves])
     return Question(
         text=f"{named} lies between measured settings. Measure there?",

@@ -71,7 +71,7 @@ def an_editor() -> Iterator[Editor]:
 
 
 def test_an_editor_finds_nothing_wrong_with_what_init_writes_and_says_what_a_quantity_lacks(tmp_path: Path) -> None:
-    file = Path(write_first_manifest(str(tmp_path))[0])
+    file = Path(write_first_manifest(str(tmp_path)).files[0])
     text = file.read_text(encoding="utf-8")
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text(

@@ -10,7 +10,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.report_model import Report
-from rarms_iac.app.select import BeyondMeasured, SelectOutcome, SelectRequest, select_level
+from rarms_iac.app.select import BeyondMeasured, Selection, SelectRequest, select_level
 from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.outcomes import Stopped, Swept
@@ -47,7 +47,7 @@ class LevelPrompt(Protocol):
         """
         ...
 
-    def confirms(self, proposed: SelectOutcome) -> bool:
+    def confirms(self, proposed: Selection) -> bool:
         """Show what would follow from the level, and tell whether it is written into the manifest.
 
         Args:
@@ -58,7 +58,7 @@ class LevelPrompt(Protocol):
         """
         ...
 
-    def refines(self, written: SelectOutcome) -> bool:
+    def refines(self, written: Selection) -> bool:
         """Tell whether to measure the reservation that follows, as it lies between measured settings.
 
         Args:
@@ -88,7 +88,7 @@ class LevelPrompt(Protocol):
         """
         ...
 
-    def written(self, outcome: SelectOutcome) -> None:
+    def written(self, outcome: Selection) -> None:
         """Tell what follows from the level, which now stands in the manifest.
 
         Args:
@@ -166,15 +166,15 @@ def _request_of(component: str, level: str) -> SelectRequest:
     return SelectRequest(component=component, level=level)
 
 
-def _selected(hosts: Hosts, request: SelectRequest, prompt: LevelPrompt) -> SelectOutcome | None:
+def _selected(hosts: Hosts, request: SelectRequest, prompt: LevelPrompt) -> Selection | None:
     """The level as it was written, once it was shown and confirmed; None: it was not wanted."""
     manifest = load_manifest(hosts.manifest.source)
     proposed = select_level(manifest, replace(request, dry_run=True))
     return select_level(manifest, request) if prompt.confirms(proposed) else None
 
 
-def _is_interpolated(outcome: SelectOutcome) -> bool:
-    return any(level.interpolated for level in outcome.selection.levels)
+def _is_interpolated(outcome: Selection) -> bool:
+    return any(level.interpolated for level in outcome.levels)
 
 
 def _beside_new_thresholds(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:

@@ -17,8 +17,9 @@ from rarms_iac.cli.prompts import refuse_standard_input
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter, ran_json
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.prove import ProofProgress, proof_text, prove_json
-from rarms_iac.views.select import selection_json, selection_text
+from rarms_iac.views.select import selection_text
 
 
 @rarms_command("select")
@@ -32,13 +33,13 @@ def select_command(session: Session, request: SelectRequest, source: ManifestSou
     if not request.dry_run:
         refuse_standard_input(source)
     manifest = load_manifest(source)
-    outcome = select_level(manifest, request)
+    selection = select_level(manifest, request)
     if session.as_json:
-        session.terminal.data(selection_json(outcome.selection, outcome.file, written=not request.dry_run))
+        session.terminal.data(json_of(selection))
         return ExitCode.DONE
-    session.terminal.show(selection_text(outcome.selection))
-    tell(session.terminal, outcome.findings, manifest.sources)
-    session.terminal.talk("Nothing was written." if request.dry_run else f"Written to {outcome.file}.")
+    session.terminal.show(selection_text(selection))
+    tell(session.terminal, selection.findings, manifest.sources)
+    session.terminal.talk(f"Written to {selection.file}." if selection.file else "Nothing was written.")
     return ExitCode.DONE
 
 

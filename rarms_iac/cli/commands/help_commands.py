@@ -10,11 +10,10 @@ from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.completion import completion_script
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
-from rarms_iac.storage.finding_pages import code_of, finding_page, is_code
+from rarms_iac.storage.finding_pages import FindingPage, code_of, finding_page, is_code
 from rarms_iac.storage.shipped import shipped_text
 from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.common import ExplanationOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +36,7 @@ def explain_command(session: Session, options: ExplainOptions, source: ManifestS
     """
     subject = options.subject
     if options.guide:
-        text = _guide(source, subject)
-        session.terminal.data(json_of(ExplanationOutput(subject=subject, page=text)) if session.as_json else text)
+        session.terminal.data(_guide(session, source, subject))
         return ExitCode.DONE
     if is_code(subject):
         return _finding(session, subject)
@@ -61,12 +59,13 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     return ExitCode.DONE if explained.fits else ExitCode.NO
 
 
-def _guide(source: ManifestSource, name: str) -> str:
+def _guide(session: Session, source: ManifestSource, name: str) -> str:
     from rarms_iac.app.guide import guide_facts
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.views.explain import guide
 
-    return guide(guide_facts(load_manifest(source), name))
+    facts = guide_facts(load_manifest(source), name)
+    return json_of(facts) if session.as_json else guide(facts)
 
 
 def _finding(session: Session, finding: str) -> ExitCode:
@@ -74,7 +73,7 @@ def _finding(session: Session, finding: str) -> ExitCode:
     page = finding_page(code)
     if page is None:
         raise RequestError(unknown_code(finding))
-    session.answer(lambda: json_of(ExplanationOutput(subject=code, page=page)), lambda: page_text(page))
+    session.answer(lambda: json_of(FindingPage(subject=code, page=page)), lambda: page_text(page))
     return ExitCode.DONE
 
 

@@ -17,7 +17,6 @@ from rarms_iac.manifest.edit.formatting import diff_text
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.finding_forms import findings_as
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.common import FmtOutput, FormattedFileOutput, WrittenOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +35,11 @@ def init_command(session: Session, options: InitOptions) -> ExitCode:
     It describes two components on a simulated host, which needs nothing installed. A FOLDER that is not
     there is made; a manifest that is there stays. rarms.schema.json beside it is what editors check it against.
     """
-    paths = write_first_manifest(options.folder, options.name, tutorial=options.tutorial)
+    written = write_first_manifest(options.folder, options.name, tutorial=options.tutorial)
     if session.as_json:
-        session.terminal.data(json_of(WrittenOutput(files=paths)))
+        session.terminal.data(json_of(written))
     else:
-        session.terminal.talk(f"Wrote {paths[0]}, and {paths[1]} for your editor.")
+        session.terminal.talk(f"Wrote {written.files[0]}, and {written.files[1]} for your editor.")
         session.terminal.tell("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
     return ExitCode.DONE
 
@@ -88,15 +87,14 @@ def fmt_command(session: Session, options: FmtOptions) -> ExitCode:
     output; without, it is the one that --manifest names. What a manifest means never changes.
     """
     formatted = format_manifests(options.files or (options.manifest,))
-    changed = [file for file in formatted if file.changed]
+    changed = [file for file in formatted.files if file.changed]
     if options.diff:
         for file in changed:
             session.terminal.data(diff_text(file.before.decode("utf-8", "replace"), file.after, file.file))
     if not (options.check or options.diff):
-        _write(session, formatted)
+        _write(session, formatted.files)
     if session.as_json:
-        outputs = tuple(FormattedFileOutput(file=file.file, changed=file.changed) for file in formatted)
-        session.terminal.data(json_of(FmtOutput(files=outputs)))
+        session.terminal.data(json_of(formatted))
     elif not options.diff:
         for file in changed:
             if file.path != STANDARD_INPUT:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import write_file
-from rarms_iac.app.graph import candidate_nodes, layout_of_manifest
+from rarms_iac.app.graph import candidate_graph, graph_of_manifest
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.report import report_of_manifest
@@ -15,7 +15,8 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.wording import quoted
-from rarms_iac.views.graph import candidates_json, candidates_text, graph_json, graph_nodes, graph_text
+from rarms_iac.views.graph import candidates_text, graph_text
+from rarms_iac.views.json_output import json_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,14 +35,12 @@ def graph_command(session: Session, source: ManifestSource, options: GraphOption
     The picture is in Mermaid, which GitHub and GitLab draw in a page or a pull request.
     """
     manifest = load_manifest(source)
-    name = manifest.system.application.name
     if options.candidates:
-        nodes = candidate_nodes(manifest, predict=True)
-        text = candidates_json(name, nodes) if session.as_json else candidates_text(name, nodes)
+        compounds = candidate_graph(manifest, predict=True)
+        session.terminal.data(json_of(compounds) if session.as_json else candidates_text(compounds))
     else:
-        placed = graph_nodes(manifest.system, layout_of_manifest(manifest))
-        text = graph_json(name, placed) if session.as_json else graph_text(name, placed)
-    session.terminal.data(text)
+        graph = graph_of_manifest(manifest)
+        session.terminal.data(json_of(graph) if session.as_json else graph_text(graph))
     return ExitCode.DONE
 
 

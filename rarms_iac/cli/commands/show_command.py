@@ -22,10 +22,10 @@ from rarms_iac.app.scripts import (
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
-from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.diagnostics import Findings, has_errors
 from rarms_iac.model.plan import Plan
-from rarms_iac.views.finding_forms import findings_json
 from rarms_iac.views.findings import findings_text
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.scripts import difference_json, difference_text, left_out, script_text, scripts_json
 
 
@@ -137,7 +137,7 @@ def _check(session: Session, path: str) -> ExitCode:
     """What is wrong with a script that somebody edited; nothing else is looked at."""
     text, findings = check_script(path)
     if session.as_json:
-        session.terminal.data(findings_json(findings))
+        session.terminal.data(json_of(Findings(findings=tuple(findings))))
     elif findings:
         session.terminal.show(findings_text(findings, {path: text}))
     else:

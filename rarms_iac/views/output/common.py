@@ -3,11 +3,8 @@
 `schemas/output.json` says what that text looks like.
 """
 
-from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from typing import TYPE_CHECKING, Literal, TypeVar
-
-from rarms_iac.model.diagnostics import Diagnostic
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -37,46 +34,3 @@ def output_of(cls: type[T], source: object, **different: object) -> T:
         if field.default is MISSING and field.name not in different
     }
     return cls(**values, **different)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FindingsOutput(Output):
-    """`rarms validate`, and any command that ends before it has an answer of its own."""
-
-    kind: Literal["findings"] = "findings"
-    findings: tuple[Diagnostic, ...]
-    accepted: tuple[Diagnostic, ...]
-    counts: Mapping[str, int]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FormattedFileOutput:
-    """A file that `rarms fmt` looked at."""
-
-    file: str
-    changed: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FmtOutput(Output):
-    """`rarms fmt`."""
-
-    kind: Literal["fmt"] = "fmt"
-    files: tuple[FormattedFileOutput, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenOutput(Output):
-    """`rarms init`, `snapshot`: files that were written."""
-
-    kind: Literal["written"] = "written"
-    files: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplanationOutput(Output):
-    """`rarms explain`: a page in Markdown."""
-
-    kind: Literal["explanation"] = "explanation"
-    subject: str
-    page: str

@@ -152,49 +152,6 @@ class ComponentExplanationOutput(Output):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LevelOutput:
-    """What a partition gets on a platform, in per cent of each of its processors; the index there with its band."""
-
-    platform: str
-    host: str  # the first of the platform
-    host_processors: int  # LPs
-    partition: str
-    reserve: int
-    processors: int
-    reserved_processors: float  # LPs
-    interpolated: bool
-    value: float | None
-    lower: float | None
-    upper: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeadroomOutput:
-    """What a host has left, in logical processors."""
-
-    host: str
-    processors: float
-    host_processors: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SelectionOutput(Output):
-    """`rarms select`: an APT that was chosen, in the index's own unit (ms, %, /s), and what follows from it."""
-
-    kind: Literal["selection"] = "selection"
-    component: str
-    index: str
-    unit: str
-    before: float | None
-    after: float
-    file: str
-    written: bool
-    levels: tuple[LevelOutput, ...]
-    headrooms: tuple[HeadroomOutput, ...]
-    fits: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportPointOutput:
     """An index at a setting. `error`: how probably the verdict is wrong."""
 

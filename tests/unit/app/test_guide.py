@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 from tests.unit.app.test_data_logs import MEANS, edit, here, measure
@@ -29,9 +30,11 @@ def test_the_guide_says_what_to_set_where_and_in_which_order(here: Path) -> None
 def test_a_fixed_reserve_and_a_limit_have_a_guide_too(here: Path) -> None:
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 40 %, limit: 50 % }\n")
 
-    answer = rarms("explain", "vision", "--guide", "--json", "-f", str(here))
+    answer = rarms("explain", "vision", "--guide", "-f", str(here))
+    facts = rarms("explain", "vision", "--guide", "--json", "-f", str(here)).out
 
-    check(answer.out)
+    check(facts)
+    assert (json.loads(facts)["reserve"], json.loads(facts)["limit"]) == (40, 50)
     assert "as the manifest fixes it" in answer.out
     assert "echo '10000 10000'" in answer.out, "half of two processors in each period of a tenth of 100 ms"
     assert "nothing is to be set" in answer.out

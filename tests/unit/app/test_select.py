@@ -99,14 +99,15 @@ def test_programs_read_the_same(here: Path) -> None:
 
     check(answer.out)
     document = json.loads(answer.out)
-    assert (document["kind"], document["before"], document["after"], document["written"]) == (
+    assert (document["kind"], document["before"], document["after"], document["unit"]) == (
         "selection",
-        100.0,
-        110.0,
-        True,
+        {"at_most": 100.0},
+        {"at_most": 110.0},
+        "ms",
     )
+    assert document["file"]
     assert document["levels"][0]["reserve"] == 61
-    assert document["headrooms"] == [{"host": "onboard", "processors": 0.78, "host_processors": 2}]
+    assert document["headrooms"] == [{"host": "onboard", "headroom_lp": 0.78, "host_lp": 2}]
 
 
 def test_an_overlay_that_says_the_level_is_what_is_changed(here: Path) -> None:

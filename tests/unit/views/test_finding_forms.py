@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Findings, Place, Related, Severity
 from rarms_iac.views.console import render
 from rarms_iac.views.finding_forms import (
     BadOutput,
@@ -20,9 +20,9 @@ from rarms_iac.views.finding_forms import (
     as_sarif,
     file_uri,
     findings_as,
-    findings_json,
     parse_outputs,
 )
+from rarms_iac.views.json_output import json_of
 from tests.unit.views.test_findings import diagnostics
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
@@ -47,7 +47,7 @@ SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.
 
 
 def test_json_is_versioned_and_whole() -> None:
-    document = json.loads(findings_json([ERROR, WARNING], accepted=[WARNING]))
+    document = json.loads(json_of(Findings(findings=(ERROR, WARNING), accepted=(WARNING,))))
 
     assert document["format_version"] == "rarms-output/3"
     assert document["counts"] == {"errors": 1, "warnings": 1, "notes": 0}
@@ -173,7 +173,7 @@ def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
 
 @given(diagnostics)
 def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
-    assert json.loads(findings_json([diagnostic]))["findings"][0]["code"] == diagnostic.code
+    assert json.loads(json_of(Findings(findings=(diagnostic,))))["findings"][0]["code"] == diagnostic.code
     assert (
         json.loads(as_sarif([diagnostic], page=lambda _code: None))["runs"][0]["results"][0]["ruleId"]
         == diagnostic.code
@@ -183,7 +183,7 @@ def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
     assert commands.count("\n") == 1
     assert re.match(r"::(error|warning|notice) ", commands)
     for text in (
-        findings_json([diagnostic]),
+        json_of(Findings(findings=(diagnostic,))),
         as_sarif([diagnostic], page=lambda _code: None),
         as_junit([diagnostic]),
         commands,

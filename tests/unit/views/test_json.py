@@ -4,9 +4,9 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from rarms_iac.storage.finding_pages import FindingPage
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.common import ExplanationOutput
 from rarms_iac.views.plan_json import plan_json
 from scripts.output_schema import output_schema
 from tests.builders_plan import a_rich_plan, create, host_plan, plan, task
@@ -57,7 +57,7 @@ def test_registry_values_say_their_type() -> None:
 
 
 def test_a_lone_surrogate_does_not_make_invalid_json() -> None:
-    text = json_of(ExplanationOutput(subject="\ud800", page=""))
+    text = json_of(FindingPage(subject="\ud800", page=""))
 
     assert json.loads(text)["subject"] == "?"
     assert text.isascii()

@@ -5,6 +5,7 @@ from dataclasses import replace
 from rich.console import Console
 
 from rarms_iac.app.drift import DriftReport, HostDrift
+from rarms_iac.app.graph import graph_of_layout
 from rarms_iac.applying.refusals import UNDO_PARTIAL
 from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
@@ -14,7 +15,7 @@ from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, Totals, UndoLevel
 from rarms_iac.views.console import live_console, render
-from rarms_iac.views.graph import graph_json, graph_nodes, graph_text, mermaid_quoted
+from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.hosts import drift_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
@@ -192,13 +193,13 @@ def a_layout() -> Layout:
 
 
 def test_a_graph_nests_hosts_partitions_and_components() -> None:
-    nodes = graph_nodes(the_delivery_robot(), a_layout())
+    graph = graph_of_layout(the_delivery_robot(), a_layout())
 
-    mermaid = graph_text("delivery-robot", nodes)
+    mermaid = graph_text(graph)
 
     assert '    subgraph n3["speech<br/>0.8 LP reserved (40 % each VP)<br/>512 MiB"]' in mermaid
     assert mermaid.count("subgraph ") == mermaid.count("end\n")
-    check(graph_json("delivery-robot", nodes))
+    check(json_of(graph))
 
 
 def test_a_graph_escapes_what_its_language_would_read() -> None:

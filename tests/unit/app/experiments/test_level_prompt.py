@@ -10,7 +10,7 @@ from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.select import BeyondMeasured, SelectOutcome
+from rarms_iac.app.select import BeyondMeasured, Selection
 from tests.unit.app.experiments.test_measure import MANIFEST, write
 
 
@@ -28,13 +28,13 @@ class Page:
         self.shown.append(f"level of {component}?")
         return self._answers.pop(0)
 
-    def confirms(self, proposed: SelectOutcome) -> bool:
+    def confirms(self, proposed: Selection) -> bool:
         assert not proposed.file, "nothing is written yet"
-        self.shown.append(f"write {proposed.selection.after.value}?")
+        self.shown.append(f"write {proposed.after.value}?")
         return self._answers.pop(0) == "y"
 
-    def refines(self, written: SelectOutcome) -> bool:
-        self.shown.append(f"measure {[level.reserve for level in written.selection.levels]}?")
+    def refines(self, written: Selection) -> bool:
+        self.shown.append(f"measure {[level.reserve for level in written.levels]}?")
         return self._answers.pop(0) == "y"
 
     def extends(self, beyond: BeyondMeasured) -> bool:
@@ -44,8 +44,8 @@ class Page:
     def refused(self, problem: RequestError | UseCaseError) -> None:
         self.shown.append(f"no: {type(problem).__name__}")
 
-    def written(self, outcome: SelectOutcome) -> None:
-        self.shown.append(f"{outcome.selection.after.value} in {Path(outcome.file).name}")
+    def written(self, outcome: Selection) -> None:
+        self.shown.append(f"{outcome.after.value} in {Path(outcome.file).name}")
 
 
 def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
