@@ -8,15 +8,15 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
 from rarms_iac.applying.scripts import scripts_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.layout import RUNTIME
 from rarms_iac.powershell.outline import Outline, ScriptDifference, difference, outline
 from rarms_iac.powershell.render import render_observe
-from rarms_iac.powershell.templates import without_signature
+from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, without_signature
 from rarms_iac.storage.plan_file import MAX_BYTES
 
 OBSERVE_NAME = "observe.ps1"
@@ -24,12 +24,15 @@ SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
 
 NO_SCRIPT = Finding.error("RARMS164", "This is not a script of rarms")
 
-_KINDS = {
-    "    rarms apply script:": ScriptKind.APPLY,
-    "    rarms undo script:": ScriptKind.UNDO,
-    "    rarms measure script:": ScriptKind.MEASURE,
-    "# rarms observe script:": ScriptKind.OBSERVE,
+_ENTRIES = {
+    "    rarms apply script:": ENTRY,
+    "    rarms undo script:": ENTRY,
+    "    rarms measure script:": MEASURING_ENTRY,
 }
+"""By the first line of a script's help: the function that its last line calls."""
+
+_OBSERVE_HEAD = b"# rarms observe script:"
+_HEAD = 2000  # bytes in which a script says what it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +44,6 @@ class PlanScript:
     guest: str  # a partition; empty: the host itself
     undo: bool
     text: str
-
-    @property
-    def kind(self) -> ScriptKind:
-        """Whether the script applies the plan or undoes it."""
-        return ScriptKind.UNDO if self.undo else ScriptKind.APPLY
 
     @property
     def sha256(self) -> str:
@@ -84,9 +82,7 @@ def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
     Raises:
         UseCaseError: one of them does not pass the inspection (failed).
     """
-    wrong = [
-        problem for script in scripts for problem in inspect(script.text.encode("ascii"), script.kind, script.name)
-    ]
+    wrong = [problem for script in scripts for problem in inspect(script.text.encode("ascii"), script.name)]
     if wrong:
         raise UseCaseError(Outcome.FAILED, wrong)
 
@@ -194,11 +190,14 @@ def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
         UseCaseError: it cannot be read.
     """
     data = _read_script(path)
-    text = data.decode("ascii", "replace")
-    kind = _kind_of(text)
-    if kind is None:
-        return text, (_no_script(path),)
-    return text, inspect(data, kind, path)
+    return data.decode("ascii", "replace"), _problems_of(path, data)
+
+
+def _problems_of(path: str, data: bytes) -> tuple[Diagnostic, ...]:
+    if _OBSERVE_HEAD in data[:_HEAD]:
+        return () if data == render_observe() else (_edited_observe(path),)
+    entry = _entry_of(data)
+    return (_no_script(path),) if entry is None else inspect(data, path, entry=entry)
 
 
 def _read_script(path: str) -> bytes:
@@ -207,10 +206,10 @@ def _read_script(path: str) -> bytes:
     return without_signature(data.decode("latin-1")).encode("latin-1")
 
 
-def _kind_of(text: str) -> ScriptKind | None:
-    """What the script says in its head that it is for."""
-    head = text[:2000].splitlines()
-    return next((kind for start, kind in _KINDS.items() if any(line.startswith(start) for line in head)), None)
+def _entry_of(data: bytes) -> str | None:
+    """The function that the script's last line calls, by what its help says that it is."""
+    head = data[:_HEAD].decode("ascii", "replace").splitlines()
+    return next((entry for start, entry in _ENTRIES.items() if any(line.startswith(start) for line in head)), None)
 
 
 def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
@@ -248,14 +247,8 @@ def observe_script() -> str:
 
     Returns:
         ASCII text with CRLF.
-
-    Raises:
-        UseCaseError: it does not pass the inspection that every script passes (failed).
     """
-    data = render_observe()
-    if wrong := inspect(data, ScriptKind.OBSERVE, OBSERVE_NAME):
-        raise UseCaseError(Outcome.FAILED, wrong)
-    return data.decode("ascii")
+    return render_observe().decode("ascii")
 
 
 def _outline_of(script: PlanScript) -> Outline:
@@ -272,9 +265,7 @@ def _outline_in(path: str, like: PlanScript) -> Outline:
             raise RequestError(f"{path} is a plan without a script {like.name}. It has: {names}.")
         inspect_scripts([scripts[like.name]])
         return _outline_of(scripts[like.name])
-    kind = _kind_of(data.decode("ascii", "replace"))
-    wrong = inspect(data, kind, path) if kind in {ScriptKind.APPLY, ScriptKind.UNDO} else (_no_script(path),)
-    if wrong:
+    if wrong := inspect(data, path) if _entry_of(data) == ENTRY else (_no_script(path),):
         raise UseCaseError(Outcome.FAILED, wrong)
     return outline(data)
 
@@ -295,6 +286,11 @@ def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:
         guest = name.removeprefix(begin).split(".")[0] if name.startswith(begin) else ""
         scripts.append(PlanScript(name=name, host=part.host.name, guest=guest, undo=undo, text=text))
     return scripts
+
+
+def _edited_observe(path: str) -> Diagnostic:
+    place = Place(file=path, line=1, column=1)
+    return RUNTIME.at(place, "it is not the observe script that rarms ships", "write it again")
 
 
 def _no_script(path: str) -> Diagnostic:

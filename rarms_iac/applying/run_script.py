@@ -13,10 +13,13 @@ from rarms_iac.applying.run_steps import ShouldStop
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.powershell.inspection.inspect import inspect_recorded
 from rarms_iac.powershell.render import NOT_UNDONE, script_name
+from rarms_iac.powershell.templates import without_signature
 from rarms_iac.providers.interface import (
     EventKind,
     EventStatus,
+    HostDamaged,
     RunEvent,
     ScriptBundle,
     ScriptedHost,
@@ -47,20 +50,38 @@ def apply_job(plan: str, part: HostPlan) -> ScriptJob:
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
-    """The unfinished run as the host's journal holds it, whatever plan or manifest there is by now."""
+    """The unfinished run as the host's journal holds it, whatever plan, manifest or version of rarms there is by now.
+
+    Raises:
+        HostDamaged: the journal holds another script than rarms writes.
+    """
     started = journal.started
     earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
-    script = _alone(f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
+    script = _recorded_script(host, f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
     return ScriptJob(run=started.run, plan=started.plan, script=script, earlier=earlier)
 
 
 def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
-    """The undo script that the journal of an apply holds."""
-    script = _alone(f"{host}.undo.ps1", journal.started.undo)
+    """The undo script that the journal of an apply holds.
+
+    Raises:
+        HostDamaged: the journal holds another script than rarms writes.
+    """
+    script = _recorded_script(host, f"{host}.undo.ps1", journal.started.undo)
     return ScriptJob(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
 
 
-def _alone(name: str, text: str) -> ScriptBundle:
+def _recorded_script(host: str, name: str, text: str) -> ScriptBundle:
+    """A script of the journal, which any version of rarms may have made; signed, where it was.
+
+    Raises:
+        HostDamaged: it is no plan of rarms.
+    """
+    bare = without_signature(text).encode("ascii", "replace")
+    for problem in inspect_recorded(bare, name):
+        line = f"line {problem.place.line}, " if problem.place else ""
+        message = f"{name} in its journal is no script of rarms: {line}{problem.detail}"
+        raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
     return ScriptBundle(runs=name, files={name: text})
 
 

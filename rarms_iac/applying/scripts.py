@@ -9,7 +9,6 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
-from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
@@ -80,7 +79,7 @@ def with_scripts(plan: Plan) -> tuple[Plan, tuple[Diagnostic, ...]]:
                 scripts = scripts_of(part, plan)
             except NoLiteral as error:
                 findings.append(_no_literal(part, error))
-        findings += inspected(scripts)
+        findings += [problem for name, script in sorted(scripts.items()) for problem in inspect(script, name)]
         hosts.append(replace(part, scripts={name: text.decode("ascii") for name, text in scripts.items()}))
     return replace(plan, hosts=tuple(hosts)), tuple(findings)
 
@@ -118,12 +117,6 @@ def edited_script(plan: Plan) -> str | None:
             if rendered.get(name) != part.scripts.get(name):
                 return name
     return None
-
-
-def inspected(scripts: Mapping[str, bytes]) -> Iterator[Diagnostic]:
-    """Find what is wrong with these scripts; nothing where they may be shown and run."""
-    for name, script in sorted(scripts.items()):
-        yield from inspect(script, ScriptKind.UNDO if name.endswith(".undo.ps1") else ScriptKind.APPLY, name)
 
 
 def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:

@@ -2,6 +2,6 @@
 
 In: a host's part of a plan. Out: scripts as bytes, ASCII with CRLF, and findings on scripts. Begin at
 `render.render_scripts`: `calls` turns a step into guarded pieces of calls, `literals` is the one way for a value into a
-script, `templates` holds what is fixed. `inspection` checks a script before it is shown or run, `outline` reads back
-what a script does, and compares two of them.
+script, `templates` what is fixed. `statements` reads calls and tables out of a script's tree: with it `inspection`
+holds a script to its template before it is shown or run, and `outline` tells what a script does, and compares two.
 """

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.inspection.layout import without_fixed
-from rarms_iac.powershell.inspection.script import CommandCall, calls_of
-from rarms_iac.powershell.inspection.steps import entries, inner, only_call, plan_of, statements_of
 from rarms_iac.powershell.literals import Scalar, read_literal
+from rarms_iac.powershell.statements import CommandCall, calls_of, entries, inner, only_call, plan_of, statements_of
 from rarms_iac.powershell.templates import PLAN, STEP_CALL, TARGET, VM
 from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
 
@@ -75,7 +74,7 @@ def outline(script: bytes) -> Outline:
     steps: list[ScriptStep] = []
     target: Mapping[str, Node] = {}
     for call in calls:
-        given = {parameter.name: parameter.value for parameter in call.given if parameter.value is not None}
+        given = {name: value for name, value in call.given.items() if value is not None}
         if call.name == TARGET:
             target = given
         elif call.name == STEP_CALL:
@@ -122,7 +121,7 @@ def _calls(block: "Node") -> Iterator[ScriptCall]:
 
 
 def _call(call: CommandCall) -> ScriptCall:
-    return ScriptCall(name=call.name, parameters={given.name: _value(given.value) for given in call.given})
+    return ScriptCall(name=call.name, parameters={name: _value(value) for name, value in call.given.items()})
 
 
 def _value(node: "Node | None") -> Scalar | MachineVariable | ScriptCall:

@@ -166,7 +166,21 @@ def sound(script: str) -> "Node":
         raise NotParsed(message, line_of(wrong[0]))
     if line := disagreement(script, root):
         raise NotParsed("a string or a comment ends elsewhere than it seems", line)
+    if line := _backtick(script, root):
+        raise NotParsed("a backtick joins lines or hides what is written", line)
     return root
+
+
+def _backtick(script: str, root: "Node") -> int:
+    """The first line with one outside of strings and comments; 0 where there is none."""
+    if "`" not in script:
+        return 0
+    blank = script.encode("utf-8", "surrogatepass")
+    for node in walk(root):
+        if node.type in _TEXTS:
+            blank = blank[: node.start_byte] + b" " * (node.end_byte - node.start_byte) + blank[node.end_byte :]
+    at = blank.find(b"`")
+    return 0 if at < 0 else blank.count(b"\n", 0, at) + 1
 
 
 def disagreement(script: str, root: "Node") -> int:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from tests.cases.situations import command_of, folders, made, outputs, stand_in
 from tests.twin.cell import apply, undo
@@ -32,7 +31,7 @@ def test_what_lies_beside_a_situation_is_what_rarms_makes_of_it(folder: Path) ->
     for name, data in sorted(lies.items()):
         assert data == fresh[name], f"{folder.name}/{name}: run `python -m tests.cases.situations`, read the difference"
         if name.endswith(".ps1"):
-            assert inspect(data, ScriptKind.UNDO if name.endswith(".undo.ps1") else ScriptKind.APPLY, name) == ()
+            assert inspect(data, name) == ()
 
 
 @situations

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.cmdlets import cmdlet, problems_of_call
 from rarms_iac.powershell.tree import text_of
+from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
 from tests.twin.expressions import Expression, expression, invoke, run_block
 from tests.twin.scopes import Body, Function, Scope
 from tests.twin.values import EMPTY, ScriptError, Thing, Unsupported, Value, number, text, truth

@@ -12,8 +12,8 @@ from rarms_iac.app.experiments import measure
 from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.cli.main import main
 from rarms_iac.model.outcomes import Sufficient
-from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.templates import MEASURING_ENTRY
 from rarms_iac.providers.hyperv import run as provider
 from rarms_iac.providers.hyperv.guest_samples import FORMAT, read_seen
 from tests.twin import guests
@@ -308,8 +308,8 @@ def test_a_script_that_somebody_edited_must_not_run(
     assert [made.name for made in (script, removal)] == ["cell.vision.measure.ps1", "cell.remove.measure.ps1"]
     assert old in script.text
     for made in (script, removal):
-        assert inspect(made.text.encode("ascii"), ScriptKind.MEASURE, trusting=False) == ()
-    assert inspect(script.text.replace(old, new, 1).encode("ascii"), ScriptKind.MEASURE) != ()
+        assert inspect(made.text.encode("ascii"), entry=MEASURING_ENTRY) == ()
+    assert inspect(script.text.replace(old, new, 1).encode("ascii"), entry=MEASURING_ENTRY) != ()
 
 
 @pytest.mark.parametrize(

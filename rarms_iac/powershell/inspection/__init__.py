@@ -1,5 +1,5 @@
-"""Checks a script before it is shown or run: only what is known to be harmless passes.
+"""Checks a script before it is shown or run: only what has the form of rarms' own scripts passes.
 
-In: the bytes of a script and its kind. Out: diagnostics, none where it may be run. Begin at `inspect.inspect`;
-`allowed` holds the lists, and `steps` compares the tree of a script with the tree of its template.
+In: the bytes of a script. Out: diagnostics, none where it may be run. Begin at `inspect.inspect`; `layout` holds what
+is fixed to the byte, and `steps` compares the tree of the rest with the tree of its template.
 """

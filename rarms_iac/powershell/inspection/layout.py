@@ -180,27 +180,6 @@ def _is_requires(token: Token) -> bool:
     return token.kind is TokenKind.COMMENT and token.text.lower().startswith("#requires")
 
 
-def check_end(name: str, text: str) -> Iterator[Diagnostic]:
-    """A read-only script asks for its version alone, and ends with its exit code: what stood behind would never run."""
-    place = Place(file=name, line=1, column=1)
-    first, *other_tokens = tokens(text)
-    for problem in (
-        *_directive_problems(other_tokens),
-        *([] if first.text == "#Requires -Version 5.1" else ["it does not ask for 5.1 first"]),
-    ):
-        yield HEAD.at(place, problem, "render the script again")
-    if not text.endswith("\r\nexit 0\r\n"):
-        place = Place(file=name, line=text.count("\n"), column=1)
-        yield HEAD.at(place, "the script does not end with exit 0", "render the script again")
-
-
-def check_whole(name: str, text: str, shipped: str) -> Iterator[Diagnostic]:
-    """A script that is always the same has the bytes that rarms ships."""
-    if text.replace("\r\n", "\n") != shipped:
-        place = Place(file=name, line=1, column=1)
-        yield RUNTIME.at(place, "it is not the bootstrap that rarms ships", "take the one that rarms shows")
-
-
 def part_digest(text: str) -> str:
     """SHA-256 of a part's text."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

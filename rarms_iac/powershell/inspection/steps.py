@@ -10,9 +10,28 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.powershell.inspection.allowed import ScriptKind, words
-from rarms_iac.powershell.inspection.script import CommandCall, Script, call_of
-from rarms_iac.powershell.templates import FACTS, PLAN, STEP_CALL, TARGET, VM, StepText, fill, step_lines, target_line
+from rarms_iac.powershell.statements import (
+    CommandCall,
+    entries,
+    inner,
+    only_call,
+    plan_of,
+    plan_statements,
+    statements_of,
+    top_statements,
+)
+from rarms_iac.powershell.templates import (
+    ENTRY,
+    MEASURING_ENTRY,
+    PLAN,
+    STEP_CALL,
+    TARGET,
+    VM,
+    StepText,
+    fill,
+    step_lines,
+    target_line,
+)
 from rarms_iac.powershell.tree import ShapeNode, line_of, literal_of, parse, shape_of, text_of
 
 if TYPE_CHECKING:
@@ -21,23 +40,69 @@ if TYPE_CHECKING:
 STEP = Finding.error("RARMS211", "A step of a script has another form than rarms writes")
 _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
 
-_RUN_KEYS = words("""
-    Run Plan Application Serial Undo UndoDigest Guest Computer LogicalProcessors Cores ThreadsPerCore
-    Percent Memory AcceptScheduler Guard
-    """)
-_STEP_PARAMETERS = words("Action Before After Set")
+
+def _calls(text: str) -> Mapping[str, frozenset[str]]:
+    """The calls of a list, a line each: the name, then its parameters."""
+    return {name: frozenset(parameters) for name, *parameters in map(str.split, text.strip().splitlines())}
+
+
+# NOTE: a name or parameter that rarms no longer writes stays here: the journals of earlier versions hold it.
+_READERS = _calls(r"""
+    Read-Partition Machine
+    Read-PartitionDevice Machine
+    Read-NewPartition Name
+    Read-MadePartition Name Disk
+    Read-TaskClass Task
+    Read-GuestTaskClass Task Application Replace
+    Read-Disk Path Parent Everywhere
+""")
+_SETTERS = _calls(r"""
+    Hyper-V\New-VM Name Generation MemoryStartupBytes NoVHD SwitchName Path
+    Hyper-V\New-VHD Path ParentPath Differencing
+    Hyper-V\Remove-VM VM Force
+    Hyper-V\Rename-VM VM NewName
+    Hyper-V\Set-VM VM AutomaticStartAction AutomaticStopAction CheckpointType
+    Hyper-V\Set-VMFirmware VM EnableSecureBoot SecureBootTemplate FirstBootDevice
+    Hyper-V\Set-VMMemory VM DynamicMemoryEnabled StartupBytes
+    Hyper-V\Set-VMProcessor VM Count Reserve Maximum RelativeWeight
+    Hyper-V\Start-VM VM
+    Write-Mark
+    Invoke-PartitionStop GraceMs
+    Write-TaskValue Task Name Type Value
+    Clear-TaskValue Task Name Keep
+    Clear-TaskClass Task
+    Write-TaskRecord Task Application Digest Before
+    Clear-TaskRecord Task Application
+    Save-TaskRecord Task Application Digest
+    Restore-TaskClass Task Application
+    Clear-DiskFile Path
+    Add-PartitionDisk Path
+    Clear-NetworkAdapter
+""")
+_WORK = "Partition Credential Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances"
+_MEASURES = _calls(f"""
+    Add-TestPartition Name Processors Memory Limit Weight Generation Image Type Folder SecureBoot
+    Add-GuestWork {_WORK}
+""")
+_VALUES = _calls(r"""
+    Get-PendingName Name
+    Get-DiskPath Folder Name Type
+    Hyper-V\Get-VMHardDiskDrive VM
+""")
+_GUARDS = _calls("""
+    Assert-VmHost
+    Assert-Guest
+""")
+_CAPACITY = _calls("Test-Capacity Processors Reserve Memory")
+_SWITCHES = frozenset({"Differencing", "Everywhere", "Force", "NoVHD"})
+
+_GUARD = "Guard"
+_RUN_KEYS = {
+    *("Run", "Plan", "Application", "Serial", "Undo", "UndoDigest", "Guest", "Computer", "LogicalProcessors", "Cores"),
+    *("ThreadsPerCore", "Percent", "Memory", "AcceptScheduler", _GUARD),
+}
+_STEP_PARAMETERS = frozenset({"Action", "Before", "After", "Set"})
 _EXTRA_PARAMETERS = ("Undoes", "Lost", "Fits")
-_READERS = words("""
-    Read-Partition Read-PartitionDevice Read-NewPartition Read-MadePartition Read-TaskClass Read-GuestTaskClass
-    Read-Disk
-    """)
-_WRITERS = words("""
-    Write-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
-    Clear-TaskRecord Save-TaskRecord Restore-TaskClass
-    Clear-DiskFile Add-PartitionDisk Clear-NetworkAdapter
-    """)
-_MEASURES = words("Add-TestPartition Add-GuestWork")
-_VALUES = words("Get-PendingName Get-DiskPath Hyper-V\\Get-VMHardDiskDrive")
 _HARMLESS = "'x'"
 
 
@@ -50,118 +115,121 @@ class _OtherForm(Exception):
         self.detail = detail
 
 
-def check_steps(script: Script, fixed: Sequence[tuple[int, int]]) -> Iterator[Diagnostic]:
+def check_steps(name: str, root: "Node", fixed: Sequence[tuple[int, int]], entry: str) -> Iterator[Diagnostic]:
     """Compare what stands outside of the fixed parts, whose first and last lines these are, with the template."""
-    roots = [node for node in _top(script.root) if not any(first <= line_of(node) <= last for first, last in fixed)]
+    roots = [node for node in top_statements(root) if not any(first <= line_of(node) <= last for first, last in fixed)]
     try:
-        template = _filled_template(script, roots)
+        template = _template_of(root, entry)
     except _OtherForm as other:
-        yield script.problem(STEP, other.node, other.detail, _ADVICE)
-        return
-    for actual, expected in zip_longest(shape_of(roots), template):
+        yield _problem(name, line_of(other.node), other.detail)
+    else:
+        yield from _differences(name, roots, list(top_statements(template)))
+
+
+def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
+    """Compare the plan of a script that another version, which had other facts, may have made, with the template."""
+    try:
+        template = _template_of_recorded(root)
+    except _OtherForm as other:
+        yield _problem(name, line_of(other.node), other.detail)
+    else:
+        yield from _differences(name, plan_statements(root)[1:], plan_statements(template)[1:])
+
+
+def _template_of(root: "Node", entry: str) -> "Node":
+    facts, calls = _facts_and_calls(root)
+    if facts.keys() != _RUN_KEYS:
+        raise _OtherForm(root, f"the facts lack or add {', '.join(sorted(_RUN_KEYS ^ facts.keys()))}")
+    guest = text_of(inner(facts["Guest"])) != "''"
+    return _filled_template(calls, "Assert-Guest" if guest else "Assert-VmHost", entry)
+
+
+def _template_of_recorded(root: "Node") -> "Node":
+    facts, calls = _facts_and_calls(root)
+    for key, value in facts.items():
+        if key == _GUARD:
+            _template_call(value, _GUARDS)
+        elif not key.isidentifier() or literal_of(inner(value)) is None:
+            raise _OtherForm(value, f"the fact {key} is no literal")
+    return _filled_template(calls, "Assert-VmHost", ENTRY)
+
+
+def _differences(name: str, roots: Sequence["Node"], template: Sequence["Node"]) -> Iterator[Diagnostic]:
+    """The first place where the trees differ."""
+    last = roots[-1].end_point.row + 1 if roots else 1
+    for actual, expected in zip_longest(shape_of(roots), shape_of(template)):
         if actual != expected:
-            yield _difference(script, actual, expected)
+            detail = f"its tree has {_label(actual)} where the template's tree has {_label(expected)}"
+            yield _problem(name, actual.line if actual else last, detail)
             return
 
 
-def _difference(script: Script, actual: ShapeNode | None, expected: ShapeNode | None) -> Diagnostic:
-    line = actual.line if actual else script.text.count("\n")
-    found, wanted = (node.text or node.label.replace("_", " ") if node else "nothing" for node in (actual, expected))
-    detail = f"its tree has {found[:40]} where the template's tree has {wanted[:40]}"
-    return STEP.at(Place(file=script.name, line=line, column=1), detail, _ADVICE)
+def _label(node: ShapeNode | None) -> str:
+    return (node.text or node.label.replace("_", " "))[:40] if node else "nothing"
 
 
-def _top(root: "Node") -> Iterator["Node"]:
-    """The top of a script: its statements, and whatever else stands beside them, but for remarks."""
-    for node in root.children:
-        if node.type == "statement_list":
-            yield from node.children
-        elif node.type != "comment":
-            yield node
+def _problem(name: str, line: int, detail: str) -> Diagnostic:
+    return STEP.at(Place(file=name, line=line, column=1), detail, _ADVICE)
 
 
-def _filled_template(script: Script, roots: Sequence["Node"]) -> tuple[ShapeNode, ...]:
+def _facts_and_calls(root: "Node") -> "tuple[Mapping[str, Node], tuple[CommandCall, ...]]":
+    table, calls = plan_of(root)
+    facts = None if table is None else entries(table)
+    if facts is None:
+        raise _OtherForm(root, f"{PLAN} does not begin with the facts of the run")
+    return facts, calls
+
+
+def _filled_template(calls: Sequence[CommandCall], guard: str, entry: str) -> "Node":
     """The tree of the template, filled with the script's own calls and a harmless literal for each value.
 
     Raises:
         _OtherForm: the script has no form that the template can have, or calls something else.
     """
-    facts, calls = plan_of(script.root)
-    if facts is None:
-        raise _OtherForm(roots[0] if roots else script.root, f"{PLAN} does not begin with the facts of the run")
+    names = ("kind", "plan", "application", "serial", "undo", "undo_digest", "guest", "computer")
+    more = ("logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
     text = fill(
         "script.ps1.j2",
         {
             **dict.fromkeys(("synopsis", "name", "usage"), ""),
             **dict.fromkeys(("description", "notes", "requirements", "fixed"), ()),
-            "run": _template_run(facts),
-            "entry": script.entry,
-            "plan": [line for call in calls for line in _template_call_lines(call, script.kind)],
+            "run": {**dict.fromkeys((*names, *more), _HARMLESS), "guard": guard},
+            "entry": entry,
+            "plan": [line for call in calls for line in _template_lines(call, entry)],
         },
     )
-    return shape_of(_top(parse(text.decode("ascii"))))
+    return parse(text.decode("ascii"))
 
 
-def plan_of(root: "Node") -> tuple["Node | None", tuple[CommandCall, ...]]:
-    """The table of a script's facts, None where it has none, and the calls that stand behind it in its plan.
-
-    Whatever else stands there is left out: the inspection finds it in the tree.
-    """
-    plans = [node for node in _top(root) if node.type == "function_statement" and PLAN in map(text_of, node.children)]
-    if not plans:
-        return None, ()
-    statements = [
-        statement for child in plans[0].children if child.type == "script_block" for statement in statements_of(child)
-    ]
-    calls = tuple(call for statement in statements[1:] if (call := only_call(statement)) is not None)
-    assignment = inner(statements[0]) if statements else plans[0]
-    if assignment.type != "assignment_expression" or text_of(assignment.children[0]) != FACTS:
-        return None, calls
-    return assignment.children[-1], calls
-
-
-def _template_call_lines(call: CommandCall, kind: ScriptKind) -> list[str]:
-    if kind is ScriptKind.MEASURE:
+def _template_lines(call: CommandCall, entry: str) -> list[str]:
+    if entry == MEASURING_ENTRY:
         return [f"    {_call_text(call, _MEASURES)}"]
-    given = {parameter.name: parameter.value for parameter in call.given}
-    if call.name == TARGET and given.keys() == {"Address", "Read"}:
-        return [target_line(_HARMLESS, _template_call(_value_of(call, given, "Read"), _READERS))]
+    if call.name == TARGET and call.given.keys() == {"Address", "Read"}:
+        return [target_line(_HARMLESS, _template_call(_value(call, "Read"), _READERS))]
     if call.name == STEP_CALL:
-        return _template_step(call, given)
+        return _template_step(call)
     raise _OtherForm(call.node, f"the plan holds {TARGET} and {STEP_CALL}, and nothing else")
 
 
-def _value_of(call: CommandCall, given: "Mapping[str, Node | None]", name: str) -> "Node":
-    value = given[name]
+def _value(call: CommandCall, name: str) -> "Node":
+    value = call.given[name]
     if value is None:
         raise _OtherForm(call.node, f"-{name} has no value")
     return value
 
 
-def _template_run(table: "Node") -> dict[str, str]:
-    """The run's facts, and the guard that belongs to a host's script or to a guest's."""
-    facts = entries(table) or {}
-    if facts.keys() != _RUN_KEYS:
-        raise _OtherForm(table, f"the facts lack or add {', '.join(sorted(_RUN_KEYS ^ facts.keys()))}")
-    guest = text_of(inner(facts["Guest"])) != "''"
-    names = ("kind", "plan", "application", "serial", "undo", "undo_digest", "guest", "computer")
-    more = ("logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
-    return {**dict.fromkeys((*names, *more), _HARMLESS), "guard": "Assert-Guest" if guest else "Assert-VmHost"}
-
-
-def _template_step(call: CommandCall, given: "Mapping[str, Node | None]") -> list[str]:
-    if not given.keys() >= _STEP_PARAMETERS or not given.keys() <= {*_STEP_PARAMETERS, *_EXTRA_PARAMETERS}:
+def _template_step(call: CommandCall) -> list[str]:
+    if not _STEP_PARAMETERS <= call.given.keys() <= {*_STEP_PARAMETERS, *_EXTRA_PARAMETERS}:
         raise _OtherForm(call.node, "the step lacks a part, or has one too many")
-    options = [(name, _HARMLESS) for name in _EXTRA_PARAMETERS[:2] if name in given]
-    if "Fits" in given:
-        asked = _template_call(_value_of(call, given, "Fits"), words("Test-Capacity"))
-        options.append(("Fits", f"{{ {asked} }}"))
+    options = [(name, _HARMLESS) for name in _EXTRA_PARAMETERS[:2] if name in call.given]
+    if "Fits" in call.given:
+        options.append(("Fits", f"{{ {_template_call(_value(call, 'Fits'), _CAPACITY)} }}"))
     return step_lines(
         StepText(
             action=_HARMLESS,
-            before=_template_readings(_value_of(call, given, "Before")),
-            after=_template_readings(_value_of(call, given, "After")),
-            calls=_template_set(_value_of(call, given, "Set")),
+            before=_template_readings(_value(call, "Before")),
+            after=_template_readings(_value(call, "After")),
+            calls=_template_set(_value(call, "Set")),
             options=options,
         )
     )
@@ -174,7 +242,7 @@ def _template_readings(node: "Node") -> dict[str, str]:
     return {key if key.isidentifier() else f"'{number}'": _HARMLESS for number, key in enumerate(table)}
 
 
-def _template_call(node: "Node", allowed: frozenset[str]) -> str:
+def _template_call(node: "Node", allowed: Mapping[str, frozenset[str]]) -> str:
     """The one call of a block."""
     statements = list(statements_of(inner(node)))
     call = only_call(statements[0]) if len(statements) == 1 else None
@@ -190,73 +258,33 @@ def _template_set(node: "Node") -> tuple[str, ...]:
         call = only_call(statement)
         if call is None:
             raise _OtherForm(statement, "Set holds more than calls")
-        calls.append(_call_text(call, _WRITERS | ({call.name} if call.name.startswith("Hyper-V\\") else set())))
+        calls.append(_call_text(call, _SETTERS))
     if not calls:
         raise _OtherForm(node, "Set does nothing, or is no block")
     return tuple(calls)
 
 
-def _call_text(call: CommandCall, allowed: frozenset[str]) -> str:
+def _call_text(call: CommandCall, allowed: Mapping[str, frozenset[str]]) -> str:
     """The call with the same parameters, and a harmless literal for each of its literals."""
     if call.name not in allowed or call.operator or call.loose:
-        raise _OtherForm(call.node, f"a step must not do this: {call.name or text_of(call.node)[:40]}")
-    words_of_call = [call.name]
-    for given in call.given:
-        words_of_call.append(f"-{given.name}")
-        if given.value is not None:
-            words_of_call.append(_value_text(given.value))
-    return " ".join(words_of_call)
+        raise _OtherForm(call.node, f"a step must not do this: {text_of(call.node)[:40]}")
+    if other := call.given.keys() - allowed[call.name]:
+        raise _OtherForm(call.node, f"{call.name} gets no -{min(other)} from rarms")
+    return " ".join([call.name, *(_parameter_text(call, name) for name in call.given)])
 
 
-def _value_text(node: "Node") -> str:
-    """A literal, the machine, or what the runtime's own functions make of literals."""
-    value = inner(node)
+def _parameter_text(call: CommandCall, name: str) -> str:
+    if name in _SWITCHES and call.given[name] is None:
+        return f"-{name}"
+    value = inner(_value(call, name))
+    if name == "VM" and text_of(value) == VM:
+        return f"-VM {VM}"
+    if name in _SWITCHES or name == "VM":
+        raise _OtherForm(value, f"-{name} of {call.name} is another than rarms writes")
     if literal_of(value) is not None:
-        return _HARMLESS
-    if text_of(value) == VM:
-        return VM
+        return f"-{name} {_HARMLESS}"
     statements = [child for child in value.children if child.is_named]
-    call = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
-    if call is None:
-        raise _OtherForm(node, f"{text_of(node)[:40]} is no literal")
-    return f"({_call_text(call, _VALUES)})"
-
-
-def statements_of(block: "Node") -> Iterator["Node"]:
-    """The statements of a block, without remarks."""
-    for child in block.children:
-        if child.type in {"statement_list", "script_block_body", "script_block"}:
-            yield from statements_of(child)
-        elif child.is_named and child.type != "comment":
-            yield child
-
-
-def only_call(statement: "Node") -> CommandCall | None:
-    """The call that a statement is, where it is nothing but one call."""
-    node = statement
-    while node.type in {"pipeline", "pipeline_chain"} and node.child_count == 1:
-        node = node.children[0]
-    return call_of(node) if node.type == "command" else None
-
-
-def entries(node: "Node") -> Mapping[str, "Node"] | None:
-    """The entries of a table by name; None where the node is no table, or says a name twice."""
-    table = inner(node)
-    if table.type != "hash_literal_expression":
-        return None
-    table_entries: dict[str, Node] = {}
-    for body in table.children:
-        for entry in body.children if body.type == "hash_literal_body" else ():
-            if entry.type == "hash_entry":
-                key = text_of(entry.children[0])
-                if key in table_entries:
-                    return None
-                table_entries[key] = [child for child in entry.children if child.is_named][-1]
-    return table_entries
-
-
-def inner(node: "Node") -> "Node":
-    """The end of a chain of only children: a literal, a table, a block."""
-    while literal_of(node) is None and node.child_count == 1:
-        node = node.children[0]
-    return node
+    inside = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
+    if inside is None:
+        raise _OtherForm(value, f"{text_of(value)[:40]} is no literal")
+    return f"-{name} ({_call_text(inside, _VALUES)})"

@@ -19,9 +19,9 @@ from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, run_of
 from rarms_iac.planner.sizes import suggested_secure_boot
-from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
+from rarms_iac.powershell.templates import MEASURING_ENTRY
 from rarms_iac.providers.channel import SilenceTimeout
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.run import LiveHypervHost, read_event
@@ -268,7 +268,7 @@ class HypervMeasuringHost(LiveHypervHost):
         machines = [self._machine(shape) for shape in shapes]
         name = script_name(self._host)
         text = render_measuring(self._host, facts, application, machines, works)
-        problems = inspect(text, ScriptKind.MEASURE, name)
+        problems = inspect(text, name, entry=MEASURING_ENTRY)
         if has_errors(problems):
             raise HostFailed(self.name, f"{name} must not run: {problems[0].detail}", "Report this.")
         return ScriptBundle(runs=name, files={name: text.decode("ascii")})

@@ -9,6 +9,7 @@ from rarms_iac.applying.run_report import NO_COMPONENTS, ReportedStep, RunEnding
 from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
+from rarms_iac.powershell.render import render_apply
 from rarms_iac.providers.interface import (
     EventKind,
     EventListener,
@@ -21,6 +22,7 @@ from rarms_iac.providers.interface import (
     WaitLimits,
 )
 from tests.builders_plan import facts
+from tests.unit.powershell.plans import rendered_plan
 
 ORDER = ScriptJob(
     run=RunKind.APPLY, plan="0123456789ab", script=ScriptBundle(runs="x.ps1", files={"x.ps1": ""}), earlier={}
@@ -181,8 +183,16 @@ def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words
 
 
 def test_finishing_counts_what_an_earlier_run_changed() -> None:
+    script = render_apply(*rendered_plan()).decode("ascii")
     started = ScriptStarted(
-        run=RunKind.APPLY, plan="a", application="robot", started_by="me", script="S", undo="U", serials={}, touched=()
+        run=RunKind.APPLY,
+        plan="a",
+        application="robot",
+        started_by="me",
+        script=script,
+        undo=script,
+        serials={},
+        touched=(),
     )
     begun = StepRecorded(number=1, status=StepStatus.BEGUN)
     journal = ScriptRun(started=started, steps=(StepRecorded(number=0, status=StepStatus.CHANGED), begun))
@@ -190,7 +200,7 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
 
     report, told = ran(step(EventStatus.UNCHANGED, 0, "done before"), step(EventStatus.CHANGED, 1), DONE, order=order)
 
-    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": "S"})
+    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": script})
     assert told.lines[0] == "apply on cell, 1 done"
     assert (report.hosts[0].changed, report.hosts[0].resumed) == (2, True)
     assert (

@@ -11,7 +11,6 @@ import pytest
 from rarms_iac.app import scripts
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.powershell.inspection import inspect as inspection
-from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.scripts import script_text
 from tests.twin.run import signed
@@ -176,9 +175,9 @@ def test_a_script_in_a_pipe_is_shown_without_rich(plan: str) -> None:
 def test_only_the_scripts_that_are_shown_are_inspected(plan: str, monkeypatch: pytest.MonkeyPatch) -> None:
     inspected: list[str] = []
 
-    def inspect(script: bytes, kind: ScriptKind, name: str) -> tuple[Diagnostic, ...]:
+    def inspect(script: bytes, name: str) -> tuple[Diagnostic, ...]:
         inspected.append(name)
-        return inspection.inspect(script, kind, name)
+        return inspection.inspect(script, name)
 
     monkeypatch.setattr(scripts, "inspect", inspect)
 

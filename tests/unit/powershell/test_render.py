@@ -11,6 +11,7 @@ from rarms_iac.powershell.render import render_apply, render_scripts, render_und
 from rarms_iac.powershell.templates import fill, part_text
 from rarms_iac.providers.marks import mark_for, write_mark
 from tests import builders_plan as build
+from tests.effort import examples
 from tests.unit.powershell.hostile import hostile_texts
 from tests.unit.powershell.plans import all_changes, marked, rendered_plan, same_structure
 
@@ -63,7 +64,7 @@ def test_nothing_that_a_value_says_changes_the_structure() -> None:
     harmless = all_changes()[5]
     template = render_apply(*rendered_plan([renamed(harmless, "x", "y")])).decode("ascii")
 
-    for text in hostile_texts(40, seed=23):
+    for text in hostile_texts(examples(5), seed=23):
         named = renamed(harmless, f"a{text}", text or "because")
         script = render_apply(*rendered_plan([named])).decode("ascii")
         assert same_structure(template, script)

@@ -2,8 +2,6 @@
 
 import pytest
 
-from rarms_iac.powershell.inspection.allowed import ScriptKind
-from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.layout import split_script, without_fixed
 from rarms_iac.powershell.render import render_scripts
 from rarms_iac.powershell.templates import PARTS, part_begin, part_end, part_text, parts_for, runtime
@@ -63,27 +61,6 @@ def test_names_in_texts_and_remarks_are_no_calls() -> None:
 def test_a_part_brings_those_that_it_needs() -> None:
     assert parts_for("Test-Capacity -Name 'x'") == ("lock", "journal", "machines", "capacity")
     assert parts_for("Save-TaskRecord -Task 'x'") == ("lock", "journal", "tasks", "unseen")
-
-
-@scripts
-def test_what_is_fixed_passes_the_inspection_too(name: str) -> None:
-    kind = ScriptKind.UNDO if ".undo." in name else ScriptKind.APPLY
-
-    assert inspect(SCRIPTS[name].encode("ascii"), kind, name, trusting=False) == ()
-
-
-MEASURING_PARTS = ("bench", "runner", "measuring")
-
-
-@pytest.mark.parametrize("kind", [ScriptKind.APPLY, ScriptKind.MEASURE])
-def test_all_of_it_does(kind: ScriptKind) -> None:
-    carried = [name for name in PARTS if kind is ScriptKind.MEASURE or name not in MEASURING_PARTS]
-    own = "param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)"
-    every = "\n".join([own, runtime(), *map(part_text, carried), ""])
-    found = inspect(every.replace("\n", "\r\n").encode("ascii"), kind, trusting=False)
-
-    # It is no script: it has neither head nor steps. Nothing else is wrong with it.
-    assert {diagnostic.code for diagnostic in found} == {"RARMS211", "RARMS219"}
 
 
 @scripts

@@ -87,3 +87,9 @@ def test_a_shape_forgets_values_and_remarks_only() -> None:
 def test_a_line_that_begins_with_a_pipe_is_an_error(script: str) -> None:
     with pytest.raises(NotParsed):
         sound(script)
+
+
+def test_a_backtick_outside_of_texts_and_remarks_is_an_error() -> None:
+    sound("Get-Item -Path 'a`b'  # c`d\n")
+    with pytest.raises(NotParsed, match="line 2: a backtick"):
+        sound("Get-Item -Path 'a`b'\nGet-Item `\n -Path 'x'\n")

@@ -4,8 +4,6 @@ from base64 import b64decode
 
 import pytest
 
-from rarms_iac.powershell.inspection.allowed import ScriptKind
-from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.channel import ssh_words
 from rarms_iac.providers.hyperv.transport import arguments_of, command, frame, remote_words, render_bootstrap
@@ -15,27 +13,6 @@ SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell
 
 LONGEST_COMMAND = 8191
 """Characters of a command line that cmd.exe takes, which Windows' sshd starts by default."""
-
-
-def test_the_bootstrap_passes_the_inspection() -> None:
-    assert inspect(render_bootstrap(), ScriptKind.BOOTSTRAP) == ()
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "code"),
-    [
-        (b"WriteAllBytes", b"AppendAllText", "RARMS207"),
-        (b"exit $code", b"Invoke-Expression $code", "RARMS204"),
-        (b"-cne $part[2]", b"-ceq $part[2]", "RARMS202"),
-        (b"[guid]", b"[System.Net.WebClient]", "RARMS206"),
-        (b"Set-Acl ", b"Remove-Item ", "RARMS204"),
-    ],
-)
-def test_a_changed_bootstrap_does_not(old: bytes, new: bytes, code: str) -> None:
-    changed = render_bootstrap().replace(old, new, 1)
-
-    assert changed != render_bootstrap()
-    assert code in {diagnostic.code for diagnostic in inspect(changed, ScriptKind.BOOTSTRAP)}
 
 
 def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the cmdlet tables in rarms_iac/powershell/tables/ out of a file of cmdlet facts (its path is the argument).
+"""Makes the cmdlet tables beside it out of a file of cmdlet facts (its path is the argument).
 
 Kept: names, modules, parameter sets with what is mandatory, positional or taken from the pipeline, types, accepted
 values, -WhatIf, and what PowerShell 7 lacks or adds. Only what both versions have can be used, so what 7 lacks is told.
@@ -10,25 +10,25 @@ import sys
 from pathlib import Path
 from typing import Any
 
-TABLES = Path(__file__).resolve().parent.parent / "rarms_iac/powershell/tables"
+TABLES = Path(__file__).resolve().parent / "tables"
 
 
 def compact(facts: dict[str, Any]) -> dict[str, Any]:
     seven = facts.get("powershell_7")
-    fixed = [one for one in facts["parameters"] if not one.get("providers")]  # the others exist on some paths only
+    fixed = [each for each in facts["parameters"] if not each.get("providers")]  # the others exist on some paths only
     return {
         "module": facts["module"],
         "should_process": facts["supports_should_process"],
         "in_7": seven is None or bool(seven["present"]),  # Hyper-V's own module serves both versions
         "not_in_7": sorted(seven.get("parameters_removed", [])) if seven else [],
-        "parameters": {one["name"]: parameter(one) for one in sorted(fixed, key=lambda one: one["name"])},
+        "parameters": {each["name"]: parameter(each) for each in sorted(fixed, key=lambda each: each["name"])},
     }
 
 
 def parameter(facts: dict[str, Any]) -> dict[str, Any]:
     """Sets as `name: flags`; m mandatory, p positional, v by the pipeline's value, n by a property's name."""
     kept: dict[str, Any] = {"type": facts["type"].removeprefix("System.").removeprefix("Management.Automation.")}
-    kept["sets"] = {name: flags(one) for name, one in facts["sets"].items()}
+    kept["sets"] = {name: flags(membership) for name, membership in facts["sets"].items()}
     if facts["aliases"]:
         kept["aliases"] = facts["aliases"]
     if facts.get("accepted_values"):
@@ -36,10 +36,10 @@ def parameter(facts: dict[str, Any]) -> dict[str, Any]:
     return kept
 
 
-def flags(one: dict[str, Any]) -> str:
-    by_value = "v" if "ByValue" in one["pipeline"] else ""
-    by_name = "n" if "ByPropertyName" in one["pipeline"] else ""
-    return f"{'m' if one['mandatory'] else ''}{'p' if one['position'] is not None else ''}{by_value}{by_name}"
+def flags(membership: dict[str, Any]) -> str:
+    by_value = "v" if "ByValue" in membership["pipeline"] else ""
+    by_name = "n" if "ByPropertyName" in membership["pipeline"] else ""
+    return f"{'m' if membership['mandatory'] else ''}{'p' if membership['position'] is not None else ''}{by_value}{by_name}"
 
 
 def main() -> None:

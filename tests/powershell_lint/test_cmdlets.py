@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.powershell import cmdlets
 from tests.needs import CHECKOUT, SHARED
+from tests.powershell_lint import cmdlets
 
 
 def said(name: str, *given: str, positional: int = 0, piped: bool = False) -> list[str]:
@@ -70,14 +70,12 @@ def test_accepted_values_and_switches() -> None:
 
 @pytest.mark.needs("shared")
 def test_the_tables_are_what_their_script_makes(tmp_path: Path) -> None:
-    script = (CHECKOUT / "scripts/make-cmdlet-tables").read_text(encoding="utf-8")
-    copy = tmp_path / "scripts/make-cmdlet-tables"
-    made = tmp_path / "rarms_iac/powershell/tables/cmdlets.json"
-    copy.parent.mkdir()
-    made.parent.mkdir(parents=True)
-    copy.write_text(script, encoding="utf-8", newline="\n")
+    room = CHECKOUT / "tests/powershell_lint"
+    copy, made = tmp_path / "make_tables.py", tmp_path / "tables/cmdlets.json"
+    made.parent.mkdir()
+    copy.write_bytes((room / "make_tables.py").read_bytes())
     subprocess.run([sys.executable, copy, SHARED / "hyperv/cmdlets.json"], check=True)
 
-    committed = CHECKOUT / "rarms_iac/powershell/tables/cmdlets.json"
+    committed = room / "tables/cmdlets.json"
     assert made.read_bytes() == committed.read_bytes()
     assert len(json.loads(committed.read_text(encoding="utf-8"))) == len(cmdlets._tables())

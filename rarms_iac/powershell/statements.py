@@ -1,0 +1,133 @@
+"""What stands in a script's tree: the statements of its plan, calls with parameters, tables with entries."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rarms_iac.powershell.templates import FACTS, PLAN
+from rarms_iac.powershell.tree import literal_of, text_of, walk
+
+if TYPE_CHECKING:
+    from tree_sitter import Node
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandCall:
+    """A command: its name as written, empty where it is no plain name; a switch is given without a value."""
+
+    name: str
+    operator: str  # & or . before it
+    given: "Mapping[str, Node | None]"
+    loose: tuple["Node", ...]  # values without a parameter
+    node: "Node"
+
+
+def calls_of(root: "Node") -> Iterator[CommandCall]:
+    """Every command below a node."""
+    for node in walk(root):
+        if node.type == "command":
+            yield call_of(node)
+
+
+def call_of(node: "Node") -> CommandCall:
+    """The command that a node is, taken apart."""
+    name = operator = ""
+    given: dict[str, Node | None] = {}
+    loose: list[Node] = []
+    for child in node.children:
+        match child.type:
+            case "command_invokation_operator":
+                operator = text_of(child)
+            case "command_name":
+                name = text_of(child)
+            case "command_elements":
+                _read_elements(child, given, loose)
+            case _:
+                pass
+    return CommandCall(name=name, operator=operator, given=given, loose=tuple(loose), node=node)
+
+
+def _read_elements(elements: "Node", given: "dict[str, Node | None]", loose: list["Node"]) -> None:
+    parameter = ""
+    for child in elements.children:
+        if child.type == "command_parameter":
+            parameter = text_of(child).removeprefix("-").removesuffix(":")
+            given[parameter] = None
+        elif child.type != "command_argument_sep":
+            if parameter:
+                given[parameter] = child
+            else:
+                loose.append(child)
+            parameter = ""
+
+
+def top_statements(root: "Node") -> Iterator["Node"]:
+    """The top of a script: its statements, and whatever else stands beside them, but for remarks."""
+    for node in root.children:
+        if node.type == "statement_list":
+            yield from node.children
+        elif node.type != "comment":
+            yield node
+
+
+def plan_statements(root: "Node") -> tuple["Node", ...]:
+    """What stands in a script's plan; nothing where it has no plan, or two."""
+    plans = [
+        node
+        for node in walk(root)
+        if node.type == "function_statement" and PLAN.lower() in (text_of(child).lower() for child in node.children)
+    ]
+    if len(plans) != 1:
+        return ()
+    blocks = (child for child in plans[0].children if child.type == "script_block")
+    return tuple(statement for block in blocks for statement in statements_of(block))
+
+
+def plan_of(root: "Node") -> tuple["Node | None", tuple[CommandCall, ...]]:
+    """The table of a script's facts, None where its plan does not begin with it, and the calls behind it."""
+    statements = plan_statements(root)
+    calls = tuple(call for statement in statements[1:] if (call := only_call(statement)) is not None)
+    assignment = inner(statements[0]) if statements else root
+    if assignment.type != "assignment_expression" or text_of(assignment.children[0]) != FACTS:
+        return None, calls
+    return assignment.children[-1], calls
+
+
+def statements_of(block: "Node") -> Iterator["Node"]:
+    """The statements of a block, without remarks."""
+    for child in block.children:
+        if child.type in {"statement_list", "script_block_body", "script_block"}:
+            yield from statements_of(child)
+        elif child.is_named and child.type != "comment":
+            yield child
+
+
+def only_call(statement: "Node") -> CommandCall | None:
+    """The call that a statement is, where it is nothing but one call."""
+    node = statement
+    while node.type in {"pipeline", "pipeline_chain"} and node.child_count == 1:
+        node = node.children[0]
+    return call_of(node) if node.type == "command" else None
+
+
+def entries(node: "Node") -> "Mapping[str, Node] | None":
+    """The entries of a table by name; None where the node is no table, or says a name twice."""
+    table = inner(node)
+    if table.type != "hash_literal_expression":
+        return None
+    table_entries: dict[str, Node] = {}
+    for body in table.children:
+        for entry in body.children if body.type == "hash_literal_body" else ():
+            if entry.type == "hash_entry":
+                key = text_of(entry.children[0])
+                if key in table_entries:
+                    return None
+                table_entries[key] = [child for child in entry.children if child.is_named][-1]
+    return table_entries
+
+
+def inner(node: "Node") -> "Node":
+    """The end of a chain of only children: a literal, a table, a block."""
+    while literal_of(node) is None and node.child_count == 1:
+        node = node.children[0]
+    return node

@@ -1,0 +1,161 @@
+"""Lists of all that scripts may be made of. Everything else is a problem, also what nobody thought of."""
+
+
+def words(text: str) -> frozenset[str]:
+    """The words of a text, as a set that reads well and is easily compared."""
+    return frozenset(text.split())
+
+
+CONSTRUCTS = words(
+    """
+    additive_argument_expression additive_expression argument_expression argument_expression_list argument_list
+    array_expression array_literal_expression array_type_name bitwise_argument_expression bitwise_expression
+    cast_expression comparison_argument_expression comparison_expression comparison_operator element_access
+    expression_with_unary_operator format_argument_expression format_expression format_operator
+    invokation_expression logical_argument_expression logical_expression member_access member_name
+    multiplicative_argument_expression multiplicative_expression parenthesized_expression
+    range_argument_expression range_expression unary_expression
+    program statement_list statement_block script_block script_block_body script_block_expression pipeline
+    pipeline_chain command command_name command_name_expr command_elements command_argument_sep command_parameter
+    command_invokation_operator path_command_name generic_token comment
+    assignment_expression assignement_operator left_assignment_expression variable simple_name
+    string_literal verbatim_string_characters integer_literal decimal_integer_literal hexadecimal_integer_literal
+    real_literal hash_literal_expression hash_literal_body hash_entry key_expression
+    type_literal type_spec type_name type_identifier
+    function_statement function_name param_block parameter_list script_parameter script_parameter_default
+    attribute attribute_arguments attribute_argument attribute_list attribute_name
+    if_statement else_clause elseif_clause elseif_clauses foreach_statement flow_control_statement
+    try_statement catch_clause catch_clauses catch_type_list
+    finally_clause for_statement for_initializer for_condition for_iterator while_statement while_condition
+    post_increment_expression
+    """
+)
+
+READING_CMDLETS = words(
+    r"""
+    Hyper-V\Get-VM Hyper-V\Get-VMHost Hyper-V\Get-VMHostNumaNode Hyper-V\Get-VMProcessor Hyper-V\Get-VMMemory
+    Hyper-V\Get-VMHardDiskDrive Hyper-V\Get-VMNetworkAdapter Hyper-V\Get-VHD Hyper-V\Get-VMFirmware
+    Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch
+    ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-Content Get-ExecutionPolicy Get-Item Get-Module
+    Get-WinEvent Join-Path Set-StrictMode Sort-Object Test-Path Where-Object
+    """
+)
+CMDLETS = READING_CMDLETS | words(
+    r"""
+    Hyper-V\New-VM Hyper-V\Set-VM Hyper-V\Set-VMFirmware Hyper-V\Rename-VM Hyper-V\Remove-VM Hyper-V\Start-VM
+    Hyper-V\Stop-VM Hyper-V\Set-VMProcessor Hyper-V\Set-VMMemory Hyper-V\New-VHD Hyper-V\Add-VMHardDiskDrive
+    Hyper-V\Remove-VMNetworkAdapter
+    ConvertFrom-Json New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl Start-Sleep
+    Write-Information Write-Verbose
+    ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
+    """
+)
+
+READING_TYPES = words(
+    """
+    CmdletBinding bool byte byte[] char int long ordered regex scriptblock string string[] switch void
+    Environment IntPtr
+    System.IO.File System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
+    System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
+    """
+)
+TYPES = READING_TYPES | words(
+    """
+    Array Console DateTime guid hashtable System.BitConverter System.Collections.IDictionary System.Convert
+    System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
+    System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
+    System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
+    System.Security.Cryptography.SHA256 System.StringComparer System.StringComparison System.Text.Encoding
+    System.Threading.AbandonedMutexException System.Threading.Mutex System.UnauthorizedAccessException
+    """
+)
+
+_HYPERV_MEMBERS = words(
+    """
+    AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
+    Generation Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount
+    RelativeWeight Reserve SecureBoot SecureBootTemplate Startup State VhdType VirtualHardDiskPath
+    """
+)
+READING_MEMBERS = _HYPERV_MEMBERS | words(
+    """
+    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
+    FullName FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
+    GuestIntrinsicExchangeItems HypervisorPresent InstanceID IsActive IsInRole LanguageMode MachineName
+    MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores
+    NumberOfLogicalProcessors OperationalStatus PSChildName PSEdition PSObject PSVersion Properties Replace
+    Reservation Scope SessionState Size SwitchName SystemName ToLowerInvariant Value Version VirtualMachinePath new
+    """
+)
+MEMBERS = READING_MEMBERS | words(
+    """
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
+    Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
+    GetAttributes GetBytes GetString Guard Guest
+    InvocationInfo Keys Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
+    OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
+    Read ReadAllBytes ReadAllText ReleaseMutex ReparsePoint Run ScriptLineNumber Serial Set SetLength
+    SetSecurityDescriptorSddlForm ShouldProcess Sort Step Substring ThreadsPerCore ToString Undo
+    UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
+    application history serials set started_at started_by status touched
+    CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables
+    Exists ExitCode Folder FromBase64String GetDirectoryName GetTempPath HasExited Image Job Kill Limit Machine
+    Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
+    ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
+    Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
+    Credential arguments child environment exists files folder instances period_ticks program timeout_ms used
+    Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
+    OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
+    """
+)
+
+OPERATORS = words(
+    """
+    , = += -= ++ + - * / . :: | -band -ccontains -ceq -clike -cmatch -cne -cnotcontains -cnotmatch -creplace -eq -f
+    -ge -gt -join -le -lt -ne -not -notcontains -or -and -replace -split
+    """
+)
+
+VARIABLES = words(
+    "$_ $args $true $false $null $env:OS $env:ProgramData $ExecutionContext $PSVersionTable $Matches $PID $PSCmdlet "
+    "$PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
+)
+"""Those that nobody assigns."""
+
+PINS = frozenset(
+    {
+        "$ErrorActionPreference = 'Stop'",
+        "$PSDefaultParameterValues = @{}",
+        "$ConfirmPreference = 'None'",
+        "$ProgressPreference = 'SilentlyContinue'",
+        "$WhatIfPreference = $false",
+        "$PSModuleAutoLoadingPreference = 'All'",
+        *(f"${stream}Preference = 'SilentlyContinue'" for stream in ("Debug", "Information", "Verbose", "Warning")),
+    }
+)
+"""Assignments to PowerShell's own variables, as written."""
+
+BLOCKS = words("$Read $read $set $fits $guard $Steps")
+"""Variables that may stand behind `&`."""
+
+SPECIAL = words(
+    """
+    $_ $args $consolefilename $error $event $executioncontext $false $foreach $home $host $input $iscoreclr $islinux
+    $ismacos $iswindows $lastexitcode $matches $myinvocation $nestedpromptlevel $null $pid $profile
+    $psboundparameters $pscmdlet $pscommandpath $psculture $psdefaultparametervalues $psedition $pshome $psitem
+    $psscriptroot $pssenderinfo $psuiculture $psversiontable $pwd $sender $shellid $stacktrace $switch $this $true
+    """
+)
+"""Variables that PowerShell itself keeps or heeds, in lower case."""
+
+CHANGING_VERBS = words("New Set Remove Start Stop Restart Reset Update")
+VERBS = CHANGING_VERBS | words(
+    """
+    Add Clear Close Copy Enter Exit Find Format Get Hide Join Lock Move Open Optimize Pop Push Redo Rename Resize
+    Search Select Show Skip Split Step Switch Undo Unlock Watch Connect Disconnect Read Receive Send Write Backup
+    Checkpoint Compare Compress Convert ConvertFrom ConvertTo Dismount Edit Expand Export Group Import Initialize Limit
+    Merge Mount Out Publish Restore Save Sync Unpublish Debug Measure Ping Repair Resolve Test Trace Approve Assert
+    Build Complete Confirm Deny Deploy Disable Enable Install Invoke Register Request Submit Suspend Uninstall
+    Unregister Wait Block Grant Protect Revoke Unblock Unprotect Use
+    """
+)

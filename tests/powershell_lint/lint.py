@@ -1,0 +1,255 @@
+"""What is held true of the templates of scripts once and for all: what they may be made of, calls that bind, names.
+
+In: the text of a script, whole. Out: problems, each `line: what is wrong`. What a user edits is not looked at by this:
+the package's own inspection compares it with these templates.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from tree_sitter import Node
+
+from rarms_iac.powershell.literals import NotALiteral, read_literal
+from rarms_iac.powershell.statements import CommandCall, calls_of
+from rarms_iac.powershell.tokens import NotTokens
+from rarms_iac.powershell.tree import line_of, sound, text_of, walk
+from tests.powershell_lint import allowed
+from tests.powershell_lint.cmdlets import cmdlet, problems_of_call
+
+Problem = tuple[Node, str]
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of the script: its parameters by name, and whether each is a switch."""
+
+    name: str
+    parameters: dict[str, bool]
+    node: Node
+
+
+@dataclass(frozen=True)
+class Script:
+    """A script with its tree; one that reads only may use less."""
+
+    root: Node
+    reading: bool
+
+    @cached_property
+    def nodes(self) -> list[Node]:
+        """All of them, in the order of the text."""
+        return list(walk(self.root))
+
+    @cached_property
+    def functions(self) -> dict[str, Function]:
+        """Its own, by name in lower case."""
+        return {
+            text_of(name).lower(): Function(text_of(name), _parameters(node), node)
+            for node in self.nodes
+            if node.type == "function_statement"
+            for name in node.children
+            if name.type == "function_name"
+        }
+
+
+def problems(text: str, *, reading: bool = False) -> list[str]:
+    """Everything that is wrong with a script, in no order."""
+    script = Script(sound(text), reading)
+    checks = (_constructs, _names, _commands, _style, _unused)
+    return [f"{line_of(node)}: {problem}" for check in checks for node, problem in check(script)]
+
+
+def _parameters(function: Node) -> dict[str, bool]:
+    parameters: dict[str, bool] = {}
+    for node in walk(function):
+        if node.type == "script_parameter":
+            texts = [text_of(child) for child in node.children]
+            name = next(text for text in texts if text.startswith("$"))
+            parameters[name.removeprefix("$")] = any("[switch]" in text.lower() for text in texts)
+    return parameters
+
+
+def _constructs(script: Script) -> Iterator[Problem]:
+    for node in script.nodes:
+        text = text_of(node)
+        match node.type:
+            case kind if node.is_named and kind not in allowed.CONSTRUCTS:
+                yield node, f"a {kind}"
+            case "command_invokation_operator" if text != "&":
+                yield node, f"{text} runs a file or a block in this scope"
+            case "command_name_expr" if text not in allowed.BLOCKS:
+                yield node, f"& runs {text}, which is not named"
+            case "variable" if text.startswith("@"):
+                yield node, f"{text} hides which parameters are given"
+            case "member_name" if [child.type for child in node.children] != ["simple_name"]:
+                yield node, f"the member {text} is named by a value"
+            case _:
+                pass
+
+
+_OPERATORS = ("comparison_operator", "format_operator", "assignement_operator")
+_BRACKETS = allowed.words("{ } ( ) [ ] @( @{ ; : & $_") | {" ", '"'}
+
+
+def _names(script: Script) -> Iterator[Problem]:
+    """Every type, member, operator and variable."""
+    assigned = [text_of(node) for node in script.nodes if node.type == "variable" and _is_assigned(node)]
+    own = {*assigned, *map(str.lower, assigned)}
+    types = allowed.READING_TYPES if script.reading else allowed.TYPES
+    members = allowed.READING_MEMBERS if script.reading else allowed.MEMBERS
+    for node in script.nodes:
+        text = text_of(node)
+        match node.type:
+            case "type_spec" if text not in types:
+                yield node, f"the type {text}"
+            case "member_name" if text not in members:
+                yield node, f"the member {text}"
+            case "variable" if not _is_known(node, text, own):
+                yield node, f"the variable {text}"
+            case _ if _is_operator(node) and text not in allowed.OPERATORS:
+                yield node, f"the operator {text}"
+
+
+def _is_operator(node: Node) -> bool:
+    """Punctuation and dashed words that are no names, keywords or brackets."""
+    if node.is_named or node.type in _BRACKETS or node.child_count:
+        return node.type in _OPERATORS
+    return not node.type.replace("_", "").isalpha()
+
+
+def _is_known(node: Node, text: str, own: set[str]) -> bool:
+    if not _is_assigned(node):
+        return text in allowed.VARIABLES or text.lower() in own
+    return not _is_special(text) or _assignment_of(node) in allowed.PINS
+
+
+def _is_special(text: str) -> bool:
+    """A variable that PowerShell itself keeps or heeds, or one of another scope or drive."""
+    low = text.lower()
+    scoped = ":" in low and not low.startswith("$script:")
+    return low in allowed.SPECIAL or low.endswith("preference") or low.startswith("${") or scoped
+
+
+def _assignment_of(node: Node) -> str:
+    assignment: Node | None = node
+    while assignment is not None and assignment.type != "assignment_expression":
+        assignment = assignment.parent
+    return text_of(assignment) if assignment else ""
+
+
+def _is_assigned(node: Node) -> bool:
+    """Whether a variable gets its value there: in an assignment, as a parameter, or in a loop's head."""
+    parent = node.parent
+    if parent is None:
+        return False
+    if parent.type == "script_parameter":
+        return True
+    if parent.type == "foreach_statement":
+        return parent.children[[child.type for child in parent.children].index("(") + 1].id == node.id
+    while parent is not None and parent.child_count == 1 and parent.type != "left_assignment_expression":
+        parent = parent.parent
+    if parent is not None and parent.type in {"cast_expression", "expression_with_unary_operator"}:  # [byte[]] $data =
+        while parent is not None and parent.type != "left_assignment_expression" and _is_last(parent):
+            parent = parent.parent
+    return parent is not None and parent.type == "left_assignment_expression"
+
+
+def _is_last(node: Node) -> bool:
+    return node.parent is not None and node.parent.children[-1].id == node.id
+
+
+def _commands(script: Script) -> Iterator[Problem]:
+    """Each call: a function of the script, or a cmdlet of the lists under its full name, with parameters that fit."""
+    for call in calls_of(script.root):
+        if call.name and call.operator:
+            yield call.node, f"{call.operator} before {call.name}"
+        if function := script.functions.get(call.name.lower()):
+            yield from ((call.node, problem) for problem in _problems_of_function(call, function))
+        elif call.name:
+            yield from ((call.node, problem) for problem in _problems_of_cmdlet(call, script.reading))
+
+
+def _problems_of_function(call: CommandCall, function: Function) -> Iterator[str]:
+    if call.name != function.name or call.loose:
+        yield f"{call.name} is written otherwise, or gets a value without a name"
+    for name, value in call.given.items():
+        if name not in function.parameters or (value is None) != function.parameters[name]:
+            yield f"{function.name} has no such parameter -{name}"
+
+
+def _problems_of_cmdlet(call: CommandCall, reading: bool) -> Iterator[str]:
+    module, _, name = call.name.rpartition("\\")
+    facts = cmdlet(name, module)
+    if facts is None or facts.name != name or not facts.in_7:
+        yield f"{call.name} is no cmdlet of 5.1 and 7"
+        return
+    if call.name not in (allowed.READING_CMDLETS if reading else allowed.CMDLETS):
+        yield f"{call.name} is not on the list"
+    positional = len(call.loose)
+    for given, value in call.given.items():
+        parameter = facts.parameter(given)
+        if parameter is not None and parameter.is_switch and value is not None:
+            positional += 1
+        elif parameter is not None and not parameter.is_switch and value is None:
+            yield f"-{given} of {name} needs a value"
+        elif parameter is not None and value is not None and not _accepts(parameter.accepted, text_of(value)):
+            yield f"-{given} of {name} does not take {text_of(value)}"
+    first = call.node.parent.children[0] if call.node.parent else call.node
+    for problem in problems_of_call(facts, call.given, positional=positional, piped=first.id != call.node.id):
+        yield problem.message
+    if (name == "New-Item" and "Force" in call.given) or (name == "Remove-Item" and call.given.keys() & _TAKING_ALL):
+        yield f"{name} takes more than one key that holds nothing"
+
+
+_TAKING_ALL = {"Force", "Recurse"}
+
+
+def _accepts(accepted: tuple[str, ...], text: str) -> bool:
+    """Whether a literal is one of the accepted values; what is no literal cannot be told here."""
+    try:
+        return not accepted or str(read_literal(text)) in accepted
+    except (NotALiteral, NotTokens):
+        return True
+
+
+def _style(script: Script) -> Iterator[Problem]:
+    """Names of functions, ShouldProcess, empty catches, `$null` on the left: what PSScriptAnalyzer looks at."""
+    for function in script.functions.values():
+        verb, _, noun = function.name.partition("-")
+        if verb not in allowed.VERBS or not noun or (noun.endswith("s") and not noun.endswith(_SINGULAR)):
+            yield function.node, f"{function.name} is not named as PowerShell's own are"
+        if cmdlet(function.name):
+            yield function.node, f"{function.name} is a cmdlet already"
+        if verb in allowed.CHANGING_VERBS and "SupportsShouldProcess" not in text_of(function.node):
+            yield function.node, f"{function.name} has no SupportsShouldProcess"
+    for node in script.nodes:
+        if node.type == "catch_clause" and not any(child.type == "statement_list" for child in walk(node)):
+            yield node, "an error is caught and forgotten"
+        if node.type == "comparison_expression" and len(node.children) == 3:
+            left, _, right = (text_of(child).lower() for child in node.children)
+            if right == "$null" != left:
+                yield node, "$null stands on the right: compared with a list, it filters instead"
+
+
+_SINGULAR = ("ss", "us", "is", "Data", "Windows")
+
+
+def _unused(script: Script) -> Iterator[Problem]:
+    """By function; what is assigned outside of all functions may be read in any of them."""
+    bodies = [[*walk(function.node)] for function in script.functions.values()]
+    inside = {node.id for body in bodies for node in body}
+    everywhere = [node for node in script.nodes if node.type == "variable"]
+    yield from _unused_among([node for node in everywhere if node.id not in inside], everywhere)
+    for body in bodies:
+        variables = [node for node in body if node.type == "variable"]
+        yield from _unused_among(variables, variables)
+
+
+def _unused_among(variables: list[Node], readers: list[Node]) -> Iterator[Problem]:
+    read = Counter(text_of(node).lower() for node in readers if not _is_assigned(node))
+    for node in variables:
+        name = text_of(node).lower()
+        if _is_assigned(node) and not read[name] and ":" not in name and _assignment_of(node) not in allowed.PINS:
+            yield node, f"{text_of(node)} is never read"

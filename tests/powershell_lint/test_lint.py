@@ -1,0 +1,165 @@
+"""The templates, filled with each operation, hold what the package does not look at again when a script is made."""
+
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+
+from rarms_iac.applying.scripts import scripts_of
+from rarms_iac.model.changes import Address
+from rarms_iac.model.operations import Operation, RemoveDisk, SetSecureBoot, WriteTaskClass
+from rarms_iac.model.plan import GuestTask, HostPlan
+from rarms_iac.powershell import measuring
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.steps import _CAPACITY, _GUARDS, _MEASURES, _READERS, _SETTERS, _VALUES
+from rarms_iac.powershell.render import render_observe
+from rarms_iac.powershell.statements import calls_of, plan_statements
+from rarms_iac.powershell.templates import MEASURING_ENTRY, PARTS, STEP_CALL, TARGET, part_text, runtime
+from rarms_iac.powershell.tree import sound
+from rarms_iac.providers.hyperv.transport import render_bootstrap
+from tests import builders_plan as build
+from tests.powershell_lint.lint import problems
+from tests.unit.powershell.plans import rendered_plan
+
+
+def filled_plan() -> HostPlan:
+    """One of every operation, and a task class of a guest that nobody looked into."""
+    host_plan, _ = rendered_plan()
+    machine = Address(partition="vision", machine="0a1b2c3d-0000")
+    values = build.task().values
+    more = (
+        build.step(
+            Address(task="MotionControl"),
+            operation=WriteTaskClass(task="MotionControl", inside="", values=values),
+            before={"exists": True, "value:Clock Rate": "dword:10000"},
+        ),
+        build.step(machine, operation=RemoveDisk(partition="vision", path="D:\\v.vhdx", parent="D:\\p.vhdx")),
+        build.step(machine, operation=SetSecureBoot(partition="vision", secure_boot="MicrosoftWindows")),
+    )
+    guest = GuestTask(partition="planning", name="MotionControl", values=values, set="c" * 12, replace=True)
+    return replace(host_plan, steps=(*host_plan.steps, *more), guest_tasks=(guest,))
+
+
+HOST_PLAN = filled_plan()
+SCRIPTS = {name: text.decode("ascii") for name, text in scripts_of(HOST_PLAN, build.plan(HOST_PLAN)).items()}
+WHOLE = "\n".join(["param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)", runtime()])
+
+
+def measuring_script() -> bytes:
+    machine = measuring.TestMachine(
+        name="p1",
+        processors=2,
+        memory=2**30,
+        limit=100,
+        weight=100,
+        generation=2,
+        image="D:\\images\\robot's.vhdx",
+        folder="D:\\vms",
+        secure_boot="off",
+    )
+    work = measuring.GuestWork(
+        partition="p1", credential="robot", name="vision", kind="runs", words=("vision.exe", "-x", "a b")
+    )
+    return measuring.render_measuring(HOST_PLAN.host, build.facts(), "robot", [machine], [work])
+
+
+def test_every_operation_is_among_those_that_fill_the_templates() -> None:
+    forward = {type(step.operation) for step in HOST_PLAN.steps}
+    back = {type(step.undo.operation) for step in HOST_PLAN.steps}
+
+    assert set(get_args(Operation)) <= forward | back
+
+
+@pytest.mark.parametrize("name", sorted(SCRIPTS))
+def test_a_script_of_a_plan(name: str) -> None:
+    assert inspect(SCRIPTS[name].encode("ascii"), name) == ()
+    assert problems(SCRIPTS[name]) == []
+
+
+def test_a_script_that_measures() -> None:
+    script = measuring_script()
+
+    assert inspect(script, entry=MEASURING_ENTRY) == ()
+    assert problems(script.decode("ascii")) == []
+
+
+def test_all_that_is_fixed() -> None:
+    assert problems("\n".join([WHOLE, *map(part_text, PARTS), ""])) == []
+
+
+def test_the_script_that_observes_only_reads() -> None:
+    assert problems(render_observe().decode("ascii"), reading=True) == []
+
+
+def test_the_bootstrap() -> None:
+    assert problems(render_bootstrap().decode("ascii")) == []
+
+
+def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() -> None:
+    called: dict[str, set[str]] = {}
+    for script in (*SCRIPTS.values(), measuring_script().decode("ascii")):
+        for statement in plan_statements(sound(script)):
+            for call in calls_of(statement):
+                called[call.name] = called.get(call.name, set()) | set(call.given)
+
+    for name in (STEP_CALL, TARGET):
+        del called[name]
+    assert called == {**_READERS, **_SETTERS, **_MEASURES, **_VALUES, **_GUARDS, **_CAPACITY}
+
+
+BAD = {
+    "a parameter misspelt": "Hyper-V\\Get-VMProcessor -VN $x",
+    "a parameter shortened": "Hyper-V\\Set-VMProcessor -VM $x -Reserv 5",
+    "a parameter of no set": "Hyper-V\\Get-VMProcessor -VM $x -VMName 'y'",
+    "a value that is not accepted": "Hyper-V\\Set-VM -VM $x -CheckpointType 'Never'",
+    "a value without a name": "Hyper-V\\Get-VM 'x'",
+    "a switch with a value": "Hyper-V\\Remove-VM -Force 'x'",
+    "a cmdlet without its module": "Get-VM -Name 'x'",
+    "a cmdlet that is not needed": "Restart-Computer -Force",
+    "an alias": "gci -LiteralPath 'x'",
+    "a program": "cmd /c del x",
+    "a block from text": "[scriptblock]::Create('x')",
+    "& on a string": "& 'calc.exe'",
+    "dot-sourcing": ". 'C:\\x.ps1'",
+    "a redirection": "Get-Item -LiteralPath 'x' > 'y'",
+    "splatting": "Hyper-V\\Get-VM @args",
+    "text that is expanded": '$x = "a $y"; $x',
+    "a member by a value": "$_.('Del' + 'ete')()",
+    "a member": "$_.DeleteSubKeyTree('x')",
+    "a type": "[System.Net.WebClient]::new()",
+    "an operator": "$x = 5 -shl 2; $x",
+    "a variable of PowerShell": "$WhatIfPreference = $true",
+    "another scope": "$global:x = 1",
+    "a variable of nobody": "Test-Path -LiteralPath $nowhere",
+    "a trap": "trap { continue }",
+    "a class": "class X { }",
+    "a function over a cmdlet": "function Get-Item { 1 }",
+    "a plural": "function Get-Things { 1 }",
+    "a verb of its own": "function Fetch-Thing { 1 }",
+    "a change that does not ask": "function Remove-Thing { 1 }",
+    "an unused variable": "$neverRead = 5",
+    "an empty catch": "try { Get-Item -LiteralPath 'x' } catch { }",
+    "null on the right": "if ($_ -eq $null) { 1 }",
+    "a key that would be emptied": "New-Item -Path 'x' -Force",
+    "keys that would be removed": "Remove-Item -LiteralPath 'x' -Recurse",
+    "a function's parameter misspelt": "function Read-It {\n    param($Name)\n    $Name\n}\nRead-It -Nam 'x'",
+}
+
+
+@pytest.mark.parametrize("text", BAD.values(), ids=BAD)
+def test_what_it_is_for_is_found(text: str) -> None:
+    assert problems(f"$x = 5; Test-Path -LiteralPath $x\n{text}\n") != []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Hyper-V\\Start-VM -Name 'x'",
+        "New-Item -Path 'HKLM:\\SOFTWARE\\x'",
+        "[System.IO.Directory]::CreateDirectory('x')",
+        "[System.IO.File]::WriteAllText('x', 'y')",
+    ],
+)
+def test_what_changes_something_is_no_reading(text: str) -> None:
+    assert problems(f"{text}\n") == []
+    assert problems(f"{text}\n", reading=True) != []

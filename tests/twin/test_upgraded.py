@@ -1,0 +1,136 @@
+"""A run that another version of rarms began: its journal holds that version's script, which is finished as it is."""
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.applying.execute import finish_unfinished
+from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.scripts import edited_script
+from rarms_iac.applying.undo import abandon, undo
+from rarms_iac.model.journal import RunOrigin
+from rarms_iac.model.plan import Plan
+from rarms_iac.providers.hyperv.run import LiveHypervHost
+from rarms_iac.storage.append import line_of, records_in
+from tests.builders import a_host
+from tests.twin.cell import apply
+from tests.twin.cells import everything
+from tests.twin.host import WindowsHost
+from tests.twin.observing import JOURNAL, document_of
+from tests.twin.transport import TwinTransport
+
+ORIGIN = RunOrigin(by="engineer", at="2026-11-21T08:00:00Z")
+
+
+def of_an_older_version(plan: Plan) -> Plan:
+    """The plan with scripts that no template of today makes: another fact, default and function."""
+    (part,) = plan.hosts
+    changes = {
+        "        Run = '": "        Silence = 5; Run = '",
+        "[int] $LockTimeout = 0": "[int] $LockTimeout = 1",
+        "Exit-Host": "Exit-ThisHost",
+    }
+    older = dict(part.scripts)
+    for name in sorted(older, key=lambda name: ".undo." not in name):
+        for old, new in changes.items():
+            assert old in older[name]
+            older[name] = older[name].replace(old, new)
+        if ".undo." not in name:
+            undo_digest = hashlib.sha256(older[name.replace(".ps1", ".undo.ps1")].encode("ascii")).hexdigest()
+            older[name] = re.sub("UndoDigest = '[0-9a-f]{64}'", f"UndoDigest = '{undo_digest}'", older[name])
+    return replace(plan, hosts=(replace(part, scripts=older),))
+
+
+def killed_in_the_middle() -> tuple[WindowsHost, Plan]:
+    prepared = everything()
+    plan = of_an_older_version(prepared.plan)
+    host = prepared.copy(kill_after=25)
+    assert apply(host, plan).code is None
+    return host.copy(), plan
+
+
+def live(host: WindowsHost) -> LiveHypervHost:
+    return LiveHypervHost(a_host("onboard"), TwinTransport(host))
+
+
+def finished(host: WindowsHost) -> RunReport | None:
+    return finish_unfinished([live(host)], RunReporter(), lambda: False)
+
+
+def seen(host: WindowsHost) -> dict[str, object]:
+    return {name: probe for name, probe in document_of(host).items() if name != "journal"}
+
+
+def test_it_is_finished_as_it_was_begun() -> None:
+    host, plan = killed_in_the_middle()
+    undisturbed = everything().copy()
+    apply(undisturbed, everything().plan)
+
+    report = finished(host)
+
+    assert edited_script(plan) is not None
+    assert report is not None
+    assert (report.ending, report.diagnostics) == (RunEnding.DONE, ())
+    assert seen(host) == seen(undisturbed)
+    assert live(host).unfinished() is None
+
+
+def test_it_is_taken_back_by_its_own_undo_script() -> None:
+    host, _ = killed_in_the_middle()
+    same = everything().copy(kill_after=25)
+    apply(same, everything().plan)
+    same = same.copy()
+
+    report = undo(live(host), ORIGIN, RunReporter(), lambda: False)
+    undo(live(same), ORIGIN, RunReporter(), lambda: False)
+
+    assert report.ending is RunEnding.DONE
+    assert seen(host) == seen(same)
+
+
+def forge_journal(host: WindowsHost, old: str, new: str) -> None:
+    """As who may write the journal can: in its script and in its undo, with lengths and checksums that fit."""
+    file = host.file(JOURNAL)
+    assert file is not None
+    assert file.data is not None
+    first, *records = records_in(file.data, Path("journal.jsonl"))
+    for name in ("script", "undo"):
+        assert old in str(first[name])
+        first[name] = str(first[name]).replace(old, new)
+    file.data = b"".join(map(line_of, [first, *records]))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("Hyper-V\\Set-VMProcessor -VM $script:Vm", "Hyper-V\\Export-VM -VM $script:Vm"),
+        ("    Use-Target", "    Restart-Computer\r\n    Use-Target"),
+        ("Guard = { Assert-VmHost }", "Guard = { Assert-VmHost; Restart-Computer }"),
+    ],
+)
+@pytest.mark.parametrize(
+    "ask",
+    [
+        finished,
+        lambda host: undo(live(host), ORIGIN, RunReporter(), lambda: False),
+        lambda host: abandon(live(host)),
+    ],
+    ids=["finish", "undo", "abandon"],
+)
+def test_a_journal_with_another_script_than_rarms_writes_runs_nothing(
+    ask: Callable[[WindowsHost], RunReport], old: str, new: str
+) -> None:
+    host, _ = killed_in_the_middle()
+    forge_journal(host, old, new)
+    before = list(host.effects)
+
+    report = ask(host)
+
+    assert report.ending is RunEnding.FAILED
+    (problem,) = report.diagnostics
+    assert "in its journal is no script of rarms: line" in problem.detail
+    assert host.effects == before
