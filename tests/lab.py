@@ -8,7 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
-from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.applying.run_report import RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
@@ -59,7 +60,7 @@ class Lab:
         return {name: host.observe() for name, host in self.hosts.items()}
 
     def prepare(self, **asked: object) -> PlanningResult:
-        request = PlanningRequest(
+        request = PlanRequest(
             system=self.system, places=PathPlaces(), manifest="rarms.yaml", manifest_digest="0", today=TODAY
         )
         return prepare(replace(request, **asked), self.observe())  # type: ignore[arg-type]  # fields, said by tests

@@ -1,15 +1,20 @@
 """The route from a system and a state to ordered steps, in one call for tests: the product's own, with its parts."""
 
 from dataclasses import dataclass, replace
+from datetime import date
 
-from rarms_iac.applying.goals import HostGoal, goals_of
+from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, rules_of
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.diff.claims import StepBudget
 from rarms_iac.diff.compare import Difference, compare
+from rarms_iac.diff.disruption import HostContext
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, OrderedSteps, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import FixedReservations
@@ -22,7 +27,9 @@ PLACES = PathPlaces()
 class Route:
     """Everything between manifest and steps, for one host."""
 
-    request: HostGoal
+    desired: Desired
+    context: HostContext
+    budget: StepBudget
     difference: Difference
     held: HeldChanges
     ordered: OrderedSteps | Deadlock
@@ -34,11 +41,24 @@ def layout_of(system: System, *states: State) -> Layout | Infeasible:
 
 
 def route(system: System, observed: State, limit: Disruption = Disruption.REMOVAL, guest_build: int = 26100) -> Route:
-    host = observed.facts.name
-    found = goals_of(system, {host: observed}, PLACES, limit)
-    assert found.layout is not None, found.findings
+    request = a_request(system, limit)
+    hosts, findings = desired_hosts(request, {observed.facts.name: observed})
+    assert hosts, findings
+    desired = hosts[observed.facts.name]
     builds = {partition.id: guest_build for partition in observed.partitions}
-    request = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_builds=builds))
-    difference = compare(request.desired, observed, system.application.name, request.context, request.rules)
-    held = hold_back(difference.changes, request.budget)
-    return Route(request, difference, held, order(plan_changes(held.allowed, request.context), request.budget))
+    context = replace(context_of(request, desired), guest_builds=builds)
+    budget = budget_of(request, desired, context)
+    difference = compare(desired.state, observed, system.application.name, context, rules_of(request, desired))
+    held = hold_back(difference.changes, budget)
+    return Route(desired, context, budget, difference, held, order(plan_changes(held.allowed, context), budget))
+
+
+def a_request(system: System, limit: Disruption | None = None) -> PlanRequest:
+    return PlanRequest(
+        system=system,
+        places=PLACES,
+        manifest="rarms.yaml",
+        manifest_digest="0" * 64,
+        today=date(2026, 1, 1),
+        max_disruption=limit,
+    )

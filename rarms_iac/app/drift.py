@@ -2,56 +2,45 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
-from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
-from rarms_iac.app.requests import PlanLimits
-from rarms_iac.applying.goals import FIXED, goals_of
+from rarms_iac.app.planning import outcome_of, plan_request, with_reservations
+from rarms_iac.applying.desired_hosts import desired_hosts
+from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.drift import DriftKind, ResourceDrift, drift, drift_of_marks, partitions_after_last_run
-from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.plan import HostPlan
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Disruption, System
-from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.model.system import Disruption
 
 
 def drift_of_hosts(
-    system: System,
-    observed: Mapping[str, State],
-    places: Places,
-    limit: Disruption,
-    last_runs: Mapping[str, frozenset[str] | None] = MappingProxyType({}),
-    reservations: ReservationSource = FIXED,
+    request: PlanRequest, observed: Mapping[str, State]
 ) -> tuple[Mapping[str, tuple[ResourceDrift, ...]], tuple[Diagnostic, ...]]:
     """Find the drift of every observed host.
 
     Args:
-        system: what the manifest says.
+        request: what the manifest asks for, and how far its layout may disturb.
         observed: the hosts by name.
-        places: the manifest's lines.
-        limit: the largest disruption that the layout may ask for.
-        last_runs: by host, the partitions that were there when its last run ended, where that is known.
-        reservations: where reserves come from that the manifest does not fix.
 
     Returns:
         The drift by host name, and what the planner found. Where errors keep it from a layout, nobody knows what is
         wanted: then only what was changed on the hosts is told.
     """
-    goals = goals_of(system, observed, places, limit, reservations)
-    application = system.application.name
-    if not goals.hosts:
+    hosts, findings = desired_hosts(request, observed)
+    application, last_runs = request.application, request.after_last_run
+    if not hosts:
         by_marks = {name: drift_of_marks(state, application, last_runs.get(name)) for name, state in observed.items()}
-        return by_marks, goals.findings
+        return by_marks, findings
     drifts = {
-        name: drift(goal.desired, goal.observed, application, goal.rules.unused, last_runs.get(name))
-        for name, goal in goals.hosts.items()
+        name: drift(desired.state, desired.observed, application, desired.unused, last_runs.get(name))
+        for name, desired in hosts.items()
     }
-    return drifts, goals.findings
+    return drifts, findings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,18 +99,16 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     Raises:
         UseCaseError: a host cannot be read, or hides what is there (failed).
     """
-    system, manifest = hosts.system, hosts.manifest
+    system = hosts.system
     states = observe_hosts(hosts)
     runs = dict(last_runs(hosts))
     present = {name: partitions_after_last_run(run, system.application.name) for name, run in runs.items()}
-    # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
-    everything = PlanRequest(limits=PlanLimits(max_disruption=Disruption.REMOVAL))
-    request = planner_request(hosts, everything, states)
-    limit = system.policy.max_disruption
-    drifts, problems = drift_of_hosts(system, states, manifest.places, limit, present, request.reservations)
+    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present)
+    drifts, problems = drift_of_hosts(request, states)
     if outcome_of(problems) is Outcome.FAILED:
-        raise UseCaseError(Outcome.FAILED, problems, manifest.sources)
-    plan = prepare(request, states).plan
+        raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)
+    # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
+    plan = prepare(replace(request, max_disruption=Disruption.REMOVAL), states).plan
     parts = {part.host.name: part for part in plan.hosts} if plan else {}
     return DriftReport(
         application=system.application.name,

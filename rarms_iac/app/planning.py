@@ -1,55 +1,56 @@
 """Making a plan: from a manifest, its hosts or their snapshots, its data logs and its policy."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts, refuse_unfinished
 from rarms_iac.app.requests import HostSelection, PlanLimits
-from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
-from rarms_iac.applying.goals import FIXED
+from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import NO_RIGHTS
-from rarms_iac.applying.prepare import Judge, PlanningRequest, prepare
-from rarms_iac.applying.requested_changes import EVERY_PARTITION, StopScope
+from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.diff.drift import partitions_after_last_run
-from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import CODES
-from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
+from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.storage.finding_pages import known_codes
 
-_PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
-"""What a whole plan can find."""
+NO_LIMITS = PlanLimits()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanRequest:
-    """What a plan is wanted for."""
+def plan_request(hosts: Hosts, limits: PlanLimits = NO_LIMITS) -> PlanRequest:
+    """Ask for all that the manifest wants of the chosen hosts; `dataclasses.replace` asks for something else.
 
-    purpose: Purpose = Purpose.APPLY
-    limits: PlanLimits = PlanLimits()
-    partition: str = ""  # to import or release
-    machine: str = ""  # the id of what is imported
-    remove_disks: bool = False
-    stop_scope: StopScope = EVERY_PARTITION  # of a stop or start
+    Args:
+        hosts: the manifest and the chosen hosts.
+        limits: how far the plan may go.
+
+    Returns:
+        The request; nothing is looked at yet.
+    """
+    return PlanRequest(
+        system=hosts.system,
+        places=hosts.manifest.places,
+        manifest=hosts.manifest.source.manifest,
+        manifest_digest=hosts.manifest.loaded.digest,
+        today=hosts.manifest.source.today,
+        max_disruption=limits.max_disruption,
+        hosts=hosts.chosen,
+        targets=limits.targets,
+        state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
+        findings=(*hosts.manifest.loaded.diagnostics, *hosts.snapshots.findings),
+    )
 
 
-ANY_CHANGE = PlanRequest()
-"""All that the manifest asks for, as far as its policy lets it."""
-
-
-def plan(hosts: Hosts, request: PlanRequest = ANY_CHANGE) -> Plan:
+def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
     """Work out what would change on the chosen hosts. Changes nothing.
 
     Args:
         hosts: the manifest, with hosts that are looked at live or in their snapshots; those that are not chosen are
             looked at where they can be reached, since the planner may need to know what they have room for.
-        request: what it is for, and how far it may go.
+        request: what it is for, and how far it may go, made of `plan_request`; None: all that the manifest asks for.
 
     Returns:
         A plan that `applying.apply` can do, or that `files.write_plan_file` seals; it may have no changes.
@@ -62,11 +63,34 @@ def plan(hosts: Hosts, request: PlanRequest = ANY_CHANGE) -> Plan:
     states = observe_hosts(hosts)
     application = hosts.system.application.name
     after_last_run = {name: partitions_after_last_run(run, application) for name, run in last_runs(hosts)}
-    planning_request = replace(planner_request(hosts, request, states), after_last_run=after_last_run)
-    prepared = prepare(planning_request, states)
+    return make_plan(hosts, replace(request or plan_request(hosts), after_last_run=after_last_run), states)
+
+
+def make_plan(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Plan:
+    """Make the plan for hosts that were looked at.
+
+    Args:
+        hosts: the manifest.
+        request: what the plan is for.
+        states: what the hosts look like, by name; data logs are held against it.
+
+    Returns:
+        The plan; it may have no changes.
+
+    Raises:
+        UseCaseError: the manifest cannot be planned (as `outcome_of`).
+    """
+    prepared = prepare(with_reservations(hosts, request, states), states)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
     return prepared.plan
+
+
+def with_reservations(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> PlanRequest:
+    """The request with the reservations of data logs, where a layout is wanted."""
+    if request.purpose is not Purpose.APPLY:
+        return request
+    return replace(request, reservations=measured_reservations(measurements_of(hosts.manifest), states))
 
 
 def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
@@ -149,62 +173,6 @@ def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
                 f"{application} has no partition {quoted(name)} on {', '.join(hosts.chosen)}."
                 f"{suggestion(name, present)} It has: {', '.join(present) or 'none'}."
             )
-
-
-def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> PlanningRequest:
-    """Make the request that `applying.prepare` takes.
-
-    Args:
-        hosts: the manifest and the chosen hosts.
-        request: what the plan is for.
-        states: what the hosts look like, by name; data logs are held against it.
-
-    Returns:
-        The request; nothing is decided yet.
-    """
-    return PlanningRequest(
-        system=hosts.system,
-        places=hosts.manifest.places,
-        manifest=hosts.manifest.source.manifest,
-        manifest_digest=hosts.manifest.loaded.digest,
-        today=hosts.manifest.source.today,
-        purpose=request.purpose,
-        max_disruption=request.limits.max_disruption,
-        hosts=hosts.chosen,
-        targets=request.limits.targets,
-        partition=request.partition,
-        machine=request.machine,
-        remove_disks=request.remove_disks,
-        stop_scope=request.stop_scope,
-        state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
-        judge=_judge(hosts, request),
-        reservations=_reservations(hosts, request, states),
-    )
-
-
-def _reservations(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> ReservationSource:
-    """The reservations of data logs, where a layout is wanted; else those that the manifest fixes."""
-    if request.purpose is not Purpose.APPLY:
-        return FIXED
-    return measured_reservations(measurements_of(hosts.manifest), states)
-
-
-def _judge(hosts: Hosts, request: PlanRequest) -> Judge:
-    """Adds the manifest's own findings, and takes out what its policy accepts.
-
-    An acceptance that silences nothing is a finding only where everything was looked at.
-    """
-    whole = request.purpose is Purpose.APPLY and not (hosts.selection.hosts or request.limits.targets)
-    codes = _PLANNED_FOR if whole else CODES
-
-    def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
-        everything = in_order(
-            tuple(dict.fromkeys((*hosts.manifest.loaded.diagnostics, *hosts.snapshots.findings, *found)))
-        )
-        policy, places = hosts.system.policy, hosts.manifest.places
-        return apply_acceptances(everything, policy, places, hosts.manifest.source.today, codes=codes)
-
-    return judge
 
 
 def outcome_of(findings: Sequence[Diagnostic]) -> Outcome:

@@ -11,8 +11,8 @@ from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import Manifest, load_manifest
-from rarms_iac.app.planning import PlanRequest, plan
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.planning import plan, plan_request
+from rarms_iac.app.requests import ManifestSource, PlanLimits
 from rarms_iac.app.scripts import PlanScript, compare_scripts, plan_scripts
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import PlacedPartition
@@ -61,13 +61,13 @@ class PlanReview:
     without_base: str  # why nothing is compared; empty: it was
 
 
-def review_plan(hosts: Hosts, made: Plan, request: PlanRequest, base: str | None) -> PlanReview:
+def review_plan(hosts: Hosts, made: Plan, limits: PlanLimits, base: str | None) -> PlanReview:
     """Gather what a reviewer needs. Starts nothing, and asks no host that the plan did not ask.
 
     Args:
         hosts: as the plan was made with.
         made: the plan.
-        request: what it was made for.
+        limits: how far it may go.
         base: the folder of a checkout before the change, seen from here as the manifest's path is; None: there is none.
 
     Returns:
@@ -93,7 +93,7 @@ def review_plan(hosts: Hosts, made: Plan, request: PlanRequest, base: str | None
     except (UseCaseError, RequestError) as problem:
         return replace(review, without_base=f"the base has no manifest that could be read: {problem}")
     try:
-        old = _apply_scripts(plan(before, request))
+        old = _apply_scripts(plan(before, plan_request(before, limits)))
     except UseCaseError as problem:
         return replace(review, logs=logs, without_base=f"the base has no plan: {problem}")
     new = _apply_scripts(made)

@@ -13,6 +13,7 @@ from rarms_iac.app.graph import candidate_graph
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import log_errors
+from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
@@ -220,12 +221,11 @@ def _statuses(manifest: Manifest) -> tuple[HostStatus, ...]:
 
 
 def _status_of(hosts: Hosts) -> Iterator[HostStatus]:
-    system, application = hosts.system, hosts.system.application.name
+    application = hosts.system.application.name
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
     present = {name: partitions_after_last_run(journal, application) for name, journal in last_runs(hosts)}
-    reservations = measured_reservations(measurements_of(hosts.manifest), states)
-    limit = system.policy.max_disruption
-    drifts, problems = drift_of_hosts(system, states, hosts.manifest.places, limit, present, reservations)
+    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present)
+    drifts, problems = drift_of_hosts(request, states)
     if has_errors(problems):
         yield from (HostStatus(host=name, is_planned=False) for name in hosts.chosen)
         return

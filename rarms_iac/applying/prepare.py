@@ -3,82 +3,39 @@
 Observed states come from live hosts or from snapshots; nothing here knows which.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import date
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from rarms_iac.applying.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
-from rarms_iac.applying.requested_changes import (
-    EVERY_PARTITION,
-    StopScope,
-    adoption,
-    releasing,
-    start_changes,
-    stop_changes,
-)
+from rarms_iac.applying.desired_hosts import budget_of, context_of, desired_hosts, rules_of, threads_of
+from rarms_iac.applying.doctor import DOCTOR_ONLY_CODES
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.requested_changes import adoption, releasing, start_changes, stop_changes
 from rarms_iac.applying.review import review_plan
-from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.diff.compare import Difference, compare
+from rarms_iac.diff.comparison import ManifestRules
+from rarms_iac.diff.disruption import HostContext
 from rarms_iac.diff.drift import part_digests
-from rarms_iac.diff.hold_back import hold_back
+from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.capacity import foreign_claims
-from rarms_iac.model.changes import Address, Adopt, Change, Delete, Release
+from rarms_iac.model.changes import Adopt, Change, Delete, Release
 from rarms_iac.model.claims import load_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, has_errors, in_order
-from rarms_iac.model.layout import Layout
+from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors, in_order
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, Totals
 from rarms_iac.model.state import Partition, State, StoppedBy
-from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import suggestion
-from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.planner.desired import Desired
+from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified
 
-Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
-"""Which findings stay, and which the manifest's policy accepts."""
-
-
-def accept_nothing(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
-    """The judge of a manifest without acceptances."""
-    return tuple(found), ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanningRequest:
-    """The manifest, the purpose and the limits that a plan is made for."""
-
-    system: System
-    places: Places
-    manifest: str  # path as given
-    manifest_digest: str
-    today: date
-    purpose: Purpose = Purpose.APPLY
-    max_disruption: Disruption | None = None  # None: as the manifest's policy says
-    hosts: tuple[str, ...] = ()  # names; empty: all
-    targets: tuple[str, ...] = ()  # addresses; empty: everything
-    partition: str = ""  # of an import or release
-    machine: str = ""  # id of the machine to import
-    stop_scope: StopScope = EVERY_PARTITION  # of a stop or start
-    remove_disks: bool = False  # of a destroy: also the disks that rarms made
-    state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
-    after_last_run: Mapping[str, frozenset[str] | None] = field(
-        default_factory=dict
-    )  # by host, its partitions when its last run ended, where that is known
-    judge: Judge = accept_nothing
-    reservations: ReservationSource = FIXED
-
-    @property
-    def limit(self) -> Disruption:
-        """The largest disruption that a change may cause. Who destroys means removal, and who stops a stop."""
-        if self.purpose is Purpose.DESTROY:
-            return Disruption.REMOVAL
-        if self.purpose in {Purpose.STOP, Purpose.START}:
-            return Disruption.PARTITION_STOP
-        return self.max_disruption or self.system.policy.max_disruption
+_PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
+"""What a whole plan can find."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,126 +47,94 @@ class PlanningResult:
     accepted: tuple[Diagnostic, ...] = ()
 
 
-def prepare(request: PlanningRequest, observed: Mapping[str, State]) -> PlanningResult:
+def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResult:
     """The plan that makes the observed hosts what the manifest wants, or why there is none.
 
     Same input, same plan, to the byte.
     """
-    goals = _goals(request, observed)
-    findings = list(goals.findings)
-    parts: list[_HostPart] = []
-    for name, goal in goals.hosts.items():
-        if name in (request.hosts or observed):
-            parts.append(_host_part(request, goal, goals.layout))
-            findings += parts[-1].findings
-    findings += unknown_targets([address for part in parts for address in part.addresses], request.targets)
-    remaining, accepted = request.judge(in_order(findings))
+    hosts, found = desired_hosts(request, observed)
+    findings = [*request.findings, *found]
+    addresses: list[str] = []
+    parts: list[HostPlan] = []
+    for desired in (hosts[name] for name in hosts if name in (request.hosts or observed)):
+        rules, context = rules_of(request, desired), context_of(request, desired)
+        difference = _difference(request, desired, context, rules)
+        budget = budget_of(request, desired, context)
+        held = hold_back(targeted(difference.changes, request.targets), budget)
+        ordered = order(plan_changes(held.allowed, context), budget)
+        steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
+        guests = _guest_tasks(request, desired, rules)
+        part = replace(_host_plan(request, desired, difference, held, steps), guest_tasks=guests or None)
+        parts.append(part)
+        addresses += [str(change.address) for change in (*difference.changes, *guests)]
+        reviewed = (*review_plan(request, desired, part), *guest_scripts_by_hand(part, rules.locate))
+        findings += [*difference.findings, *stuck, *reviewed]
+    findings += unknown_targets(addresses, request.targets)
+    remaining, accepted = _judge(request, findings)
     if has_errors(remaining):
         return PlanningResult(plan=None, findings=remaining, accepted=accepted)
-    bare = _plan(request, tuple(part.plan for part in parts), goals.layout, remaining, accepted)
-    plan, wrong = with_scripts(bare)
+    layout = next((desired.layout for desired in hosts.values()), None)
+    bare = Plan(
+        id="",
+        rarms_version=__version__,
+        application=request.application,
+        purpose=request.purpose,
+        manifest=request.manifest,
+        manifest_digest=request.manifest_digest,
+        today=request.today.isoformat(),
+        max_disruption=request.limit,
+        hosts=tuple(parts),
+        findings=remaining,
+        accepted=accepted,
+        placement=None if layout is None else layout.placement,
+    )
+    plan, wrong = with_scripts(identified(bare))
     return PlanningResult(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
 
 
-def _goals(request: PlanningRequest, observed: Mapping[str, State]) -> Goals:
-    match request.purpose:
-        case Purpose.APPLY:
-            return goals_of(request.system, observed, request.places, request.limit, request.reservations)
-        case Purpose.DESTROY:
-            return goals_of_removal(request.system, observed, request.places, remove_disks=request.remove_disks)
-        case Purpose.IMPORT | Purpose.RELEASE | Purpose.STOP | Purpose.START:
-            return goals_of_removal(request.system, observed, request.places)
+def _judge(
+    request: PlanRequest, findings: Sequence[Diagnostic]
+) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
+    """Take out what the manifest's policy accepts.
+
+    An acceptance that silences nothing is a finding only where everything was looked at.
+    """
+    codes = _PLANNED_FOR if request.is_whole else CODES
+    different = in_order(tuple(dict.fromkeys(findings)))
+    return apply_acceptances(different, request.system.policy, request.places, request.today, codes=codes)
 
 
-def _plan(
-    request: PlanningRequest,
-    hosts: tuple[HostPlan, ...],
-    layout: Layout | None,
-    findings: tuple[Diagnostic, ...],
-    accepted: tuple[Diagnostic, ...],
-) -> Plan:
-    return identified(
-        Plan(
-            id="",
-            rarms_version=__version__,
-            application=request.system.application.name,
-            purpose=request.purpose,
-            manifest=request.manifest,
-            manifest_digest=request.manifest_digest,
-            today=request.today.isoformat(),
-            max_disruption=request.limit,
-            hosts=hosts,
-            findings=findings,
-            accepted=accepted,
-            placement=None if layout is None else layout.placement,
-        )
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _HostPart:
-    """One host's part of the plan, where changes were possible, and what was found on the way."""
-
-    plan: HostPlan
-    addresses: tuple[str, ...]
-    findings: tuple[Diagnostic, ...]
-
-
-def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) -> _HostPart:
-    application = request.system.application.name
-    difference = _difference(request, goal)
-    held = hold_back(targeted(difference.changes, request.targets), goal.budget)
-    ordered = order(plan_changes(held.allowed, goal.context), goal.budget)
-    steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
-    here = [partition for partition in (layout.partitions if layout else ()) if partition.host == goal.name]
-    mechanisms = {partition.name: partition.mechanism for partition in here if partition.mechanism}
-    guests = _guest_tasks(request, goal)
-    plan = HostPlan(
-        host=request.system.hosts[goal.name],
-        facts=goal.observed.facts,
-        state_path=request.state_paths.get(goal.name, ""),
-        serial=goal.observed.serials.get(application, 0),
-        digests=part_digests(of_the_host_itself(goal.observed), application),
+def _host_plan(
+    request: PlanRequest, desired: Desired, difference: Difference, held: HeldChanges, steps: tuple[Step, ...]
+) -> HostPlan:
+    observed, application = desired.observed, request.application
+    mechanisms = {partition.name: partition.mechanism for partition in desired.placed if partition.mechanism}
+    return HostPlan(
+        host=request.system.hosts[desired.host],
+        facts=observed.facts,
+        state_path=request.state_paths.get(desired.host, ""),
+        serial=observed.serials.get(application, 0),
+        digests=part_digests(of_the_host_itself(observed), application),
         changes=held.allowed,
         steps=steps,
         held_back=held.held,
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_of(goal.observed, _wanted_of(request, goal), application, held.allowed, steps),
-        threads=goal.threads,
-        components={partition.name: partition.components for partition in here},
+        totals=totals_of(observed, _wanted_of(request, desired), application, held.allowed, steps),
+        threads=threads_of(desired, request.system),
+        components={partition.name: partition.components for partition in desired.placed},
         mechanisms=mechanisms or None,
-        stopped=_staying_stopped(request, goal),
-        guest_tasks=guests or None,
-    )
-    reviewed = ReviewedPlan(
-        system=request.system,
-        places=request.places,
-        purpose=request.purpose,
-        remove_disks=request.remove_disks,
-        layout=layout,
-        observed=goal.observed,
-        plan=plan,
-        after_last_run=request.after_last_run.get(goal.name),
-    )
-    return _HostPart(
-        plan=plan,
-        addresses=tuple(str(change.address) for change in (*difference.changes, *guests)),
-        findings=(
-            *difference.findings,
-            *stuck,
-            *review_plan(reviewed),
-            *guest_scripts_by_hand(plan, goal.rules.locate),
-        ),
+        stopped=_staying_stopped(request, desired),
     )
 
 
-def _guest_tasks(request: PlanningRequest, goal: HostGoal) -> tuple[GuestTask, ...]:
+def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -> tuple[GuestTask, ...]:
     """The classes that the guests' scripts write, as far as they are targets, by partition and name."""
-    application, rules = request.system.application.name, goal.rules
-    machines = {vm.mark.name: vm.id for vm in goal.observed.of(application).partitions if vm.mark}
-    tasks = (guest_task(task, rules.replaceable, rules.locate, machines.get(task.inside, "")) for task in goal.by_hand)
+    machines = {vm.mark.name: vm.id for vm in desired.observed.of(request.application).partitions if vm.mark}
+    tasks = (
+        guest_task(task, rules.replaceable, rules.locate, machines.get(task.inside, "")) for task in desired.by_hand
+    )
     return tuple(
         task
         for task in sorted(tasks, key=lambda task: (task.partition, task.name))
@@ -217,36 +142,34 @@ def _guest_tasks(request: PlanningRequest, goal: HostGoal) -> tuple[GuestTask, .
     )
 
 
-def _wanted_of(request: PlanningRequest, goal: HostGoal) -> State:
+def _wanted_of(request: PlanRequest, desired: Desired) -> State:
     """The State that the host is to have in the end; who stops or starts partitions wants all of them to stay."""
     keeps = request.purpose in {Purpose.STOP, Purpose.START}
-    return goal.observed.of(request.system.application.name) if keeps else goal.desired
+    return desired.observed.of(request.application) if keeps else desired.state
 
 
-def _staying_stopped(request: PlanningRequest, goal: HostGoal) -> tuple[str, ...]:
+def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:
     """The partitions of the manifest that `rarms stop` stopped, where the plan asks for all of the manifest."""
     if request.purpose is not Purpose.APPLY:
         return ()
-    wanted = (partition.mark for partition in goal.desired.partitions if partition.mark)
+    wanted = (partition.mark for partition in desired.state.partitions if partition.mark)
     return tuple(sorted(mark.name for mark in wanted if mark.stopped_by is StoppedBy.USER))
 
 
-def _difference(request: PlanningRequest, goal: HostGoal) -> Difference:
+def _difference(request: PlanRequest, desired: Desired, context: HostContext, rules: ManifestRules) -> Difference:
     """The changes of the host for this purpose."""
-    application = request.system.application.name
+    observed, locate = desired.observed, rules.locate
     match request.purpose:
         case Purpose.APPLY | Purpose.DESTROY:
-            return compare(goal.desired, goal.observed, application, goal.context, goal.rules)
+            return compare(desired.state, observed, request.application, context, rules)
         case Purpose.IMPORT:
-            place = goal.rules.locate(Address(partition=request.partition))
-            return _single_change(adoption(goal.observed, application, request.partition, request.machine, place))
+            return _single_change(adoption(observed, request, locate))
         case Purpose.RELEASE:
-            place = goal.rules.locate(Address(partition=request.partition))
-            return _single_change(releasing(goal.observed, application, request.partition, place))
+            return _single_change(releasing(observed, request, locate))
         case Purpose.STOP:
-            return _some_changes(*stop_changes(goal.observed, application, request.stop_scope, goal.rules.locate))
+            return _some_changes(*stop_changes(observed, request, locate))
         case Purpose.START:
-            return _some_changes(*start_changes(goal.observed, application, request.stop_scope, goal.rules.locate))
+            return _some_changes(*start_changes(observed, request, locate))
 
 
 def _some_changes(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...]) -> Difference:

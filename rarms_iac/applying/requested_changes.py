@@ -4,9 +4,10 @@ Partitions stop and start, and all that they are stays; or a mark comes or goes,
 that was stopped says so in its mark, so that it is no drift and no plan starts it; `rarms start` does.
 """
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
+from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare_partitions import neither_off_nor_running
 from rarms_iac.model.changes import Address, Adopt, Reason, Release, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
@@ -22,27 +23,15 @@ TAKEN = Finding.error("RARMS196", "The machine or the partition is taken already
 NOT_MANAGED = Finding.error("RARMS197", "This partition is not managed by this application")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StopScope:
-    """Which partitions are stopped or started."""
-
-    partitions: tuple[str, ...] = ()  # names; empty: every one that it applies to
-    stopped_by: StoppedBy = StoppedBy.USER  # who stops them; a measurement starts only what a measurement stopped
-
-
-EVERY_PARTITION = StopScope()
-
-
 def stop_changes(
-    state: State, application: str, scope: StopScope, locate: Locator
+    state: State, request: PlanRequest, locate: Locator
 ) -> tuple[tuple[Update, ...], tuple[Diagnostic, ...]]:
     """Find what has to change so that partitions of an application do not run, and no plan starts them.
 
     Args:
         state: the host as observed.
-        application: whose partitions.
-        scope: which of them, and who stops them. What runs is stopped, whatever its mark says; what does not run is
-            only marked, where it is wanted running.
+        request: whose partitions, which of them, and who stops them. What runs is stopped, whatever its mark says;
+            what does not run is only marked, where it is wanted running.
         locate: the manifest line of a partition.
 
     Returns:
@@ -50,8 +39,8 @@ def stop_changes(
     """
     changes: list[Update] = []
     findings: list[Diagnostic] = []
-    for address, before in _partitions(state, application, scope.partitions):
-        after = stopped_partition(before, scope.stopped_by)
+    for address, before in _partitions(state, request):
+        after = stopped_partition(before, request.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
             findings.append(neither_off_nor_running(address, before.state, locate(address)))
         elif before.settings.running or (before.mark != after.mark and _is_wanted_running(before)):
@@ -60,14 +49,13 @@ def stop_changes(
 
 
 def start_changes(
-    state: State, application: str, scope: StopScope, locate: Locator
+    state: State, request: PlanRequest, locate: Locator
 ) -> tuple[tuple[Update, ...], tuple[Diagnostic, ...]]:
     """Find what has to change so that partitions run that rarms stopped.
 
     Args:
         state: the host as observed.
-        application: whose partitions.
-        scope: which of them; those that are named start also where nobody stopped them.
+        request: whose partitions, and which of them; those that are named start also where nobody stopped them.
         locate: the manifest line of a partition.
 
     Returns:
@@ -75,13 +63,13 @@ def start_changes(
     """
     changes: list[Update] = []
     findings: list[Diagnostic] = []
-    for address, before in _partitions(state, application, scope.partitions):
+    for address, before in _partitions(state, request):
         assert before.mark is not None
         stopped_by = before.mark.stopped_by
-        if scope.stopped_by is StoppedBy.MEASUREMENT:
+        if request.stopped_by is StoppedBy.MEASUREMENT:
             is_meant = stopped_by is StoppedBy.MEASUREMENT
         else:
-            is_meant = stopped_by is not StoppedBy.NO_USER or (bool(scope.partitions) and not before.settings.running)
+            is_meant = stopped_by is not StoppedBy.NO_USER or (bool(request.partitions) and not before.settings.running)
         if not is_meant:
             continue
         if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
@@ -91,10 +79,10 @@ def start_changes(
     return tuple(changes), tuple(findings)
 
 
-def _partitions(state: State, application: str, names: Collection[str]) -> Iterator[tuple[Address, Partition]]:
-    managed = {partition.mark.name: partition for partition in state.of(application).partitions if partition.mark}
+def _partitions(state: State, request: PlanRequest) -> Iterator[tuple[Address, Partition]]:
+    managed = {vm.mark.name: vm for vm in state.of(request.application).partitions if vm.mark}
     for name, partition in sorted(managed.items()):
-        if not names or name in names:
+        if not request.partitions or name in request.partitions:
             yield Address(partition=name, machine=partition.id), partition
 
 
@@ -134,12 +122,13 @@ def _started(partition: Partition) -> Partition:
     )
 
 
-def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic | None:
+def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Diagnostic | None:
     """The change that makes the machine of this id the manifest's partition; its settings stay. None: it is that.
 
     The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
     """
-    address = f"partition/{name}"
+    (name,), application, machine = request.partitions, request.application, request.machine
+    address, place = f"partition/{name}", locate(Address(partition=name))
     before = next((partition for partition in state.partitions if partition.id.lower() == machine.lower()), None)
     if before is None:
         known = (
@@ -177,8 +166,10 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
     )
 
 
-def releasing(state: State, application: str, name: str, place: Place | None) -> Release | Diagnostic | None:
+def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | Diagnostic | None:
     """The change that takes our mark off this partition; the machine and its settings stay. None: it has no mark."""
+    (name,), application = request.partitions, request.application
+    place = locate(Address(partition=name))
     managed: dict[str, Partition] = {
         partition.mark.name: partition for partition in state.of(application).partitions if partition.mark
     }

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from rarms_iac.model.capacity import Capacity, fits
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.state import Partition, RunState, State
+from rarms_iac.model.state import Partition, RunState
 from rarms_iac.model.system import Disruption
 
 NO_CLAIM = Claim()
@@ -77,37 +77,3 @@ class StepBudget:
             Criticality and name.
         """
         return self.criticality.get(partition, 0), partition
-
-
-def budget_of(
-    observed: State,
-    application: str,
-    capacity: Capacity,
-    foreign: Iterable[Claim],
-    *,
-    criticality: Mapping[str, int],
-    max_disruption: Disruption,
-    graces: Mapping[str, Milliseconds],
-) -> StepBudget:
-    """The budget of an observed host.
-
-    Args:
-        observed: the host before the first step.
-        application: the application whose partitions are managed.
-        capacity: what the host can promise in all.
-        foreign: the claims of machines that the application does not manage.
-        criticality: by partition, the highest of its members.
-        max_disruption: the largest disruption that a step may cause.
-        graces: by partition, how long its guest may take to shut down.
-
-    Returns:
-        The budget before the first step; the managed partitions in it by their machines' ids.
-    """
-    return StepBudget(
-        capacity=capacity,
-        foreign=tuple(foreign),
-        managed={partition.id: partition for partition in observed.of(application).partitions},
-        criticality=criticality,
-        max_disruption=max_disruption,
-        graces=graces,
-    )

@@ -1,12 +1,12 @@
 """The desired State of one host: its partitions and task classes, with their marks."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.claims import CoreSharing
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host, ProviderKind
-from rarms_iac.model.layout import Layout, Making, PlacedPartition
+from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.names import is_shipped_task, renaming
 from rarms_iac.model.state import (
     Mark,
@@ -29,17 +29,27 @@ from rarms_iac.storage.digest import set_of_settings, set_of_values
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Desired:
-    """The wanted state of a host, and what the difference has to know beside it."""
+    """One host as it is and as it is to be, which is what is compared; and what else was decided about it."""
 
+    observed: State
     state: State
-    unused: frozenset[str]  # partitions of ours that the manifest no longer wants: in the state, stopped
-    protected: frozenset[str]
-    replaceable: frozenset[str]  # shipped task classes that may be replaced, in lower case
-    making: Mapping[str, Making]
-    criticality: Mapping[str, int]  # by partition
-    classes: Mapping[tuple[str, str], ClassValues]  # by partition (empty: the host) and class: for who wants to see
-    by_hand: tuple[TaskClass, ...]  # wanted in guests that could not be looked into: in no state, so no change
-    findings: tuple[Diagnostic, ...]
+    layout: Layout | None = None  # of all hosts; None: nothing is laid out, as where everything is removed
+    unused: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer wants: in `state`, stopped
+    classes: Mapping[tuple[str, str], ClassValues] = field(default_factory=dict)  # by partition (empty: the host), name
+    by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that could not be looked into: in no state, so no change
+    findings: tuple[Diagnostic, ...] = ()
+
+    @property
+    def host(self) -> str:
+        """The host's name in the manifest."""
+        return self.observed.facts.name
+
+    @property
+    def placed(self) -> tuple[PlacedPartition, ...]:
+        """The partitions that the layout places here, by name."""
+        return tuple(
+            partition for partition in (self.layout.partitions if self.layout else ()) if partition.host == self.host
+        )
 
 
 def desired_state(system: System, layout: Layout, observed: State, places: Places) -> Desired:
@@ -70,6 +80,8 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     tasks = sorted(found, key=lambda task_class: (task_class.inside, task_class.name))
     unseen = _unseen_guests(tasks, observed, current)
     return Desired(
+        observed=observed,
+        layout=layout,
         state=State(
             facts=observed.facts,
             partitions=tuple(
@@ -80,10 +92,6 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
             responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
         ),
         unused=frozenset(partition.mark.name for partition in unused if partition.mark),
-        protected=frozenset(name for name, request in system.partitions.items() if request.protect),
-        replaceable=frozenset(name.lower() for name, request in system.tasks.items() if request.replace_shipped),
-        making={partition.name: partition.making for partition in here},
-        criticality={partition.name: partition.criticality for partition in here},
         classes=values,
         by_hand=tuple(task for task in tasks if task.inside in unseen),
         findings=problems,

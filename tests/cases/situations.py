@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
-from rarms_iac.applying.prepare import PlanningRequest, prepare
-from rarms_iac.applying.requested_changes import StopScope
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.prepare import prepare
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
@@ -78,7 +78,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
     assert loaded.system is not None
     (name,) = loaded.system.hosts
     options = dict(pairwise([*words, ""]))
-    request = PlanningRequest(
+    request = PlanRequest(
         system=loaded.system,
         places=loaded.places,
         manifest="rarms.yaml",
@@ -86,10 +86,9 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         today=TODAY,
         purpose=Purpose(words[0]),
         targets=(options["--target"],) if "--target" in options else (),
-        partition=words[1] if words[0] in ("import", "release") else "",
         machine=options.get("--id", ""),
         remove_disks="--remove-disks" in words,
-        stop_scope=StopScope(partitions=tuple(words[1:])),
+        partitions=tuple(word for word in words[1:2] if not word.startswith("--")),
     )
     prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
     shown = render(plan_text(prepared.plan, sources=loaded.sources)) if prepared.plan else ""

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
-from rarms_iac.applying.prepare import PlanningRequest, prepare
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.prepare import prepare
 from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.plan import Plan
@@ -69,7 +70,7 @@ def lab(bench: Bench) -> Iterator[Lab]:
 
 
 def a_plan(system: System, host: StepwiseHost) -> Plan:
-    request = PlanningRequest(
+    request = PlanRequest(
         system=system,
         places=builders.PathPlaces(),
         manifest="rarms.yaml",

@@ -62,7 +62,7 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
 
     for host in (start, state):
         ours = host.of("robot")
-        found = compare(ours, host, "robot", route(system, host).request.context)
+        found = compare(ours, host, "robot", route(system, host).context)
         assert found.changes == ()
         assert drift(ours, host, "robot") == ()
 
@@ -83,10 +83,10 @@ def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st
     passed = walker.walk(steps_of(plan))
 
     for state in passed:
-        never_more(state, middle, plan.request.budget)
+        never_more(state, middle, plan.budget)
     again = route(second, walker.state)
     assert again.difference.changes == ()
-    assert set(again.difference.unused) == set(again.request.rules.unused)
+    assert set(again.difference.unused) == set(again.desired.unused)
     assert strangers_of(walker.state) == others
 
 
@@ -150,7 +150,7 @@ def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: b
     possible(wanted, state)
 
     found = {
-        entry.address.partition: entry.drift for entry in drift(route(wanted, state).request.desired, state, "robot")
+        entry.address.partition: entry.drift for entry in drift(route(wanted, state).desired.state, state, "robot")
     }
 
     kinds = {

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 
-from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
@@ -37,7 +38,7 @@ class Cell:
         return state_of(self.host, self.name)
 
     def prepare(self, **asked: object) -> PlanningResult:
-        request = PlanningRequest(
+        request = PlanRequest(
             system=self.system, places=self.places, manifest="rarms.yaml", manifest_digest="0" * 64, today=TODAY
         )
         state = self.observe()

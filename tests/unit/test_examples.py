@@ -12,7 +12,8 @@ import pytest
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.applying.execute import apply_plan
-from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.prepare import PlanningResult, prepare
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
@@ -123,7 +124,7 @@ def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: P
     """A plan that rests on the data logs below the folder."""
     assert result.system is not None
     states = {name: host.observe() for name, host in hosts.items()}
-    request = PlanningRequest(
+    request = PlanRequest(
         system=result.system,
         places=result.places,
         manifest="rarms.yaml",

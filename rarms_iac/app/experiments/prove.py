@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
 from pathlib import Path
@@ -15,10 +15,9 @@ from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import lock_timeout_option, option
-from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
+from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
-from rarms_iac.applying.prepare import prepare
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.partitions import host_budget, partition_name
@@ -257,11 +256,8 @@ def _refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Map
         UseCaseError: A plan would change something (refused), or the manifest cannot be planned (as `outcome_of`).
     """
     limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # so that no change is held back and goes unseen
-    plan_request = planner_request(hosts, PlanRequest(limits=limits), everywhere)
-    prepared = prepare(replace(plan_request, hosts=tuple(sorted(states))), everywhere)
-    if prepared.plan is None:
-        raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
-    pending = [f"{change.address} on {part.host.name}" for part in prepared.plan.hosts for change in part.changes]
+    plan = make_plan(hosts, plan_request(hosts.only(*sorted(states)), limits), everywhere)
+    pending = [f"{change.address} on {part.host.name}" for part in plan.hosts for change in part.changes]
     if pending:
         message = f"The manifest asks for something that is not applied yet: {', '.join(pending)}."
         raise UseCaseError(Outcome.REFUSED, [_not_applied(message, pending[0].partition(" ")[0])])

@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.control import NEVER_STOP, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, run_origin
-from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
+from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
-from rarms_iac.applying.prepare import prepare
-from rarms_iac.applying.requested_changes import StopScope, stopped_partition
+from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.measuring import findings
 from rarms_iac.model.changes import Update
@@ -79,8 +78,7 @@ class PartitionStopper:
         names = own_running(bench.observe(), self.hosts.system.application.name)
         if not names or not self.consents(bench.name, names):
             return names
-        scope = StopScope(partitions=names, stopped_by=StoppedBy.MEASUREMENT)
-        _run(self.hosts, bench, PlanRequest(purpose=Purpose.STOP, stop_scope=scope))
+        _run(self.hosts, bench, Purpose.STOP, names)
         self.reporter.message(f"{bench.name}: stopped {in_a_row(names)} to measure. They start again afterwards.")
         return ()
 
@@ -121,8 +119,7 @@ def _start_again(hosts: Hosts, bench: MeasuringHost, reporter: Reporter) -> tupl
     if not names:
         return ()
     try:
-        scope = StopScope(partitions=names, stopped_by=StoppedBy.MEASUREMENT)
-        _run(hosts, bench, PlanRequest(purpose=Purpose.START, stop_scope=scope))
+        _run(hosts, bench, Purpose.START, names)
     except UseCaseError as error:
         message = f"On {bench.name} these were stopped to measure, and could not be started: {', '.join(names)}."
         advice = f"Mend what keeps them from it, then start them: `rarms start {' '.join(names)}`."
@@ -233,18 +230,19 @@ def finish_stop_or_start(bench: MeasuringHost, reporter: Reporter) -> None:
     reporter.message(f"{bench.name}: finished the stop or start of partitions that an earlier measurement had begun.")
 
 
-def _run(hosts: Hosts, bench: MeasuringHost, request: PlanRequest) -> None:
-    """Plan, and do it, on one held host.
+def _run(hosts: Hosts, bench: MeasuringHost, purpose: Purpose, partitions: tuple[str, ...]) -> None:
+    """Stop or start partitions on one held host.
 
     Raises:
         UseCaseError: It cannot be planned or done.
     """
-    states = {bench.name: bench.observe()}
-    planning_request = replace(planner_request(hosts, request, states), hosts=(bench.name,))
-    prepared = prepare(planning_request, states)
-    if prepared.plan is None:
-        raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
-    _apply(prepared.plan, bench)
+    request = replace(
+        plan_request(hosts.only(bench.name)),
+        purpose=purpose,
+        partitions=partitions,
+        stopped_by=StoppedBy.MEASUREMENT,
+    )
+    _apply(make_plan(hosts, request, {bench.name: bench.observe()}), bench)
 
 
 def _apply(plan: Plan, bench: MeasuringHost) -> None:

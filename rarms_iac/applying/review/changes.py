@@ -2,18 +2,20 @@
 
 from collections.abc import Iterator
 
+from rarms_iac.applying.desired_hosts import disk_verdicts
 from rarms_iac.applying.doctor.machines import WIDE_MACHINE
-from rarms_iac.applying.goals import disk_verdicts
-from rarms_iac.applying.review.reviewed_plan import ReviewedPlan, partition_after_change
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.review.partitions_after import partition_after_change
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
-from rarms_iac.model.plan import Purpose, Step, UndoLevel
+from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.headroom import limit_in_manifest
 
@@ -31,29 +33,29 @@ CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wro
 SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name")
 
 
-def review_changes_from_outside(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Tell which differences the plan takes away that did not come from the manifest."""
-    if part.purpose is not Purpose.APPLY:
+    if request.purpose is not Purpose.APPLY:
         return
-    addresses = {change.address: change for change in part.plan.changes}
+    addresses = {change.address: change for change in plan.changes}
     by_name = {str(address): address for address in addresses}
-    for drift in drift_of_marks(part.observed, part.application, part.after_last_run):
+    for drift in drift_of_marks(desired.observed, request.application, request.after_last_run.get(desired.host)):
         address = by_name.get(str(drift.address))
         if address is not None:
             yield CHANGED_OUTSIDE.at(
                 addresses[address].reason.place,
-                f"{drift.address} on {part.host}: {drift.message}. This plan makes it as the manifest wants it.",
+                f"{drift.address} on {desired.host}: {drift.message}. This plan makes it as the manifest wants it.",
                 "Find out who did it: `rarms drift` shows what differs, `rarms history` what rarms itself did.",
                 address=str(drift.address),
             )
 
 
-def review_images_and_switches(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_images_and_switches(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Refuse beforehand what Hyper-V would refuse in the middle of making a machine."""
-    for step in part.plan.steps:
+    for step in plan.steps:
         if isinstance(step.operation, CreatePartition):
             yield from _review_image(step, step.operation)
-            yield from _review_switch(part, step, step.operation)
+            yield from _review_switch(desired, step, step.operation)
 
 
 def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
@@ -67,8 +69,8 @@ def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]
         )
 
 
-def _review_switch(part: ReviewedPlan, step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
-    switches = part.observed.switches
+def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
+    switches = desired.observed.switches
     if not creation.switch or switches is None:
         return
     if creation.switch.lower() in {switch.lower() for switch in switches}:
@@ -77,21 +79,21 @@ def _review_switch(part: ReviewedPlan, step: Step, creation: CreatePartition) ->
     yield SWITCH.at(
         step.place,
         f'"{creation.partition}" is to be connected to the virtual switch {quoted(creation.switch)}, which '
-        f"{part.host} does not have.{suggestion(creation.switch, switches)} {known}",
+        f"{desired.host} does not have.{suggestion(creation.switch, switches)} {known}",
         "Name a switch that is there (`hyperv.switch`), or make it on the host first (`New-VMSwitch`).",
         address=str(step.address),
     )
 
 
-def review_restarts(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
     """Each running partition that is stopped, for its own change or so that others find room.
 
     Who destroys, imports or releases has asked for what happens.
     """
-    if part.purpose is not Purpose.APPLY:
+    if request.purpose is not Purpose.APPLY:
         return
     live = set()
-    for change in part.plan.changes:
+    for change in plan.changes:
         match change:
             case Update(disruption=Disruption.LIVE):
                 live.add(change.address)
@@ -104,7 +106,7 @@ def review_restarts(part: ReviewedPlan) -> Iterator[Diagnostic]:
                 )
             case _:
                 pass
-    for step in part.plan.steps:
+    for step in plan.steps:
         if isinstance(step.operation, StopPartition) and step.address in live:
             yield RESTART.at(
                 step.place,
@@ -115,10 +117,12 @@ def review_restarts(part: ReviewedPlan) -> Iterator[Diagnostic]:
             )
 
 
-def review_guests_that_are_not_asked(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """A guest without the service through which it is asked to shut down is turned off, like a pulled plug."""
-    mute = {machine.id for machine in part.observed.partitions if machine.settings.running and not machine.can_be_asked}
-    for step in part.plan.steps:
+    mute = {
+        machine.id for machine in desired.observed.partitions if machine.settings.running and not machine.can_be_asked
+    }
+    for step in plan.steps:
         if isinstance(step.operation, StopPartition) and step.address.machine in mute:
             yield NOT_ASKED.at(
                 step.place,
@@ -130,9 +134,9 @@ def review_guests_that_are_not_asked(part: ReviewedPlan) -> Iterator[Diagnostic]
             )
 
 
-def review_memory(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
     """Memory that is taken from a partition may be in use there."""
-    for change in part.plan.changes:
+    for change in plan.changes:
         match change:
             case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.memory < old.memory:
                 yield MEMORY_SHRINKS.at(
@@ -144,23 +148,17 @@ def review_memory(part: ReviewedPlan) -> Iterator[Diagnostic]:
                 )
 
 
-def review_raised_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Diagnostic]:
     """A limit below what its reserve needs, rounded up, is raised, and the reader is told so."""
-    if part.layout is None:
-        return
     # A limit that was raised equals the reserve; only then the whole system is worth grouping again.
-    raised = [
-        partition
-        for partition in part.layout.partitions
-        if partition.host == part.host and partition.settings.limit == partition.settings.reserve
-    ]
-    groups = {group.name: group for group in groups_of(part.system)} if raised else {}
+    raised = [partition for partition in desired.placed if partition.settings.limit == partition.settings.reserve]
+    groups = {group.name: group for group in groups_of(request.system)} if raised else {}
     for partition in raised:
         reserve, processors = partition.settings.reserve, partition.settings.processors
-        limit = limit_in_manifest(groups[partition.name], part.plan.host, processors)
+        limit = limit_in_manifest(groups[partition.name], request.system.hosts[desired.host], processors)
         if limit is not None and limit < reserve:
             yield LIMIT_RAISED.at(
-                part.places.key(part.system.section_of(partition.name), partition.name),
+                request.places.key(request.system.section_of(partition.name), partition.name),
                 f'"{partition.name}" is limited to {limit} % of each of its virtual processors, and its reserve needs '
                 f"{reserve} %: the plan raises the limit to that, and the partition never gets more.",
                 "Raise the limit, or remove it: what was measured without one holds without one.",
@@ -168,9 +166,9 @@ def review_raised_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
             )
 
 
-def review_widened_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_widened_limits(plan: HostPlan) -> Iterator[Diagnostic]:
     """A limit that is widened lets a partition take what others had."""
-    for change in part.plan.changes:
+    for change in plan.changes:
         match change:
             case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.limit > old.limit:
                 yield LIMIT_WIDENS.at(
@@ -182,53 +180,53 @@ def review_widened_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
                 )
 
 
-def review_removed_disks(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Disks whose removal was asked for: which are deleted, and which stay all the same."""
-    for step in part.plan.steps:
+    for step in plan.steps:
         if isinstance(step.operation, RemoveDisk):
             yield DISK_REMOVED.at(
                 step.place,
-                f"{step.operation.path} of {step.address.partition} on {part.host} is deleted after its "
+                f"{step.operation.path} of {step.address.partition} on {desired.host} is deleted after its "
                 f"machine was removed: whatever was written since it was made from {step.operation.parent} is lost.",
                 "Copy what is still needed out of it first; nothing brings it back, `rarms undo` neither. To keep it, "
                 "leave out --remove-disks.",
                 address=f"partition/{step.address.partition}",
             )
-    for change in part.plan.changes if part.remove_disks else ():
+    for change in plan.changes if request.remove_disks else ():
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
             continue
-        for verdict in disk_verdicts(part.system, part.observed, change.before):
+        for verdict in disk_verdicts(request.system, desired.observed, change.before):
             if verdict.reason_to_keep:
                 yield DISK_STAYS.at(
                     change.reason.place,
-                    f"{verdict.disk.path} of {change.address.partition} on {part.host} is kept: "
+                    f"{verdict.disk.path} of {change.address.partition} on {desired.host} is kept: "
                     f"{verdict.reason_to_keep}.",
                     "Look at what is on it, and delete it by hand when nobody needs it.",
                     address=str(change.address),
                 )
 
 
-def review_remaining_disks(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Removing a machine keeps its disks where their removal was not asked for, and the space stays taken."""
-    if part.remove_disks:
+    if request.remove_disks:
         return
-    for step in part.plan.steps:
-        disks = [disk.path for disk in part.observed.disks if disk.machine and disk.machine == step.address.machine]
+    for step in plan.steps:
+        disks = [disk.path for disk in desired.observed.disks if disk.machine and disk.machine == step.address.machine]
         if isinstance(step.operation, RemovePartition) and disks:
             yield DISKS_STAY.at(
                 step.place,
-                f'"{step.address.partition}" is removed from {part.host}, and its virtual disks stay: '
+                f'"{step.address.partition}" is removed from {desired.host}, and its virtual disks stay: '
                 f"{', '.join(disks)}.",
                 "Delete by hand what nobody needs, or let `rarms destroy --remove-disks` delete what rarms made.",
                 address=str(step.address),
             )
 
 
-def review_undo(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
     """Steps without an undo; who destroys asked for it. What comes back in part is listed with the plan."""
-    if part.purpose is Purpose.DESTROY:
+    if request.purpose is Purpose.DESTROY:
         return
-    for step in part.plan.steps:
+    for step in plan.steps:
         if step.undo.level is UndoLevel.NONE:
             yield NOT_UNDONE.at(
                 step.place,
@@ -238,15 +236,15 @@ def review_undo(part: ReviewedPlan) -> Iterator[Diagnostic]:
             )
 
 
-def review_width(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """A partition wider than its host waits for itself, and no reserve is guaranteed to it (windows.md 1.2)."""
-    available = part.observed.facts.logical_processors
-    for change in part.plan.changes:
+    available = desired.observed.facts.logical_processors
+    for change in plan.changes:
         partition = partition_after_change(change)
         if partition is not None and (after := partition.settings).processors > available:
             yield WIDE_MACHINE.at(
                 change.reason.place,
-                f'"{after.name}" is to have {after.processors} virtual processors, and {part.host} has '
+                f'"{after.name}" is to have {after.processors} virtual processors, and {desired.host} has '
                 f"{available} logical ones: it can never run on all of them at once.",
                 f"Give it at most {available}: `processors: {available}`.",
                 address=str(change.address),

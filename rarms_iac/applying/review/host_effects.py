@@ -3,17 +3,19 @@
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.review.partitions_after import partitions_after
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
 from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
-from rarms_iac.model.plan import Purpose
+from rarms_iac.model.plan import HostPlan, Purpose
 from rarms_iac.model.quantities import LogicalProcessors, show_processors
 from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row
+from rarms_iac.planner.desired import Desired
 
 UNMANAGED_GETS_LESS = Finding.warning("RARMS223", "A machine that is not managed gets less")
 CLASSES_ABOVE = Finding.note("RARMS226", "Other task classes run above a robotic one")
@@ -22,61 +24,64 @@ NO_SCRIPT_PLACEMENT = Finding.error("RARMS259", "A script would find no place fo
 SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside partitions with a reserve")
 
 
-def review_smt(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Under the core scheduler with SMT a core never runs two machines, so that some reserve more than they can use."""
     costs = {
         partition.settings.name: Fraction(partition.claim.idle * partition.claim.reserve, WHOLE)
-        for partition in part.partitions_after()
+        for partition in partitions_after(desired.observed, request.application, plan)
         if partition.claim.idle * partition.claim.reserve
     }
-    if part.plan.changes and costs:
+    if plan.changes and costs:
         names = in_a_row([f"{name} ({show_processors(LogicalProcessors(cost))})" for name, cost in costs.items()])
         yield SMT_COSTS.at(
             None,
-            f"The core scheduler of {part.host} runs one machine on a core at a time. What is reserved for {names} "
+            f"The core scheduler of {desired.host} runs one machine on a core at a time. What is reserved for {names} "
             "keeps so much idle beside it, because the number of virtual processors is odd, or the machine has no SMT "
             "itself.",
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
-            address=f"host/{part.host}",
+            address=f"host/{desired.host}",
         )
 
 
-def review_script_placement(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Hyper-V scripts place the largest reserve first, a simpler rule than the planner's.
 
     A plan that its script would stop half-way is refused before.
     """
-    if part.plan.host.provider is not ProviderKind.HYPERV or not part.plan.changes:
+    if plan.host.provider is not ProviderKind.HYPERV or not plan.changes:
         return
-    managed = [partition.claim for partition in part.partitions_after() if partition.settings.running]
-    claims = (*foreign_claims(part.observed, part.application), *managed)
-    if managed and not packs_by_size(claims, capacity_of(part.plan.host, part.observed.facts)):
+    partitions = partitions_after(desired.observed, request.application, plan)
+    managed = [partition.claim for partition in partitions if partition.settings.running]
+    claims = (*foreign_claims(desired.observed, request.application), *managed)
+    if managed and not packs_by_size(claims, capacity_of(plan.host, desired.observed.facts)):
         yield NO_SCRIPT_PLACEMENT.at(
             None,
-            f"On {part.host} the virtual processors fit only if they are placed cleverly. A script places "
+            f"On {desired.host} the virtual processors fit only if they are placed cleverly. A script places "
             "the largest reserve first, finds no place for one of them, and would stop half-way.",
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
-            address=f"host/{part.host}",
+            address=f"host/{desired.host}",
         )
 
 
-def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Machines that rarms does not manage are never changed, but what they get may be.
 
     When all machines are busy, each gets its reserve, and the rest is shared by weight, processor by processor
     (windows.md 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody
     loses.
     """
-    if part.purpose in {Purpose.IMPORT, Purpose.RELEASE, Purpose.STOP, Purpose.START}:
+    if request.purpose in {Purpose.IMPORT, Purpose.RELEASE, Purpose.STOP, Purpose.START}:
         return  # a mark is written or erased, and nobody's share changes; what starts again had it before
+    managed = desired.observed.of(request.application).partitions
     unmanaged = [
-        machine for machine in part.observed.partitions if machine.settings.running and not part.is_managed(machine)
+        machine for machine in desired.observed.partitions if machine.settings.running and machine not in managed
     ]
-    managed_before = (partition.settings for partition in part.observed.of(part.application).partitions)
+    managed_before = (partition.settings for partition in managed)
     others = [machine.settings for machine in unmanaged]
     before = [*others, *(settings for settings in managed_before if settings.running)]
-    after = [*others, *(each.settings for each in part.partitions_after() if each.settings.running)]
-    available = part.observed.facts.logical_processors
+    remaining = partitions_after(desired.observed, request.application, plan)
+    after = [*others, *(partition.settings for partition in remaining if partition.settings.running)]
+    available = desired.observed.facts.logical_processors
     losers = []
     for machine in unmanaged:
         settings = machine.settings
@@ -89,10 +94,10 @@ def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
     if losers:
         yield UNMANAGED_GETS_LESS.at(
             None,
-            f"Machines on {part.host} that {part.application} does not manage stay as they are, and get less while all "
-            f"are busy: {'; '.join(losers)}.",
+            f"Machines on {desired.host} that {request.application} does not manage stay as they are, and get less "
+            f"while all are busy: {'; '.join(losers)}.",
             "If one has to answer in time, give it a reserve first, or take it in: `rarms import PARTITION --id ID`.",
-            address=f"host/{part.host}",
+            address=f"host/{desired.host}",
         )
 
 
@@ -105,40 +110,40 @@ def busy_share(settings: PartitionSettings, running: Sequence[PartitionSettings]
     return min(own, Fraction(settings.limit * settings.processors, 100))
 
 
-def review_task_classes(part: ReviewedPlan) -> Iterator[Diagnostic]:
+def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Task classes of Windows or of a computer's maker may run above robotic ones; they stay as they are.
 
     Once a host, where the plan writes task classes.
     """
-    if not any(change.address.task for change in part.plan.changes):
+    if not any(change.address.task for change in plan.changes):
         return
     systems: dict[str, list[str]] = {}
-    for inside, task_class, priority in classes_above(part):
+    for inside, task_class, priority in classes_above(request, desired, plan):
         systems.setdefault(f"{task_class.name} ({priority})", []).append(inside or "the host itself")
     if systems:
         concerned = sorted({system for names in systems.values() for system in names})
         yield CLASSES_ABOVE.at(
             None,
-            f"On {part.host}, threads of {', '.join(sorted(systems))} run above robotic ones in "
+            f"On {desired.host}, threads of {', '.join(sorted(systems))} run above robotic ones in "
             f"{', '.join(concerned)}, when a program joins these classes.",
             "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "
             "they are.",
-            address=f"host/{part.host}",
+            address=f"host/{desired.host}",
         )
 
 
-def classes_above(part: ReviewedPlan) -> Iterator[tuple[str, TaskClass, int]]:
+def classes_above(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[tuple[str, TaskClass, int]]:
     """Classes of others, in Medium or High, whose threads run above a robotic class of the same operating system.
 
     Yields:
         The partition (empty: the host itself), the class, and the priority of its threads.
     """
     lowest: dict[str, int] = {}
-    for thread in part.plan.threads:
+    for thread in plan.threads:
         lowest[thread.inside] = min(thread.thread_priority, lowest.get(thread.inside, thread.thread_priority))
-    robotic = {(thread.inside, thread.task.lower()) for thread in part.plan.threads}
-    for task in part.observed.tasks:
-        is_managed = task.record is not None and task.record.application == part.application
+    robotic = {(thread.inside, thread.task.lower()) for thread in plan.threads}
+    for task in desired.observed.tasks:
+        is_managed = task.record is not None and task.record.application == request.application
         if is_managed or task.inside not in lowest or (task.inside, task.name.lower()) in robotic:
             continue
         priority = _foreign_priority(task.values)

@@ -22,7 +22,7 @@ from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag
-from rarms_iac.app.planning import PlanRequest
+from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import DatedManifestSource, HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.applying import ask, finish_first, plan_ask_apply, report_end, run
@@ -83,7 +83,7 @@ def apply_command(
     if not isinstance(hosts, Hosts):
         finished = finish_first(session, live, how) or RunReport(ending=RunEnding.NOTHING)
         return report_end(session, finished)
-    code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how)
+    code = plan_ask_apply(session, hosts, plan_request(hosts, limits), how)
     return _then_prove(session, source, host_selection, how, code) if options.proving else code
 
 

@@ -1,13 +1,13 @@
 """Commands about partitions that exist: `rarms stop`, `start`, `destroy`, `import` and `release`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, option
-from rarms_iac.app.planning import PlanRequest, hosts_with_machine, hosts_with_partition, refuse_unknown_partitions
+from rarms_iac.app.planning import hosts_with_machine, hosts_with_partition, plan_request, refuse_unknown_partitions
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, PlanRunOptions, PlanTargets
-from rarms_iac.applying.requested_changes import StopScope
+from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
@@ -49,7 +49,7 @@ def start_command(
 
 def _request(hosts: Hosts, purpose: Purpose, which: Partitions) -> PlanRequest:
     refuse_unknown_partitions(hosts, which.partitions)
-    return PlanRequest(purpose=purpose, stop_scope=StopScope(partitions=which.partitions))
+    return replace(plan_request(hosts), purpose=purpose, partitions=which.partitions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,9 +78,8 @@ def destroy_command(
     them, and no other machine, disk or checkpoint needs them. What was on them is lost.
     """
     hosts = select_hosts(load_manifest(source), host_selection)
-    request = PlanRequest(
-        purpose=Purpose.DESTROY, limits=PlanLimits(targets=options.targets), remove_disks=options.remove_disks
-    )
+    limits = PlanLimits(targets=options.targets)
+    request = replace(plan_request(hosts, limits), purpose=Purpose.DESTROY, remove_disks=options.remove_disks)
     return plan_ask_apply(session, hosts, request, how)
 
 
@@ -107,7 +106,9 @@ def import_command(
     The next plan then shows what the manifest wants to be different about it.
     """
     hosts = hosts_with_machine(select_hosts(load_manifest(source), host_selection), options.machine)
-    request = PlanRequest(purpose=Purpose.IMPORT, partition=options.partition, machine=options.machine)
+    request = replace(
+        plan_request(hosts), purpose=Purpose.IMPORT, partitions=(options.partition,), machine=options.machine
+    )
     return plan_ask_apply(session, hosts, request, how)
 
 
@@ -117,5 +118,5 @@ def release_command(
 ) -> ExitCode:
     """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
     hosts = hosts_with_partition(select_hosts(load_manifest(source), host_selection), name.partition)
-    request = PlanRequest(purpose=Purpose.RELEASE, partition=name.partition)
+    request = replace(plan_request(hosts), purpose=Purpose.RELEASE, partitions=(name.partition,))
     return plan_ask_apply(session, hosts, request, how)

@@ -7,8 +7,8 @@ from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import option, verbose_option
-from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.planning import plan as make_plan
+from rarms_iac.app.planning import plan_request
 from rarms_iac.app.pull_request import review_plan
 from rarms_iac.app.requests import DatedManifestSource, PlanLimits, SnapshotSelection
 from rarms_iac.cli.applying import write_and_advise
@@ -45,10 +45,9 @@ def plan_command(
     comment of a pull request; sarif, junit and github have the findings, also where there is no plan.
     """
     outputs = options.targets(session)
-    request = PlanRequest(limits=limits)
     try:
         hosts = select_hosts(load_manifest(source), host_selection)
-        plan = make_plan(hosts, request)
+        plan = make_plan(hosts, plan_request(hosts, limits))
     except UseCaseError as error:
         findings = [output for output in outputs if is_for_findings(output.format)]
         write_outputs(session.terminal, findings, partial(no_plan_as, manifest=source.manifest, error=error))
@@ -61,7 +60,7 @@ def plan_command(
             plan,
             hosts.manifest.sources,
             verbose=options.verbose,
-            review=lambda: review_plan(hosts, plan, request, options.base),
+            review=lambda: review_plan(hosts, plan, limits, options.base),
         ),
     )
     if options.out is not None:

@@ -88,10 +88,9 @@ def _plan(plan_file: str | None, source: ManifestSource, host_selection: Snapsho
     # Imported here, since a plan file needs none of it: that would take a third of the time of `rarms show --script`.
     from rarms_iac.app.hosts import select_hosts
     from rarms_iac.app.manifests import load_manifest
-    from rarms_iac.app.planning import PlanRequest
     from rarms_iac.app.planning import plan as make_plan
 
-    return make_plan(select_hosts(load_manifest(source), host_selection), PlanRequest())
+    return make_plan(select_hosts(load_manifest(source), host_selection))
 
 
 def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options: ShowOptions) -> ExitCode:

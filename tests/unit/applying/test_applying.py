@@ -208,7 +208,7 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
     lab.apply(lab.plan())
     was = {partition.settings.name: partition for partition in lab.observe()["onboard"].partitions}
 
-    lab.apply(lab.plan(purpose=Purpose.RELEASE, partition="vision"))
+    lab.apply(lab.plan(purpose=Purpose.RELEASE, partitions=("vision",)))
 
     (vision,) = (partition for partition in lab.observe()["onboard"].partitions if partition.settings.name == "vision")
     assert (vision.mark, vision.settings) == (None, was["vision"].settings)
@@ -216,7 +216,7 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
     assert codes(in_the_way.findings) == ["RARMS150", "RARMS014"], "there is no room beside it, and it is why"
     assert "would fit" not in str(in_the_way.findings[1].advice)
 
-    lab.apply(lab.plan(purpose=Purpose.IMPORT, partition="vision", machine=vision.id))
+    lab.apply(lab.plan(purpose=Purpose.IMPORT, partitions=("vision",), machine=vision.id))
 
     assert lab.steps_left() == 0
     assert lab.observe()["onboard"].partitions == tuple(was[name] for name in ("speech", "vision"))
@@ -225,8 +225,8 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
 @pytest.mark.parametrize(
     ("asked", "code"),
     [
-        ({"purpose": Purpose.IMPORT, "partition": "vision", "machine": "no-such-id"}, "RARMS195"),
-        ({"purpose": Purpose.RELEASE, "partition": "visoin"}, "RARMS197"),
+        ({"purpose": Purpose.IMPORT, "partitions": ("vision",), "machine": "no-such-id"}, "RARMS195"),
+        ({"purpose": Purpose.RELEASE, "partitions": ("visoin",)}, "RARMS197"),
         ({"targets": ("partition/visoin",)}, "RARMS194"),
     ],
 )
@@ -251,6 +251,6 @@ def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
     lab.apply(lab.plan())
     machine = lab.observe()["onboard"].partitions[0].id
 
-    prepared = lab.prepare(purpose=Purpose.IMPORT, partition="ears", machine=machine)
+    prepared = lab.prepare(purpose=Purpose.IMPORT, partitions=("ears",), machine=machine)
 
     assert codes(prepared.findings) == ["RARMS196"]

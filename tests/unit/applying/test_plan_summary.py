@@ -44,9 +44,9 @@ def test_a_machine_that_changes_sides_is_counted_once() -> None:
         lab.apply(lab.plan())
         (eyes,) = lab.observe()["onboard"].partitions
 
-        release = lab.plan(purpose=Purpose.RELEASE, partition="eyes")
+        release = lab.plan(purpose=Purpose.RELEASE, partitions=("eyes",))
         lab.apply(release)
-        taking_over = lab.plan(purpose=Purpose.IMPORT, partition="eyes", machine=eyes.id)
+        taking_over = lab.plan(purpose=Purpose.IMPORT, partitions=("eyes",), machine=eyes.id)
 
     memory = eyes.settings.memory
     assert release.hosts[0].totals == Totals(percent=0, memory=0, others_percent=80, others_memory=memory)

@@ -2,16 +2,18 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.applying.goals import threads_of
+from rarms_iac.applying.desired_hosts import threads_of
+from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.review.host_effects import classes_above, review_task_classes
-from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
-from rarms_iac.model.plan import HostPlan, Purpose, ThreadClass
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import HostPlan, ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, TaskRecord, ValueKind
+from rarms_iac.planner.desired import Desired
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.simulated.content import SHIPPED
 from tests import builders_plan as build
-from tests.builders import PathPlaces, a_component, a_system
-from tests.planning import PLACES
+from tests.builders import a_component, a_system
+from tests.planning import PLACES, a_request
 
 
 def other(name: str, category: str, priority: int | str, *, record: TaskRecord | None = None) -> TaskClass:
@@ -27,21 +29,16 @@ ROBOTIC = (ThreadClass(inside="", task="MotionControl", category="Medium", threa
 OURS = TaskRecord(application="robot", set="0" * 12, before=None)
 
 
-def reviewed(*tasks: TaskClass, plan: HostPlan) -> ReviewedPlan:
+def reviewed(*tasks: TaskClass, plan: HostPlan) -> tuple[PlanRequest, Desired, HostPlan]:
     system = a_system()
-    return ReviewedPlan(
-        system=replace(system, application=replace(system.application, name="robot")),
-        places=PathPlaces(),
-        purpose=Purpose.APPLY,
-        layout=None,
-        observed=State(facts=build.facts(), tasks=tasks),
-        plan=plan,
-    )
+    observed = State(facts=build.facts(), tasks=tasks)
+    request = a_request(replace(system, application=replace(system.application, name="robot")))
+    return request, Desired(observed=observed, state=observed), plan
 
 
 def names(*tasks: TaskClass) -> list[tuple[str, int]]:
     part = reviewed(*tasks, plan=replace(build.host_plan(), threads=ROBOTIC))
-    return [(task.name, priority) for _, task, priority in classes_above(part)]
+    return [(task.name, priority) for _, task, priority in classes_above(*part)]
 
 
 def test_of_the_classes_of_windows_those_in_high_and_the_higher_ones_in_medium_are_above() -> None:
@@ -76,9 +73,9 @@ def test_what_a_maker_added_is_told_once_a_host_where_classes_change() -> None:
     plan = build.host_plan(changes=[build.create(build.task())])
     vendor = other("Vendor Sound", "high", 1)
 
-    assert list(review_task_classes(reviewed(vendor, plan=plan))) == []
+    assert list(review_task_classes(*reviewed(vendor, plan=plan))) == []
     with_threads = reviewed(vendor, plan=replace(plan, threads=ROBOTIC))
-    (finding,) = review_task_classes(with_threads)
+    (finding,) = review_task_classes(*with_threads)
     assert (finding.code, finding.address, "Vendor Sound (26)" in finding.detail) == ("RARMS226", "host/onboard", True)
 
 
@@ -91,7 +88,10 @@ def test_classes_are_listed_system_by_system_with_who_names_them() -> None:
         ("body", task_class.name): task_class for task_class in classes_of([arm, leg, eye], {}, "body", PLACES).classes
     }
 
-    found = threads_of(decided, system, {"body": ("leg", "arm", "eye")})
+    observed = State(facts=build.facts())
+    layout = Layout(partitions=(build.placed("body", components=("leg", "arm", "eye")),), on_hosts=())
+
+    found = threads_of(Desired(observed=observed, state=observed, layout=layout, classes=decided), system)
 
     assert [
         (thread_class.inside, thread_class.task.lower(), thread_class.thread_priority, thread_class.components)

@@ -99,7 +99,7 @@ def test_drift_tells_who_changed_it() -> None:
     by_hand = replace(state, responsiveness=replace(state.responsiveness, value=dword(50)))
 
     def kinds(system: System, there: State) -> list[DriftKind]:
-        drifts = drift(route(system, there).request.desired, there, "robot")
+        drifts = drift(route(system, there).desired.state, there, "robot")
         return [drift_.drift for drift_ in drifts if drift_.address == ADDRESS]
 
     assert kinds(wanting(10), state) == []

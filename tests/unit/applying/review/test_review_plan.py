@@ -9,7 +9,6 @@ import pytest
 
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.review.host_effects import busy_share
-from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
@@ -18,9 +17,11 @@ from rarms_iac.model.operations import CreatePartition, StartPartition, StopPart
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.state import Disk, HostFacts, Partition, State
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner.desired import Desired
 from tests import builders_plan as build
-from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
+from tests.builders import a_component, a_cpu, a_partition, a_system
 from tests.builders_plan import facts, partition, settings
+from tests.planning import a_request
 
 STRANGER = partition(settings("stranger", processors=2, reserve=10), application=None)
 
@@ -38,15 +39,10 @@ def findings(
 ) -> list[Diagnostic]:
     plan = build.host_plan(changes=changes, steps=steps)
     named = system or a_system(components=[a_component()])
-    part = ReviewedPlan(
-        system=replace(named, application=replace(named.application, name="robot")),
-        places=PathPlaces(),
-        purpose=purpose,
-        layout=layout,
-        observed=State(facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches),
-        plan=plan,
-    )
-    return list(review_plan(part))
+    request = a_request(replace(named, application=replace(named.application, name="robot")))
+    observed = State(facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches)
+    desired = Desired(observed=observed, state=observed, layout=layout)
+    return list(review_plan(replace(request, purpose=purpose), desired, plan))
 
 
 def told(found: list[Diagnostic]) -> list[tuple[str, str]]:
@@ -211,15 +207,13 @@ def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
         for number, reserve in enumerate(reserves)
     ]
     plan = build.host_plan(changes=changes, steps=())
-    part = ReviewedPlan(
-        system=a_system(components=[a_component()]),
-        places=PathPlaces(),
-        purpose=Purpose.APPLY,
-        layout=None,
-        observed=State(facts=facts(logical_processors=8), partitions=()),
-        plan=replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)),
+    observed = State(facts=facts(logical_processors=8), partitions=())
+    found = review_plan(
+        a_request(a_system(components=[a_component()])),
+        Desired(observed=observed, state=observed),
+        replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV, logical_processors=8)),
     )
-    return [finding for finding in told(list(review_plan(part))) if finding[0] == "RARMS259"]
+    return [finding for finding in told(list(found)) if finding[0] == "RARMS259"]
 
 
 def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> None:

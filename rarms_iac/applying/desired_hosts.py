@@ -1,0 +1,213 @@
+"""The desired state of each observed host, and what its comparison depends on: rules, context and budget."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from fractions import Fraction
+
+from rarms_iac.applying.plan_request import PlanRequest
+from rarms_iac.applying.preconditions import ignored_reserves, unproven_rights
+from rarms_iac.diff.claims import StepBudget
+from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
+from rarms_iac.diff.comparison import ManifestRules
+from rarms_iac.diff.disruption import HostContext
+from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
+from rarms_iac.diff.readings import count_disks
+from rarms_iac.model.capacity import capacity_of, foreign_claims
+from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import prose
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
+from rarms_iac.model.host import HypervHost
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import Purpose, ThreadClass
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.state import Disk, Partition, State
+from rarms_iac.model.system import System
+from rarms_iac.planner.desired import Desired, desired_state
+from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
+from rarms_iac.planner.groups import groups_of, most_critical_first
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.problem import host_view
+from rarms_iac.planner.task_classes import ClassValues
+
+
+def desired_hosts(
+    request: PlanRequest, observed: Mapping[str, State]
+) -> tuple[Mapping[str, Desired], tuple[Diagnostic, ...]]:
+    """Work out what each observed host is to be.
+
+    The manifest is laid out on the hosts. Where everything of the application goes, or a command brings its own
+    changes (import, release, stop, start), nothing is laid out, and nothing of the application is desired.
+
+    Args:
+        request: of which manifest, and for what.
+        observed: the hosts by name.
+
+    Returns:
+        By name, none where no layout exists or where a host may have more than can be seen; and what was found.
+    """
+    system, places = request.system, request.places
+    if hidden := tuple(unproven_rights(observed.values(), places)):
+        return {}, hidden
+    states = sorted(observed.items())
+    if request.purpose is not Purpose.APPLY:
+        return {name: _without_ours(state) for name, state in states}, ()
+    views = {name: host_view(state, request.application) for name, state in states}
+    planning = plan_layout(system, request.reservations, views, places, max_disruption=request.limit)
+    layout = planning.answer
+    if not isinstance(layout, Layout):
+        namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
+        lacking = map(_advise_namesake_first, planning.findings) if namesakes else planning.findings
+        return {}, (*namesakes, *lacking)
+    hosts = {name: desired_state(system, layout, state, places) for name, state in states}
+    findings = list(planning.findings)
+    for desired in hosts.values():
+        findings += [*desired.findings, *ignored_reserves(desired.state, places)]
+    return hosts, tuple(findings)
+
+
+def _without_ours(observed: State) -> Desired:
+    return Desired(observed=observed, state=replace(observed, partitions=(), tasks=(), responsiveness=None))
+
+
+def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
+    """Make the rules by which a host's difference is found: moves, protection, and the manifest's lines."""
+    system = request.system
+    return ManifestRules(
+        moved=system.moved if request.purpose is Purpose.APPLY else {},
+        protected=frozenset(name for name, partition in system.partitions.items() if partition.protect),
+        replaceable=frozenset(name.lower() for name, task in system.tasks.items() if task.replace_shipped),
+        unused=desired.unused,
+        locate=_locator(system, request.places, desired.host, desired.classes),
+    )
+
+
+def context_of(request: PlanRequest, desired: Desired) -> HostContext:
+    """Make what the steps of a host depend on beside the two states: its guests, disks and grace periods."""
+    system, observed = request.system, desired.observed
+    graces = {name: partition.grace for name, partition in system.partitions.items()}
+    stated = {name: partition.guest.windows_build or 0 for name, partition in system.partitions.items()}
+    builds: dict[str, int] = {}
+    for partition in observed.of(request.application).partitions:
+        assert partition.mark is not None, "what is ours has a mark"
+        name = system.moved.get(partition.mark.name, partition.mark.name)
+        builds[partition.id] = partition.guest_build or stated.get(name, 0)
+        if partition.settings.running and not partition.can_be_asked:
+            graces[name] = Milliseconds(Fraction(0))
+    return HostContext(
+        facts=observed.facts,
+        guest_builds=builds,
+        graces=graces,
+        attached={partition.id: count_disks(observed, partition.id) for partition in observed.partitions},
+        disks=_removable_disks(system, observed) if request.remove_disks else {},
+        making={partition.name: partition.making for partition in desired.placed},
+        criticality={partition.name: partition.criticality for partition in desired.placed},
+    )
+
+
+def budget_of(request: PlanRequest, desired: Desired, context: HostContext) -> StepBudget:
+    """Make the budget of a host before the first step: its capacity, the claims on it, and what may be disturbed."""
+    observed = desired.observed
+    return StepBudget(
+        capacity=capacity_of(request.system.hosts[desired.host], observed.facts),
+        foreign=foreign_claims(observed, request.application),
+        managed={partition.id: partition for partition in observed.of(request.application).partitions},
+        criticality=context.criticality,
+        max_disruption=request.limit,
+        graces=context.graces,
+    )
+
+
+def _namesakes(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:
+    """Machines of others with the name of a partition: one of them may be what there is no room beside."""
+    names = {group.name for group in groups_of(system)}
+    for _, state in sorted(observed.items()):
+        for machine in state.partitions:
+            is_managed = machine.mark is not None and machine.mark.application == system.application.name
+            if not is_managed and machine.settings.name in names:
+                yield machine_in_the_way(
+                    machine, places.key(system.section_of(machine.settings.name), machine.settings.name)
+                )
+
+
+def _without_place(diagnostic: Diagnostic) -> Diagnostic:
+    """The same without a line of its own, so that it comes first: findings are in the order of their lines."""
+    if diagnostic.place is None:
+        return diagnostic
+    related = (*diagnostic.related, Related(place=diagnostic.place, message="wanted here"))
+    return replace(diagnostic, place=None, related=related)
+
+
+def _advise_namesake_first(diagnostic: Diagnostic) -> Diagnostic:
+    """Other advice for what lacks room: ways out were sought beside the namesake, and taking it over may need none."""
+    if diagnostic.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
+        return diagnostic
+    advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
+    return replace(diagnostic, advice=prose(advice))
+
+
+def _locator(
+    system: System, places: Places, host: str, classes: Mapping[tuple[str, str], ClassValues]
+) -> Callable[[Address], Place | None]:
+    """Finds the line that asks for what is at an address: for a task class, the component that names it."""
+
+    def locate(address: Address) -> Place | None:
+        if address.responsiveness:
+            return places.value("hosts", host, "system_responsiveness")
+        if address.task:
+            values = classes.get((address.partition, address.task))
+            return places.value("components", values.user, "task") if values else None
+        if address.partition in system.moved:
+            return places.key("moved", address.partition)
+        return places.key(system.section_of(address.partition), address.partition)
+
+    return locate
+
+
+def disk_verdicts(system: System, observed: State, machine: Partition) -> Iterator[DiskVerdict]:
+    """The disks of a managed machine, with why each stays where its removal is asked for."""
+    host = system.hosts[observed.facts.name].settings
+    name = machine.mark.name if machine.mark else ""
+    own = system.partitions[name].hyperv.vm_path if name in system.partitions else None
+    default = host.vm_path if isinstance(host, HypervHost) else None
+    folders = [folder for folder in (own, default, observed.facts.disk_folder) if folder]
+    return judge_disks(machine, observed, folders)
+
+
+def _removable_disks(system: System, observed: State) -> Mapping[str, tuple[Disk, ...]]:
+    return {
+        partition.id: tuple(
+            verdict.disk for verdict in disk_verdicts(system, observed, partition) if not verdict.reason_to_keep
+        )
+        for partition in observed.of(system.application.name).partitions
+    }
+
+
+def threads_of(desired: Desired, system: System) -> tuple[ThreadClass, ...]:
+    """The robotic classes of every operating system of a host, the host's own first, the highest threads first.
+
+    Args:
+        desired: the host, with the values that the planner chose.
+        system: what the manifest says.
+    """
+    members = {partition.name: partition.components for partition in desired.placed}
+    on_hosts = desired.layout.on_hosts if desired.layout else ()
+    members[""] = tuple(component for component, host in on_hosts if host == desired.host)
+    made = [
+        ThreadClass(
+            inside=inside,
+            task=name,
+            category=values.category.value,
+            thread_priority=values.thread_priority,
+            components=tuple(_users(system, members.get(inside, ()), name)),
+        )
+        for (inside, name), values in desired.classes.items()
+    ]
+    return tuple(
+        sorted(made, key=lambda thread_class: (thread_class.inside, -thread_class.thread_priority, thread_class.task))
+    )
+
+
+def _users(system: System, members: tuple[str, ...], task: str) -> Iterator[str]:
+    users = [system.components[name] for name in members]
+    named = [user for user in users if user.task is not None and user.task.lower() == task.lower()]
+    yield from (component.name for component in most_critical_first(named))

@@ -1,0 +1,56 @@
+"""The request of a plan: of which manifest, for what, and how far it may go."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date
+
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.plan import Purpose
+from rarms_iac.model.state import StoppedBy
+from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner.reservations import FixedReservations, ReservationSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanRequest:
+    """The manifest, the purpose and the limits that a plan is made for."""
+
+    system: System
+    places: Places
+    manifest: str  # path as given
+    manifest_digest: str
+    today: date
+    purpose: Purpose = Purpose.APPLY
+    max_disruption: Disruption | None = None  # None: as the manifest's policy says
+    hosts: tuple[str, ...] = ()  # names; empty: all
+    targets: tuple[str, ...] = ()  # addresses; empty: everything
+    partitions: tuple[str, ...] = ()  # to import or release (one), to stop or start; empty: all that it applies to
+    machine: str = ""  # id of the machine to import
+    stopped_by: StoppedBy = StoppedBy.USER  # who stops; a measurement starts only what a measurement stopped
+    remove_disks: bool = False  # of a destroy: also the disks that rarms made
+    state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
+    after_last_run: Mapping[str, frozenset[str] | None] = field(
+        default_factory=dict
+    )  # by host, its partitions when its last run ended, where that is known
+    findings: tuple[Diagnostic, ...] = ()  # of the manifest and of snapshots, told with those of the plan
+    reservations: ReservationSource = FixedReservations()
+
+    @property
+    def application(self) -> str:
+        """The name of the application that is planned."""
+        return self.system.application.name
+
+    @property
+    def limit(self) -> Disruption:
+        """The largest disruption that a change may cause. Who destroys means removal, and who stops a stop."""
+        if self.purpose is Purpose.DESTROY:
+            return Disruption.REMOVAL
+        if self.purpose in {Purpose.STOP, Purpose.START}:
+            return Disruption.PARTITION_STOP
+        return self.max_disruption or self.system.policy.max_disruption
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of the manifest is planned, on every host."""
+        narrowed = self.targets or (self.hosts and set(self.hosts) != set(self.system.hosts))
+        return self.purpose is Purpose.APPLY and not narrowed
