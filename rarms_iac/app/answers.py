@@ -2,9 +2,11 @@
 
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.drift import DriftReport
+from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
+from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import Selection
 from rarms_iac.app.status import History, Overview
 from rarms_iac.model.diagnostics import Findings
@@ -21,6 +23,8 @@ Answer = (
     | History
     | LayoutGraph
     | Overview
+    | Report
     | Selection
+    | TuningResult
     | WrittenFiles
 )

@@ -15,7 +15,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
-from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
+from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
@@ -231,5 +231,9 @@ def _status_of(hosts: Hosts) -> Iterator[HostStatus]:
         return
     for name, drifted in drifts.items():
         if name in hosts.chosen:
-            differs = ((str(drift.address), DRIFTS[drift.drift]) for drift in drifted if drift.drift in DRIFTS)
+            differs = (
+                HostDifference(address=drift.address, message=DRIFTS[drift.drift])
+                for drift in drifted
+                if drift.drift in DRIFTS
+            )
             yield HostStatus(host=name, differs=tuple(differs))

@@ -66,7 +66,7 @@ def report_of(
         application=system.application.name,
         description=system.application.description,
         measurements=tuple(measurements),
-        capacities=tuple(_capacity(system, platform) for platform in sorted(_platforms(system))),
+        capacities=tuple(_capacity(system, platform, measurements) for platform in sorted(_platforms(system))),
         unmeasured=tuple(
             names_of(group.members)
             for group in groups_of(system)
@@ -98,7 +98,7 @@ def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
         partition=group.name if group else "",
         platform=header.platform,
         interference=header.setup.interference,
-        path=logged.path,
+        log=logged.path,
         processors=processors,
         criticality=max(member.criticality for member in members),
         rests=logged.is_expected and not logged.stale and group is not None and rests_on_a_log(group),
@@ -131,18 +131,23 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
     return platforms
 
 
-def _capacity(system: System, platform: str) -> PlatformCapacity:
+def _capacity(system: System, platform: str, measurements: Sequence[Measurement]) -> PlatformCapacity:
+    rested = [measurement for measurement in measurements if measurement.rests and measurement.platform == platform]
     hosts = _platforms(system)[platform]
     kept_for_hosts = sum(
         (in_processors(host.keep_for_host.processor, host.logical_processors) for host in hosts), Fraction(0)
     )
+    fixed = tuple(fixed_reservations(system, hosts))
     processors = sum(host.logical_processors for host in hosts)
     return PlatformCapacity(
         platform=platform,
         hosts=tuple(sorted(host.name for host in hosts)),
         processors=processors,
-        capacity=processors - kept_for_hosts,
-        fixed=tuple(fixed_reservations(system, hosts)),
+        capacity_lp=processors - kept_for_hosts,
+        fixed=fixed,
+        reserved_lp=sum((part.reserved_lp for part in fixed), Fraction(0))
+        + sum((measurement.reserved_lp or Fraction(0) for measurement in rested), Fraction(0)),
+        missing=tuple(measurement.name for measurement in rested if measurement.wants and measurement.reserve is None),
     )
 
 
@@ -168,7 +173,7 @@ def fixed_reservations(system: System, hosts: Sequence[Host]) -> Iterator[FixedR
         else:
             amount = in_processors(own, host.logical_processors)
         if amount:
-            yield FixedReservation(name=group.name, components=names_of(group.members), amount=amount)
+            yield FixedReservation(name=group.name, components=names_of(group.members), reserved_lp=amount)
 
 
 def fixed_on(system: System, host: str) -> tuple[FixedReservation, ...]:

@@ -7,9 +7,13 @@ terminal, spreadsheet and planner cannot differ.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import Literal
 
+from rarms_iac.model.changes import Address
 from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.output import Internal, OpenBound, output
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import Threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve
@@ -21,10 +25,10 @@ class CurveRow:
     """The curve at one whole per cent."""
 
     reserve: int  # CR, per cent of the partition's own processors
-    value: float  # in the index's unit
-    low: float  # the band; may be infinite
-    high: float
-    safe: float  # the side of the band that a reservation rests on
+    value: OpenBound  # in the index's unit
+    low: OpenBound  # the band
+    high: OpenBound
+    safe: OpenBound  # the side of the band that a reservation rests on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,8 +37,8 @@ class MeasuredPoint:
 
     reserve: int
     value: float | None  # None: the samples say nothing of it
-    low: float
-    high: float
+    low: OpenBound
+    high: OpenBound
     samples: int
     failed: int
     effective: float  # samples that count as independent
@@ -50,10 +54,17 @@ class IndexCurve:
     component: str
     index: PerformanceIndex
     threshold: Threshold | None  # the APT
-    curve: Curve
+    curve: Internal[Curve]
     points: tuple[MeasuredPoint, ...]  # by reserve, then as they were measured
 
     @property
+    @output
+    def unit(self) -> str:
+        """Of threshold, points and curve."""
+        return self.index.symbol
+
+    @property
+    @output
     def rows(self) -> tuple[CurveRow, ...]:
         """The curve at every whole per cent where there is one, as everybody looks it up."""
         points = ((reserve, self.curve.value_at(reserve)) for reserve in range(1, 101))
@@ -70,6 +81,7 @@ class IndexCurve:
         )
 
     @property
+    @output
     def least(self) -> LeastReserve | None:
         """What the APT alone asks for; None: no APT, or none that was measured meets it."""
         return None if self.threshold is None else least_reserve([(self.curve, self.threshold)])
@@ -83,7 +95,7 @@ class Measurement:
     partition: str = ""  # of the manifest that has just these; empty: none has
     platform: str
     interference: str
-    path: str  # of the data log, below the manifest's folder
+    log: str  # path of the data log, below the manifest's folder
     processors: int  # VPs of the partition
     criticality: int  # the highest of its members'
     rests: bool  # reservations rest on it; otherwise it is there to compare
@@ -91,8 +103,8 @@ class Measurement:
     floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
     stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log
     indexes: tuple[IndexCurve, ...] = ()
-    settings: tuple[Setting, ...] = ()  # with every sample, in the order in which they were measured
-    facts: tuple[tuple[str, str], ...] = ()  # where it comes from, for people: name, value
+    settings: Internal[tuple[Setting, ...]] = ()  # with every sample, in the order in which they were measured
+    facts: Internal[tuple[tuple[str, str], ...]] = ()  # where it comes from, for people: name, value
 
     @property
     def name(self) -> str:
@@ -105,15 +117,23 @@ class Measurement:
         return any(index.threshold is not None for index in self.indexes)
 
     @property
+    @output
     def least(self) -> LeastReserve | None:
         """The least per cent at which every APT holds; None: no APT, or none that was measured is enough."""
         return least_reserve([(index.curve, index.threshold) for index in self.indexes if index.threshold is not None])
 
     @property
+    @output
     def reserve(self) -> int | None:
         """What the partition gets: that, or what the manifest fixes where it is more."""
         least = self.least
         return None if least is None else max(least.reserve, self.floor)
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction | None:
+        """The same in LPs."""
+        return None if self.reserve is None else guaranteed(self.reserve, self.processors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,18 +142,32 @@ class FixedReservation:
 
     name: str  # of the partition
     components: tuple[str, ...]
-    amount: Fraction  # LPs
+    reserved_lp: Fraction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlatformCapacity:
-    """What the hosts of a platform can promise."""
+    """What the hosts of a platform can promise, and what all reservations add up to."""
 
     platform: str
     hosts: tuple[str, ...]
     processors: int
-    capacity: Fraction  # LPs, without what is kept for the hosts
-    fixed: tuple[FixedReservation, ...] = ()  # promised by the manifest itself
+    capacity_lp: Fraction  # without what is kept for the hosts
+    fixed: tuple[FixedReservation, ...]  # promised by the manifest itself
+    reserved_lp: Fraction  # by all measurements that reservations rest on, and what is fixed
+    missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in that sum
+
+    @property
+    @output
+    def headroom_lp(self) -> Fraction:
+        """LPs that are not promised; below nothing where it does not fit."""
+        return self.capacity_lp - self.reserved_lp
+
+    @property
+    @output
+    def fits(self) -> bool:
+        """Whether the hosts can promise it."""
+        return self.headroom_lp >= 0 and not self.missing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,12 +188,20 @@ class ComponentProof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HostDifference:
+    """Something that is not on a host as the manifest wants it."""
+
+    address: Address
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostStatus:
     """How far what the manifest asks for is on a host that could be looked at."""
 
     host: str
     is_planned: bool = True  # else there is no layout that could be applied
-    differs: tuple[tuple[str, str], ...] = ()  # address, and how
+    differs: tuple[HostDifference, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +210,7 @@ class PlatformTuning:
 
     platform: str
     run: TuningRun
-    outdated: Mapping[tuple[str, ...], str] = field(
+    outdated: Internal[Mapping[tuple[str, ...], str]] = field(
         default_factory=dict
     )  # why what it measured of components together (by sorted names) does not hold any more
 
@@ -177,6 +219,7 @@ class PlatformTuning:
 class Report:
     """Everything that `rarms report` shows."""
 
+    kind: Literal["report"] = "report"
     application: str
     description: str
     measurements: tuple[Measurement, ...]  # by platform, criticality (falling), name, interference
@@ -185,4 +228,4 @@ class Report:
     proofs: tuple[ComponentProof, ...] = ()
     statuses: tuple[HostStatus, ...] = ()  # by host
     tunings: tuple[PlatformTuning, ...] = ()  # by platform
-    candidates: tuple[Node, ...] = ()  # the candidate graph; empty: nothing can be combined, or not all is measured
+    candidates: Internal[tuple[Node, ...]] = ()  # the graph; empty: nothing can be combined, or not all is measured

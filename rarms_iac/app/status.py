@@ -118,7 +118,7 @@ def overview_of(hosts: Hosts) -> Overview:
     """
     report = _report(hosts)
     overviews = _host_overviews(hosts)
-    stale = {log.path: log.stale for log in report.measurements if log.stale} if report else {}
+    stale = {log.log: log.stale for log in report.measurements if log.stale} if report else {}
     unmeasured = report.unmeasured if report else tuple(_measured_groups(hosts.system))
     proofs = _beside_what_is_there(report.proofs, overviews) if report else ()
     return Overview(

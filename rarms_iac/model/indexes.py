@@ -9,6 +9,7 @@ from enum import StrEnum
 from fractions import Fraction
 from math import isfinite
 
+from rarms_iac.model.output import OutputText
 from rarms_iac.model.quantities import Unit, parse_quantity, plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 
@@ -29,7 +30,7 @@ class SampleValue(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PerformanceIndex:
+class PerformanceIndex(OutputText):
     """A component-specific measure (PI); its threshold (APT) says which side of a value is good enough."""
 
     name: str
@@ -37,6 +38,10 @@ class PerformanceIndex:
     smaller_is_better: bool
     description: str
     made_of: SampleValue = SampleValue.RESPONSE_TIME
+
+    def __str__(self) -> str:
+        """Its name."""
+        return self.name
 
     @property
     def direction(self) -> str:

@@ -142,7 +142,7 @@ def _totals(results: Sequence[ExperimentResult], fixed: FixedOnHosts) -> Iterato
         here = [result for result in results if result.experiment.host.name == name]
         fixed_here = fixed.get(name, ())
         own = {component for partition in fixed_here for component in partition.components}
-        by_manifest = sum((partition.amount for partition in fixed_here), Fraction(0))
+        by_manifest = sum((partition.reserved_lp for partition in fixed_here), Fraction(0))
         amount = by_manifest + sum(
             map(_reserved, (each for each in here if not own & set(each.experiment.setup.members)))
         )

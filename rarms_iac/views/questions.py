@@ -111,7 +111,7 @@ def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -
     """The settings, a plot an index, and what all reservations add up to."""
     from rarms_iac.views.console import paragraph, stack
     from rarms_iac.views.measure import settings_text
-    from rarms_iac.views.reports.summary import fit_text, platform_fits
+    from rarms_iac.views.reports.summary import fit_text
     from rarms_iac.views.reports.terminal import TerminalPlot, legend
 
     parts: list[RenderableType] = ["", settings_text(result)]
@@ -120,7 +120,7 @@ def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -
             for index in measurement.indexes:
                 parts += ["", TerminalPlot(curve=index, ascii_only=ascii_only)]
             parts.append(legend(ascii_only=ascii_only))
-    parts += [paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}") for fit in platform_fits(report)]
+    parts += [paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}") for fit in report.capacities]
     if missing := sorted({component for names in report.unmeasured for component in names}):
         parts.append(paragraph(f"Not measured yet, and so not in it: {in_a_row(missing)}."))
     return stack(*parts)

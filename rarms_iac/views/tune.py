@@ -11,9 +11,6 @@ from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentRepor
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.storage.datalog.decisions import TunedPartition
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
-from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.combining import TrailSettingOutput, TunedPartitionOutput, TuneOutput
-from rarms_iac.views.output.common import output_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -102,26 +99,6 @@ def _sentences(result: TuningResult) -> Sequence[str]:
 
 def _number(percent: int) -> str:
     return plain(Fraction(percent, 100))
-
-
-def tuned_json(result: TuningResult) -> str:
-    """The same for programs."""
-    run = result.run
-    return json_of(
-        output_of(
-            TuneOutput,
-            run,
-            platform=result.platform,
-            hosts=result.hosts,
-            partitions=tuple(
-                output_of(TunedPartitionOutput, partition, parts_reserved=partition.parts)
-                for partition in run.partitions
-            ),
-            trail=tuple(output_of(TrailSettingOutput, setting, met=not setting.worse) for setting in run.trail),
-            written=", ".join(result.files),
-            findings=result.findings,
-        )
-    )
 
 
 def manifest_changes(result: TuningResult) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ import pytest
 import yaml
 
 from rarms_iac.app.report_measurements import report_of
-from rarms_iac.app.report_model import HostStatus, PlatformTuning
+from rarms_iac.app.report_model import HostDifference, HostStatus, PlatformTuning
+from rarms_iac.model.changes import Address
 from rarms_iac.model.quantities import Unit, parse_quantity
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import curve_of, least_reserve
@@ -39,9 +40,10 @@ FACES, SUCCESS, P95, PATHS = "m1-1", "m2-1", "m2-2", "m3-1"
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     folder = tmp_path_factory.mktemp("report")
+    difference = HostDifference(address=Address(partition="vision"), message="gone")
     report = replace(
         report_of(SYSTEM, the_logs(SYSTEM)),
-        statuses=(HostStatus(host="onboard", differs=(("partition/vision", "gone"),)),),
+        statuses=(HostStatus(host="onboard", differs=(difference,)),),
         tunings=(PlatformTuning(platform="onboard", run=RUN),),
         candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),
     )

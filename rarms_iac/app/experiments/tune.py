@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
@@ -65,6 +66,7 @@ class TuneRequest:
 class TuningResult:
     """How `rarms tune` ended, and what was written."""
 
+    kind: Literal["tune"] = "tune"
     platform: str
     hosts: tuple[str, ...]  # of the platform, that share the run's capacity
     run: TuningRun

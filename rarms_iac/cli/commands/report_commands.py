@@ -74,9 +74,7 @@ def report_command(session: Session, options: ReportOptions, source: ManifestSou
 
         session.terminal.show(report_text(report, ascii_only=session.terminal.ascii_only))
     if session.as_json:
-        from rarms_iac.views.reports.document import report_json
-
-        session.terminal.data(report_json(report))
+        session.terminal.data(json_of(report))
     if not writes_page:
         return ExitCode.DONE
     from rarms_iac.views.reports.html import MEGABYTE, as_html, size_warning

@@ -14,7 +14,8 @@ from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
 from rarms_iac.cli.options import StopOptions
 from rarms_iac.cli.prompts import TerminalCombiningPrompt, refuse_standard_input, refuse_without_terminal, stop_consent
 from rarms_iac.cli.session import Session
-from rarms_iac.views.tune import manifest_changes, tuned_json, tuned_text
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.tune import manifest_changes, tuned_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +61,7 @@ def tune_command(
         session.terminal.tell(sentence)
     tell(session.terminal, result.findings, hosts.manifest.sources)
     if session.as_json:
-        session.terminal.data(tuned_json(result))
+        session.terminal.data(json_of(result))
     elif result.run.partitions or result.run.ending != "unable":  # else a finding has said all
         session.terminal.show(tuned_text(result))
     if result.run.ending == "stopped":

@@ -8,11 +8,13 @@ why components share a partition.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from rarms_iac.model.measurement import Bench, EnvironmentSetup
+from rarms_iac.model.output import Internal, output
 from rarms_iac.storage.codec import Json, decode, decode_union
 from rarms_iac.storage.datalog.files import FOLDER, append_to_log, decoded_records
 
@@ -121,12 +123,24 @@ class TunedPartition:
     components: tuple[str, ...]  # the most critical first
     processors: int
     reserve: int  # whole per cent of each of them
-    parts: int | None  # what its parts reserved apart, in per cent of one logical processor; None: it was there before
+    parts: Internal[int | None]  # per cent of one logical processor that its parts reserved; None: it was there before
 
     @property
     def reserved(self) -> int:
         """In per cent of one logical processor."""
         return self.processors * self.reserve
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction:
+        """What it reserves, in LPs."""
+        return Fraction(self.reserved, 100)
+
+    @property
+    @output
+    def parts_lp(self) -> Fraction | None:
+        """What its parts reserved in partitions of their own, in LPs; None: it was there before."""
+        return None if self.parts is None else Fraction(self.parts, 100)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +151,12 @@ class TrailSetting:
     reserve: int  # CR
     worse: tuple[str, ...]  # those that were not shown to meet every threshold; none: it was enough
     predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
+
+    @property
+    @output
+    def met(self) -> bool:
+        """Whether it was enough."""
+        return not self.worse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,10 +169,10 @@ class TuningRun:
     strategy: TuningStrategy
     ending: TuningEnding
     message: str
-    capacity: int  # of the hosts, without what is kept for them or unmanaged
-    fixed: int = 0  # what partitions reserve that are not tuned: a part of `before` and of `after`
-    before: int
-    after: int
+    capacity: Internal[int]  # of the hosts, without what is kept for them or unmanaged
+    fixed: Internal[int] = 0  # what partitions reserve that are not tuned: a part of `before` and of `after`
+    before: Internal[int]
+    after: Internal[int]
     proved: bool  # that no other layout is better
     contradictions: tuple[str, ...]
     partitions: tuple[TunedPartition, ...]
@@ -160,9 +180,34 @@ class TuningRun:
     written: bool  # into the manifest
 
     @property
+    @output
     def claim(self) -> str:
         """What is known of other layouts: `proved` that none is better, or `not proved`."""
         return "proved" if self.proved else "not proved"
+
+    @property
+    @output
+    def capacity_lp(self) -> Fraction:
+        """What the hosts can promise, in LPs."""
+        return Fraction(self.capacity, 100)
+
+    @property
+    @output
+    def fixed_lp(self) -> Fraction:
+        """What partitions reserve that are not tuned, in LPs: a part of what is reserved before and after."""
+        return Fraction(self.fixed, 100)
+
+    @property
+    @output
+    def before_lp(self) -> Fraction:
+        """What was reserved, in LPs."""
+        return Fraction(self.before, 100)
+
+    @property
+    @output
+    def after_lp(self) -> Fraction:
+        """What is reserved now, in LPs."""
+        return Fraction(self.after, 100)
 
 
 def tuning_path(folder: Path, platform: str) -> Path:

@@ -11,7 +11,7 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.report_model import Report
+from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import plain_text
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.statistics.errors import ERRORS_EXPLAINED
@@ -19,11 +19,9 @@ from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.console import visible
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.summary import (
-    PlatformFit,
     candidate_rows,
     candidates_left_out,
     fit_text,
-    platform_fits,
     proof_rows,
     status_text,
     summary_rows,
@@ -63,7 +61,7 @@ def as_html(report: Report) -> bytes:
             description=report.description,
             cards=cards,
             summary=summary_rows(report),
-            bars=[_bar(fit) for fit in platform_fits(report)],
+            bars=[_bar(fit) for fit in report.capacities],
             proofs=proof_rows(report),
             tunings=[
                 (tuning.platform, tuning_text(tuning), trail_rows(tuning), tuned_rows(tuning))
@@ -85,15 +83,15 @@ def as_html(report: Report) -> bytes:
     return text.encode("utf-8", "replace")
 
 
-def _bar(fit: PlatformFit) -> dict[str, str]:
+def _bar(fit: PlatformCapacity) -> dict[str, str]:
     """What is reserved against what there is, in per cent of the processors."""
-    processors = fit.capacity.processors
+    processors = fit.processors
     return {
-        "platform": fit.capacity.platform,
-        "hosts": ", ".join(fit.capacity.hosts),
+        "platform": fit.platform,
+        "hosts": ", ".join(fit.hosts),
         "fit": fit_text(fit),
-        "room": f"{float(100 * fit.capacity.capacity / processors):.3f}",
-        "used": f"{float(min(100 * fit.total / processors, Fraction(100))):.3f}",
+        "room": f"{float(100 * fit.capacity_lp / processors):.3f}",
+        "used": f"{float(min(100 * fit.reserved_lp / processors, Fraction(100))):.3f}",
         "kind": "used" if fit.fits else "used over",
     }
 

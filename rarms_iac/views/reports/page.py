@@ -203,9 +203,9 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
             {
                 "name": ", ".join(capacity.hosts),
                 "platform": capacity.platform,
-                "capacity": float(100 * capacity.capacity),
+                "capacity": float(100 * capacity.capacity_lp),
                 "processors": capacity.processors,
-                "fixed": [[list(part.components), float(100 * part.amount)] for part in capacity.fixed],
+                "fixed": [[list(part.components), float(100 * part.reserved_lp)] for part in capacity.fixed],
             }
             for capacity in report.capacities
         ],

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.views.reports.summary import deciding_curves, platform_fits, reserved_for, verdict_of
+from rarms_iac.views.reports.summary import deciding_curves, reserved_for, verdict_of
 
 if TYPE_CHECKING:
     from xlsxwriter import Workbook
@@ -105,7 +105,7 @@ def _setting(measurement: Measurement, index: IndexCurve, point: MeasuredPoint) 
         point.verdict,
         None if point.error is None else finite(100 * point.error),
         point.remark,
-        measurement.path,
+        measurement.log,
     )
 
 
@@ -270,9 +270,9 @@ def _summary(book: "Workbook", report: Report) -> None:
     sheet = book.add_worksheet("summary")
     last = _rows(book, sheet, (SUMMARY, *_levels(report)))
     totals: list[Sequence[Cell]] = [("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")]
-    for fit in platform_fits(report):
-        numbers = (float(fit.capacity.capacity), float(fit.total), float(fit.headroom))
-        totals.append((fit.capacity.platform, ", ".join(fit.capacity.hosts), *numbers, "yes" if fit.fits else "no"))
+    for fit in report.capacities:
+        numbers = (float(fit.capacity_lp), float(fit.reserved_lp), float(fit.headroom_lp))
+        totals.append((fit.platform, ", ".join(fit.hosts), *numbers, "yes" if fit.fits else "no"))
     _rows(book, sheet, totals, top=last + 1)
 
 
@@ -281,7 +281,7 @@ def _levels(report: Report) -> Iterator[Sequence[Cell]]:
         yield _level(measurement, curve)
     for capacity in report.capacities:
         for part in capacity.fixed:
-            yield part.name, None, None, None, None, None, None, float(part.amount), None, "fixed by the manifest"
+            yield part.name, None, None, None, None, None, None, float(part.reserved_lp), None, "fixed by the manifest"
 
 
 def _level(measurement: Measurement, index: IndexCurve) -> Sequence[Cell]:

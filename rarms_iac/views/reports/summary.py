@@ -38,30 +38,11 @@ class SummaryRow:
     verdict: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlatformFit:
-    """What all reservations of a platform add up to."""
-
-    capacity: PlatformCapacity
-    total: Fraction  # LPs
-    missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in the total
-
-    @property
-    def headroom(self) -> Fraction:
-        """LPs that nobody is promised; below nothing where it does not fit."""
-        return self.capacity.capacity - self.total
-
-    @property
-    def fits(self) -> bool:
-        """Whether the hosts can promise it."""
-        return self.total <= self.capacity.capacity and not self.missing
-
-
 def summary_rows(report: Report) -> tuple[SummaryRow, ...]:
     """Most critical first; what is fixed and what is not measured at the end."""
     return (
         *(_level(measurement, curve) for measurement, curve in deciding_curves(report)),
-        *(_fixed(part.name, part.amount) for capacity in report.capacities for part in capacity.fixed),
+        *(_fixed(part.name, part.reserved_lp) for capacity in report.capacities for part in capacity.fixed),
         *(_unmeasured(names) for names in report.unmeasured),
     )
 
@@ -163,41 +144,21 @@ def _band(proof: ComponentProof) -> str:
     return f"{value}, {show_range(proof.index, proof.lower, proof.upper)}"
 
 
-def platform_fits(report: Report) -> tuple[PlatformFit, ...]:
-    """One a platform, in the report's order."""
-    return tuple(_fit(report, capacity) for capacity in report.capacities)
-
-
-def _fit(report: Report, capacity: PlatformCapacity) -> PlatformFit:
-    here = [
-        measurement
-        for measurement in report.measurements
-        if measurement.rests and measurement.platform == capacity.platform
-    ]
-    total = sum((part.amount for part in capacity.fixed), Fraction(0))
-    for measurement in here:
-        total += guaranteed(measurement.reserve or 0, measurement.processors)
-    return PlatformFit(
-        capacity=capacity,
-        total=total,
-        missing=tuple(measurement.name for measurement in here if measurement.wants and measurement.reserve is None),
-    )
-
-
-def fit_text(fit: PlatformFit) -> str:
+def fit_text(fit: PlatformCapacity) -> str:
     """As `70 % reserved of 100 % (1.4 LP of 2 LP). Headroom of onboard: 30 % (0.6 LP).`."""
 
     def share(amount: Fraction) -> str:
-        return f"{_figure(100 * amount / fit.capacity.processors)} %"
+        return f"{_figure(100 * amount / fit.processors)} %"
 
     def processors(amount: Fraction) -> str:
         return f"{_figure(amount)} LP"
 
-    headroom, capacity, hosts = fit.headroom, fit.capacity.capacity, ", ".join(fit.capacity.hosts)
+    headroom, capacity, hosts = fit.headroom_lp, fit.capacity_lp, ", ".join(fit.hosts)
     room = f"Headroom of {hosts}: {share(headroom)} ({processors(headroom)})"
     over = f"Over {hosts} by {share(-headroom)} ({processors(-headroom)})"
     return (
-        f"{share(fit.total)} reserved of {share(capacity)} ({processors(fit.total)} of {processors(capacity)}). "
+        f"{share(fit.reserved_lp)} reserved of {share(capacity)} "
+        f"({processors(fit.reserved_lp)} of {processors(capacity)}). "
         f"{room if headroom >= 0 else over}."
     )
 
@@ -275,8 +236,8 @@ def status_text(status: HostStatus) -> Wording:
     if not status.differs:
         return "Applied: the host is as the manifest wants it."
     addresses_of: dict[str, list[str]] = {}
-    for address, message in status.differs:
-        addresses_of.setdefault(message, []).append(address)
+    for difference in status.differs:
+        addresses_of.setdefault(difference.message, []).append(str(difference.address))
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
     return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")
 

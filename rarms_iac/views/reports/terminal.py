@@ -16,15 +16,7 @@ from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.measure import abbreviated
 from rarms_iac.views.prove import proven_table
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.summary import (
-    fit_text,
-    platform_fits,
-    proof_rows,
-    status_text,
-    summary_rows,
-    tuned_rows,
-    tuning_text,
-)
+from rarms_iac.views.reports.summary import fit_text, proof_rows, status_text, summary_rows, tuned_rows, tuning_text
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -102,8 +94,8 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
         for level in summary_rows(report)
     ]
     yield table(rows, header=("component", "threshold", "CR", "LP"), wrap=(1, 2), right=(2, 3))
-    for fit in platform_fits(report):
-        yield paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}")
+    for fit in report.capacities:
+        yield paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}")
     for host in report.statuses:
         yield paragraph(prose(f"{host.host}: ", status_text(host)))
     if report.proofs:

@@ -7,7 +7,7 @@ from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.reports.summary import fit_text, platform_fits, summary_rows
+from rarms_iac.views.reports.summary import fit_text, summary_rows
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject
 from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, the_logs
@@ -53,9 +53,9 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
     system = a_robot()
 
-    [fit] = platform_fits(report_of(system, the_logs(system)))
+    [fit] = report_of(system, the_logs(system)).capacities
 
-    assert fit.total == Fraction(2 * (60 + 16), 100) + Fraction(2, 10)
+    assert fit.reserved_lp == Fraction(2 * (60 + 16), 100) + Fraction(2, 10)
     assert fit.fits
     assert fit_text(fit) == ("86 % reserved of 100 % (1.72 LP of 2 LP). Headroom of onboard: 14 % (0.28 LP).")
 
@@ -63,7 +63,7 @@ def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
 def test_a_total_above_the_capacity_is_said_so() -> None:
     system = with_reserve(a_robot(), "video-streaming", "60 %")
 
-    [fit] = platform_fits(report_of(system, the_logs(system)))
+    [fit] = report_of(system, the_logs(system)).capacities
 
     assert not fit.fits
     assert fit_text(fit).endswith("Over onboard by 36 % (0.72 LP).")
@@ -72,9 +72,9 @@ def test_a_total_above_the_capacity_is_said_so() -> None:
 def test_what_is_kept_for_the_host_is_no_capacity() -> None:
     system = a_system(hosts=[a_host(keep_processor="10 %")], components=[measured("vision")])
 
-    [fit] = platform_fits(report_of(system, []))
+    [fit] = report_of(system, []).capacities
 
-    assert fit.capacity.capacity == Fraction(18, 10)
+    assert fit.capacity_lp == Fraction(18, 10)
 
 
 def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:

@@ -11,8 +11,9 @@ from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun
 from rarms_iac.views.console import LiveTable, live_console, render
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.reports.spreadsheet import trail_rows
-from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
+from rarms_iac.views.tune import TuningProgress, tuned_text
 from tests.unit.views.test_json import check
 
 
@@ -56,11 +57,11 @@ def test_the_table_keeps_to_80_columns_with_long_names() -> None:
 )
 def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
     ended = tuned(proved=proved)
-    answer = tuned_json(ended)
+    answer = json_of(ended)
     check(answer)
     _, *rows = trail_rows([PlatformTuning(platform="two-core", run=ended.run)])
 
-    assert json.loads(answer)["claim"] == claim
+    assert json.loads(answer)["run"]["claim"] == claim
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]
     text = render(tuned_text(ended))
     assert ("No other layout is better, if" in text) is proved

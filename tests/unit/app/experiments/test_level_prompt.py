@@ -22,7 +22,7 @@ class Page:
         self.shown: list[str] = []
 
     def show(self, result: ExperimentResult, report: Report) -> None:
-        self.shown += [f"{result.experiment.name}: {measurement.path}" for measurement in report.measurements]
+        self.shown += [f"{result.experiment.name}: {measurement.log}" for measurement in report.measurements]
 
     def ask(self, component: str) -> str:
         self.shown.append(f"level of {component}?")

@@ -84,14 +84,14 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     again = rarms("tune", "--json")
 
     assert (before.code, declined.code, tuned.code, after.code, again.code) == (4, 0, 0, 2, 0), tuned.err
-    found = json.loads(declined.out)
+    found = json.loads(declined.out)["run"]
     assert (found["ending"], found["message"], found["proved"], found["written"]) == (
         "successful",
         "successful",
         True,
-        "",
+        False,
     )
-    assert found["after"] <= found["capacity"] == 200 < found["before"]
+    assert found["after_lp"] <= found["capacity_lp"] == 2 < found["before_lp"]
     text = (here / "rarms.yaml").read_text(encoding="utf-8")
     assert "vision: # what it sees" in text
     assert "partitions:\n  paths:\n    components: [paths, video]\n" in text
@@ -101,9 +101,9 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert "No other layout is better" in tuned.out
     assert "?" not in tuned.err, "nothing that looks like a question is told where nobody is asked"
     assert "paths+video at " in declined.err
-    second = json.loads(again.out)
+    second = json.loads(again.out)["run"]
     assert second["ending"] == "nothing_to_do"
-    assert {part["parts_reserved"] for part in second["partitions"]} == {None}, "this run combined nothing"
+    assert {part["parts_lp"] for part in second["partitions"]} == {None}, "this run combined nothing"
     assert "by the default strategy, proved to be the best: CR " in explained
 
 
@@ -113,7 +113,7 @@ def in_all_reports(trail: list[str]) -> None:
     document = rarms("report", "--json").out
     assert (rarms("export", "again.csv", "--trail").code, rarms("export", "all.xlsx").code) == (0, 0)
     check(document)
-    (tuning,) = json.loads(document)["tunings"]
+    tuning = json.loads(document)["tunings"][0]["run"]
     rows = list(openpyxl.load_workbook("all.xlsx")["tuning"].values)
 
     assert [(trial["reserve"], trial["met"]) for trial in tuning["trail"]] == [
@@ -136,7 +136,7 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
     with chdir(tmp_path):
         assert rarms("measure", "--samples", "400").code == 0
-        found = json.loads(rarms("tune", "--samples", "400", "--json").out)
+        found = json.loads(rarms("tune", "--samples", "400", "--json").out)["run"]
 
     assert found["ending"] == "successful"
     (compound,) = [partition for partition in found["partitions"] if len(partition["components"]) > 1]
@@ -161,7 +161,7 @@ def test_a_log_that_nobody_asked_for_may_void_the_proof(here: Path) -> None:
 def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> None:
     ran = rarms("tune", "--samples", "60", "--strategy", "paper", "--json")
 
-    found = json.loads(ran.out)
+    found = json.loads(ran.out)["run"]
     assert found["message"] == "successful"
     asked = [(tuple(trial["components"]), trial["reserve"]) for trial in found["trail"]]
     assert {members for members, _ in asked} == {("paths", "video")}
@@ -195,7 +195,7 @@ def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: 
     protected = "\npartitions:\n  {}: {{ protect: true }} # never lose it\n"
     (here / "rarms.yaml").write_text(MANIFEST + protected.format("video"), encoding="utf-8", newline="\n")
     graph = rarms("graph", "--candidates").out
-    away = json.loads(rarms("tune", "--samples", "60", "--json").out)
+    away = json.loads(rarms("tune", "--samples", "60", "--json").out)["run"]
     kept = (here / "rarms.yaml").read_text(encoding="utf-8")
     (here / "rarms.yaml").write_text(MANIFEST + protected.format("paths"), encoding="utf-8", newline="\n")
     taken_in = rarms("tune", "--samples", "60")
@@ -231,7 +231,7 @@ def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:
     assert yes.code == 0, yes.err
     assert yes.err.count("Try paths and video?") == 2, "once for each combination, and where the answer was none"
     assert yes.err.count("Say y or n: ") == 1
-    assert json.loads(yes.out)["ending"] == "successful"
+    assert json.loads(yes.out)["run"]["ending"] == "successful"
 
 
 def test_without_a_terminal_nobody_can_be_asked(here: Path) -> None:

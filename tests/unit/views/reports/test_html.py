@@ -88,7 +88,7 @@ def test_every_row_is_the_curves_own_safe_value_to_the_last_bit() -> None:
 def test_text_of_a_manifest_never_becomes_markup_or_code() -> None:
     nasty = "</script><script>alert(1)</script><img src=x onerror=alert(1)> & \u2028 {{ 7 * 7 }}"
     measurements = tuple(
-        replace(measurement, platform=nasty, path=nasty, stale=(nasty,), facts=((nasty, nasty),))
+        replace(measurement, platform=nasty, log=nasty, stale=(nasty,), facts=((nasty, nasty),))
         for measurement in REPORT.measurements
     )
     capacities = tuple(replace(capacity, platform=nasty, hosts=(nasty,)) for capacity in REPORT.capacities)
