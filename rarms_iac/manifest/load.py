@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import Any
 
 from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.characters import EMPTY
@@ -77,22 +76,15 @@ def load(
     if combined.diagnostics:
         return _loaded(texts, None, places, list(combined.diagnostics))
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
-    from pydantic import ValidationError
-
-    try:
-        system = _to_system(combined.value)
-    except ValidationError as problem:
-        from rarms_iac.manifest.document.messages import findings_of_structure
-
-        return _loaded(texts, None, places, findings_of_structure(problem, combined.value, places))
-    return _loaded(texts, system, places, list(checks(system, places, today)))
-
-
-def _to_system(document: Any) -> System:
-    from rarms_iac.manifest.document.manifest import ManifestDocument
+    from rarms_iac.manifest.document.errors import NotAManifest, read_document
+    from rarms_iac.manifest.document.messages import findings_of_structure
     from rarms_iac.manifest.to_system import to_system
 
-    return to_system(ManifestDocument.model_validate(document))
+    try:
+        system = to_system(read_document(combined.value, places))
+    except NotAManifest as problem:
+        return _loaded(texts, None, places, findings_of_structure(problem))
+    return _loaded(texts, system, places, list(checks(system, places, today)))
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:

@@ -1,14 +1,15 @@
-"""pydantic's errors -> cases with the exact path and value in the manifest; `messages.py` puts them into words."""
+"""Plain values -> the document, or its errors with path and value in the manifest; `messages.py` has their words."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from pydantic import ValidationError
 
-from rarms_iac.manifest.document.fields import TOO_MANY_TO_LIST
 from rarms_iac.manifest.document.manifest import ManifestDocument
+from rarms_iac.manifest.document.quantities import broken_thresholds
+from rarms_iac.manifest.document.rules import Broken, broken_rules
 from rarms_iac.manifest.document.schema import Path, manifest_schema
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Place, Places
@@ -18,6 +19,9 @@ MOST_ERRORS = 1000
 
 _TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("components", "*", "run", "environment", "*"))
 """Where pydantic puts the name of an alternative into the path; it is not in the text."""
+
+TOO_MANY_TO_LIST = 5000
+"""pydantic finds 400,000 errors in half a second, and needs ten more and 500 MB to list them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +46,42 @@ class StructureError:
         return self.places.key(*self.path) if self.is_key else self.places.value(*self.path)
 
 
-def structure_errors(problem: ValidationError, document: Any, places: Places) -> list[StructureError]:
-    """The errors of the document, of more than `MOST_ERRORS` the first ones."""
-    errors = _with_listable_errors(problem, document).errors(include_url=False, include_input=False)
-    return [_structure_error(error, document, places) for error in errors[:MOST_ERRORS]]
+class NotAManifest(ValueError):
+    """The structure is wrong; of more than `MOST_ERRORS` errors the first ones, and how many follow."""
+
+    def __init__(self, errors: Sequence[StructureError], following: int) -> None:
+        super().__init__(", ".join(f"{error.name}: {error.kind}" for error in errors[:20]))
+        self.errors = errors
+        self.following = following
+
+
+def read_document(document: Any, places: Places) -> ManifestDocument:
+    """The document of plain values.
+
+    Raises:
+        NotAManifest: fields are wrong, or keys that need or exclude each other are.
+    """
+    broken = list(broken_rules(document))
+    try:
+        made = ManifestDocument.model_validate(document)
+    except ValidationError as problem:
+        listed = _with_listable_errors(problem, document).errors(include_url=False, include_input=False)
+        cases = [case for error in listed for case in _cases(error, document)] + broken
+        total = len(cases) + problem.error_count() - len(listed)
+    else:
+        if not broken:
+            return made
+        cases, total = broken, len(broken)
+    shown = cases[:MOST_ERRORS]
+    raise NotAManifest([_structure_error(case, document, places) for case in shown], total - len(shown))
+
+
+def _cases(error: Any, document: Any) -> Iterator[Broken]:
+    if error["type"] == "rarms_thresholds":
+        for path, kind, facts in broken_thresholds(_value(document, error["loc"])):
+            yield (*error["loc"], *path), kind, facts
+    else:
+        yield error["loc"], error["type"], error.get("ctx", {})
 
 
 def _with_listable_errors(problem: ValidationError, document: Any) -> ValidationError:
@@ -78,12 +114,13 @@ def _field_names() -> frozenset[str]:
     return frozenset(name for block in blocks for name in block.get("properties", {}))
 
 
-def _structure_error(error: Any, document: Any, places: Places) -> StructureError:
-    path, is_key = _path(error["loc"])
+def _structure_error(case: Broken, document: Any, places: Places) -> StructureError:
+    location, kind, facts = case
+    path, is_key = _path(location)
     return StructureError(
-        kind=error["type"],
+        kind=kind,
         path=path,
-        facts=error.get("ctx", {}),
+        facts=facts,
         value=path[-1] if is_key else _value(document, path),
         is_key=is_key,
         places=places,

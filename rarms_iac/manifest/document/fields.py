@@ -1,12 +1,7 @@
-"""What every block of the manifest shares: strict types, no unknown keys, no null, a description on every field.
-
-Keys that need or exclude each other are what no single field can say. They are checked on the plain values, so that
-they are reported together with all other errors; the JSON Schemas of the blocks say the same (`exactly_one`, `if` /
-`then`).
-"""
+"""What every block of the manifest shares: strict types, no unknown keys, no null, a description on every field."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from datetime import date
 from typing import Annotated, Any, TypeVar
 
@@ -21,9 +16,8 @@ from pydantic import (
     WithJsonSchema,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
+from pydantic_core import CoreSchema, PydanticCustomError
 
-from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 
 
@@ -152,72 +146,3 @@ Day = Annotated[date, PlainValidator(_day), WithJsonSchema({"type": "string", "p
 """A day of the calendar."""
 
 by_name = KeysLike(NAME_PATTERN)
-
-
-Broken = tuple[tuple[str, ...], str, dict[str, Any]]
-"""Path, kind of error and its facts; `messages.py` puts them into words."""
-
-TOO_MANY_TO_LIST = 5000
-"""pydantic finds 400,000 errors in half a second, and needs ten more and 500 MB to list them."""
-
-BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
-
-
-def broken_rules(document: Any) -> list[InitErrorDetails]:
-    """Every broken rule of a document, whatever else is wrong with it."""
-    return [
-        InitErrorDetails(type=PydanticCustomError(kind, kind, facts), loc=path, input=None)
-        for path, kind, facts in (*_hosts(document), *_components(document))
-    ]
-
-
-def with_rules(problem: ValidationError, broken: list[InitErrorDetails]) -> ValidationError:
-    """The same errors, and the broken rules beside them."""
-    again = [
-        InitErrorDetails(type=_same_kind(error), loc=error["loc"], input=error["input"])
-        for error in problem.errors(include_url=False)
-    ]
-    return ValidationError.from_exception_data(problem.title, [*again, *broken])
-
-
-def _same_kind(error: ErrorDetails) -> PydanticCustomError:
-    return PydanticCustomError(error["type"], "as before", error.get("ctx"))
-
-
-def _map(value: Any, key: str) -> dict[str, Any]:
-    found = value.get(key) if isinstance(value, dict) else None
-    return found if isinstance(found, dict) else {}
-
-
-def _hosts(document: Any) -> Iterator[Broken]:
-    for name, host in _map(document, "hosts").items():
-        if not isinstance(host, dict):
-            continue
-        provider = host.get("provider", ProviderKind.SIMULATED.value)
-        for kind, block in BLOCK_OF.items():
-            if block in host and provider != kind.value and provider in list(ProviderKind):
-                yield ("hosts", name, block), "rarms_foreign_block", {"block": block, "provider": provider}
-
-
-def _components(document: Any) -> Iterator[Broken]:
-    for name, component in _map(document, "components").items():
-        run = component.get("run") if isinstance(component, dict) else None
-        if not isinstance(run, dict):
-            continue
-        path = ("components", name, "run")
-        yield from _exactly_one(path, run, "command", "call")
-        yield from _exactly_one((*path, "until"), run.get("until"), "samples", "elapsed")
-        yield from _pattern((*path, "samples"), run.get("samples"))
-
-
-def _exactly_one(path: tuple[str, ...], block: Any, *names: str) -> Iterator[Broken]:
-    if isinstance(block, dict):
-        written = tuple(name for name in names if name in block)
-        if len(written) != 1:
-            yield path, "rarms_exactly_one", {"names": names, "written": written}
-
-
-def _pattern(path: tuple[str, ...], samples: Any) -> Iterator[Broken]:
-    if isinstance(samples, dict) and (samples.get("from") == "pattern") != ("pattern" in samples):
-        missing = "pattern" not in samples
-        yield path, "rarms_together", {"key": "pattern", "needs": "from: pattern", "missing": missing}

@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from rarms_iac.manifest.document.fields import (
-    BLOCK_OF,
     Block,
     Filled,
     Maybe,
@@ -18,6 +17,7 @@ from rarms_iac.manifest.document.fields import (
     optional,
 )
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
+from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 

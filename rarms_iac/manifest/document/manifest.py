@@ -1,13 +1,12 @@
 """The whole document."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import ConfigDict, Field
 
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
 from rarms_iac.manifest.document.fields import (
     CODE_PATTERN,
-    TOO_MANY_TO_LIST,
     Block,
     Code,
     Day,
@@ -18,11 +17,9 @@ from rarms_iac.manifest.document.fields import (
     Name,
     Stressor,
     TaskName,
-    broken_rules,
     by_name,
     needed,
     optional,
-    with_rules,
 )
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
 from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
@@ -204,17 +201,3 @@ class ManifestDocument(Block):
     moved: Maybe[Annotated[dict[Name, Name], by_name]] = optional(
         "Partitions with a new name: old name to new name, so that they are renamed and not replaced."
     )
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _keeps_the_rules(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        broken = broken_rules(value)
-        try:
-            made = handler(value)
-        except ValidationError as problem:
-            if not broken or problem.error_count() > TOO_MANY_TO_LIST:
-                raise
-            raise with_rules(problem, broken) from None
-        if broken:
-            raise ValidationError.from_exception_data(cls.__name__, broken)
-        return made

@@ -5,13 +5,11 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from pydantic import ValidationError
-
-from rarms_iac.manifest.document.errors import StructureError, structure_errors
+from rarms_iac.manifest.document.errors import NotAManifest, StructureError
 from rarms_iac.manifest.document.fields import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
 from rarms_iac.manifest.text.positions import dotted
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
@@ -70,18 +68,9 @@ _KINDS = {
 }
 
 
-def findings_of_structure(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:
-    """Put every error of a document into words.
-
-    Args:
-        problem: what the validation of the document raised.
-        document: the plain values that were validated.
-        places: where each value stands.
-
-    Returns:
-        A finding an error; of more than `MOST_ERRORS` errors the first ones, and how many follow.
-    """
-    errors = structure_errors(problem, document, places)
+def findings_of_structure(problem: NotAManifest) -> list[Diagnostic]:
+    """A finding an error, in a user's words; and how many follow that are not shown."""
+    errors = problem.errors
     # A key that is missing because it is misspelt is reported once: where it is misspelt.
     misspelt = {meant for error in errors if (meant := _meant_key(error)) is not None}
     shown = [
@@ -89,9 +78,8 @@ def findings_of_structure(problem: ValidationError, document: Any, places: Place
         for error in errors
         if not (error.kind == "missing" and error.path in misspelt)
     ]
-    following = problem.error_count() - len(errors)
-    if following:
-        detail = f"{following:,} more errors follow."
+    if problem.following:
+        detail = f"{problem.following:,} more errors follow."
         shown.append(AND_MORE.at(shown[-1].place, detail, "Correct the errors that are shown first."))
     return shown
 

@@ -1,14 +1,15 @@
 """Quantities as the manifest writes them: text with a unit in, exact values out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from functools import lru_cache
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainValidator, WithJsonSchema
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, ValidationError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from rarms_iac.manifest.document.rules import Broken
 from rarms_iac.model.indexes import (
     INDEXES,
     PERCENTILE_PATTERN,
@@ -43,8 +44,13 @@ _EXAMPLES = {
 
 def quantity_error(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> PydanticCustomError:
     """The error of a field whose value is not such a quantity; `messages.py` puts it into words."""
-    facts = {"units": units_of(*kinds), "examples": tuple(_EXAMPLES[kind] for kind in kinds), "positive": positive}
-    return PydanticCustomError("rarms_quantity", "not a quantity", {**facts, "also": also})
+    facts = _facts_of_quantity(kinds, positive=positive, also=also)
+    return PydanticCustomError("rarms_quantity", "not a quantity", facts)
+
+
+def _facts_of_quantity(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> dict[str, Any]:
+    examples = tuple(_EXAMPLES[kind] for kind in kinds)
+    return {"units": units_of(*kinds), "examples": examples, "positive": positive, "also": also}
 
 
 def quantity_schema(*kinds: Unit, positive: bool = False, also: str = "") -> dict[str, Any]:
@@ -165,45 +171,42 @@ def read_thresholds(value: Any) -> dict[str, Threshold]:
     """The thresholds by index.
 
     Raises:
-        ValidationError: with every wrong index, word and quantity at its own path.
+        PydanticCustomError: it is no map, or `broken_thresholds` tells what is wrong in it.
     """
     if type(value) is not dict:
         raise PydanticCustomError("rarms_map", "not a map", {})
     made: dict[str, Threshold] = {}
-    wrong: list[InitErrorDetails] = []
     for name, written in value.items():
         index = _index(name)
-        if index is None:
-            wrong.append(_error((name,), PydanticCustomError("rarms_index", "unknown index", {"name": name}), written))
-        elif not (problems := _problems(index, written)):
-            made[name] = _threshold(index, written[index.direction])
-        else:
-            wrong += problems
-    if wrong:
-        raise ValidationError.from_exception_data("apt", wrong)
+        if index is None or any(_broken(index, written)):
+            raise PydanticCustomError("rarms_thresholds", "wrong thresholds", {})
+        made[name] = _threshold(index, written[index.direction])
     return made
 
 
-def _problems(index: PerformanceIndex, written: Any) -> list[InitErrorDetails]:
-    """Everything wrong with the block of one index."""
+def broken_thresholds(value: Mapping[str, Any]) -> Iterator[Broken]:
+    """Every wrong index, word and quantity of the thresholds, each with its own path in them."""
+    for name, written in value.items():
+        index = _index(name)
+        if index is None:
+            yield (name,), "rarms_index", {}
+        else:
+            yield from _broken(index, written)
+
+
+def _broken(index: PerformanceIndex, written: Any) -> Iterator[Broken]:
     if type(written) is not dict:
-        return [_error((index.name,), PydanticCustomError("rarms_map", "not a map", {}), written)]
-    problems = [
-        _error((index.name, key), PydanticCustomError("extra_forbidden", "unknown key", {}), text)
-        for key, text in written.items()
-        if key not in _DIRECTIONS
-    ]
+        yield (index.name,), "rarms_map", {}
+        return
+    yield from (((index.name, key), "extra_forbidden", {}) for key in written if key not in _DIRECTIONS)
     other = _DIRECTIONS[index.smaller_is_better]
     if other in written:
         facts = {"index": index.name, "direction": index.direction, "smaller": index.smaller_is_better}
-        problems.append(
-            _error((index.name, other), PydanticCustomError("rarms_direction", "wrong way", facts), written[other])
-        )
+        yield (index.name, other), "rarms_direction", facts
     elif index.direction not in written:
-        problems.append(_error((index.name, index.direction), PydanticCustomError("missing", "missing", {}), written))
+        yield (index.name, index.direction), "missing", {}
     if index.direction in written and not _is_quantity(index, written[index.direction]):
-        problems.append(_error((index.name, index.direction), quantity_error((index.unit,)), written[index.direction]))
-    return problems
+        yield (index.name, index.direction), "rarms_quantity", _facts_of_quantity((index.unit,))
 
 
 def _is_quantity(index: PerformanceIndex, text: Any) -> bool:
@@ -211,10 +214,6 @@ def _is_quantity(index: PerformanceIndex, text: Any) -> bool:
         return type(text) is str and bool(_threshold(index, text))
     except NotAQuantity:
         return False
-
-
-def _error(path: tuple[str, ...], error: PydanticCustomError, value: Any) -> InitErrorDetails:
-    return InitErrorDetails(type=error, loc=path, input=value)
 
 
 def _schema() -> dict[str, Any]:

@@ -1,0 +1,60 @@
+"""Keys that need or exclude each other, which no single field can say.
+
+They are looked for in the plain values, so that they are reported beside the errors of fields; the JSON Schemas of the
+blocks say the same (`exactly_one`, `if` / `then`).
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rarms_iac.model.host import ProviderKind
+
+Broken = tuple[tuple[str | int, ...], str, Mapping[str, Any]]
+"""Path, kind of error and its facts; `messages.py` puts them into words."""
+
+BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
+
+
+def broken_rules(document: Any) -> Iterator[Broken]:
+    """Every broken rule of a document, whatever else is wrong with it."""
+    yield from _hosts(document)
+    yield from _components(document)
+
+
+def _map(value: Any, key: str) -> dict[str, Any]:
+    found = value.get(key) if isinstance(value, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _hosts(document: Any) -> Iterator[Broken]:
+    for name, host in _map(document, "hosts").items():
+        if not isinstance(host, dict):
+            continue
+        provider = host.get("provider", ProviderKind.SIMULATED.value)
+        for kind, block in BLOCK_OF.items():
+            if block in host and provider != kind.value and provider in list(ProviderKind):
+                yield ("hosts", name, block), "rarms_foreign_block", {"block": block, "provider": provider}
+
+
+def _components(document: Any) -> Iterator[Broken]:
+    for name, component in _map(document, "components").items():
+        run = component.get("run") if isinstance(component, dict) else None
+        if not isinstance(run, dict):
+            continue
+        path = ("components", name, "run")
+        yield from _exactly_one(path, run, "command", "call")
+        yield from _exactly_one((*path, "until"), run.get("until"), "samples", "elapsed")
+        yield from _pattern((*path, "samples"), run.get("samples"))
+
+
+def _exactly_one(path: tuple[str, ...], block: Any, *names: str) -> Iterator[Broken]:
+    if isinstance(block, dict):
+        written = tuple(name for name in names if name in block)
+        if len(written) != 1:
+            yield path, "rarms_exactly_one", {"names": names, "written": written}
+
+
+def _pattern(path: tuple[str, ...], samples: Any) -> Iterator[Broken]:
+    if isinstance(samples, dict) and (samples.get("from") == "pattern") != ("pattern" in samples):
+        missing = "pattern" not in samples
+        yield path, "rarms_together", {"key": "pattern", "needs": "from: pattern", "missing": missing}
