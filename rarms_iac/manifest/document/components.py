@@ -130,25 +130,25 @@ class RunBlock(Block):
         "Words that name files are relative to the file that contains them."
     )
     call: Maybe[CallTarget] = optional("A Python function, `module:function`, that a small runner drives.")
+    folder: Filled = optional("The folder it runs in, relative to the file that contains this key.", ".")
     files: Maybe[list[Filled]] = optional(
         "Globs of files that belong to the component: when one changes, its measurements are stale."
     )
     environment: Maybe[Annotated[dict[Variable, VariableValue], KeysLike(VARIABLE_PATTERN)]] = optional(
         "Environment variables beside rarms' own: a text, or `{from_env: NAME}`."
     )
-    folder: Filled = optional("The folder it runs in, relative to the file that contains this key.", ".")
-    until: Maybe[UntilBlock] = optional("When a setting has been measured enough; absent: after 200 samples.")
-    timeout: PositiveTime = optional("A job that takes longer is a failed sample: `60 s`.", "60 s")
-    stop: Maybe[StopBlock] = optional("How it is asked to end; absent: TERM, and 5 s of grace.")
     arrival: Maybe[Arrival] = optional(
         "`closed`: the next job starts when the last one ended; `{every: 33 ms}`: a job every period, counted from its "
         "scheduled start; an overrun does not shift the schedule. Absent: closed."
     )
-    samples: Maybe[SamplesBlock] = optional("How its output becomes samples; absent: one a run.")
     deadline: Maybe[PositiveTime] = optional("When a job's answer is late; absent: the period, if it is periodic.")
+    until: Maybe[UntilBlock] = optional("When a setting has been measured enough; absent: after 200 samples.")
+    timeout: PositiveTime = optional("A job that takes longer is a failed sample: `60 s`.", "60 s")
     failures: int = optional(
         "How many failed samples a setting may have before it ends without a verdict.", 0, ge=0, le=1_000_000
     )
+    stop: Maybe[StopBlock] = optional("How it is asked to end; absent: TERM, and 5 s of grace.")
+    samples: Maybe[SamplesBlock] = optional("How its output becomes samples; absent: one a run.")
 
 
 Weight = Annotated[int, Field(ge=1, le=10_000)]
@@ -186,15 +186,16 @@ class ComponentBlock(Block):
         "Acceptable performance thresholds: what is good enough, by performance index. Absent: it has none."
     )
     run: Maybe[RunBlock] = optional("How it is started and measured; absent: rarms does not run it.")
+    interference: Maybe[Name] = optional("The load against which its reservation is measured; absent: the policy's.")
     memory: PositiveMemory = optional("The memory it needs: `512 MiB`.", "512 MiB")
     processors: Maybe[Annotated[int, Field(ge=1, le=2048)]] = optional(
         "Virtual processors of its partition; absent: as many as the host has logical ones."
     )
+    task: Maybe[TaskName] = optional("Its robotic task class (RC SS): what kind of work it does, never a priority.")
     cpu: Maybe[CpuBlock] = optional("What is fixed of its CPU: reserve, limit, weight.")
     together: Maybe[list[Name]] = optional("Components that must share its partition.")
     apart: Maybe[list[Name]] = optional("Components that must never share its partition.")
     dedicated: bool = optional("Whether it is alone in its partition.", False)
-    task: Maybe[TaskName] = optional("Its robotic task class (RC SS): what kind of work it does, never a priority.")
     hosts: Maybe[Annotated[list[Name], Field(min_length=1)]] = optional(
         "Hosts it may run on; absent: any whose platform has its measurements, or all where its reserve is fixed."
     )
@@ -202,5 +203,4 @@ class ComponentBlock(Block):
         "`partition`, or `host`: in the host's own operating system, with a task class but without a reserve.",
         "partition",
     )
-    interference: Maybe[Name] = optional("The load against which its reservation is measured; absent: the policy's.")
     simulation: Maybe[SimulationBlock] = optional("What a job demands on a simulated host.")

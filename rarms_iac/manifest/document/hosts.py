@@ -82,10 +82,10 @@ SecureBoot = Literal["off", "MicrosoftWindows", "MicrosoftUEFICertificateAuthori
 class HypervHostBlock(Block):
     """What the partitions of a Hyper-V host use unless they say otherwise."""
 
+    generation: int = optional("The generation of new machines, 1 or 2; it never changes afterwards.", 2, ge=1, le=2)
     switch: Maybe[Filled] = optional("The virtual switch that partitions are connected to; absent: none.")
     image: Maybe[Filled] = optional("The disk image that partitions' disks are children of; absent: no disk.")
     vm_path: Maybe[Filled] = optional("The folder on the host for virtual machines; absent: the default of the host.")
-    generation: int = optional("The generation of new machines, 1 or 2; it never changes afterwards.", 2, ge=1, le=2)
     secure_boot: Maybe[SecureBoot] = optional(
         "Secure boot of generation 2: `off`, or the template that the guest boots with, `MicrosoftWindows` or, for "
         "Linux, `MicrosoftUEFICertificateAuthority`. Absent: a new machine gets what the file name of its image "
@@ -123,6 +123,8 @@ class HostBlock(Block):
     provider: Annotated[ProviderKind, Field(strict=False)] = optional(
         "What enforces reservations there: `simulated` (needs nothing), `hyperv` or `linux`.", "simulated"
     )
+    platform: Maybe[Name] = optional("Hosts of one platform share measurements; absent: the host's own name.")
+    connect: Maybe[ConnectBlock] = optional("How the host is reached; absent: it is this machine.")
     logical_processors: int = needed("How many logical processors (LPs) the host has.", ge=1, le=2048)
     memory: PositiveMemory = needed("How much memory the host has: `4 GiB`.")
     keep_for_host: Maybe[KeepForHostBlock] = optional("What partitions never get; absent: nothing.")
@@ -130,8 +132,6 @@ class HostBlock(Block):
         "The per cent of a processor that MMCSS leaves to all other threads in the host's own Windows: 10, 20, ... 90. "
         "It takes effect when the host starts again. Absent: rarms does not change it."
     )
-    platform: Maybe[Name] = optional("Hosts of one platform share measurements; absent: the host's own name.")
-    connect: Maybe[ConnectBlock] = optional("How the host is reached; absent: it is this machine.")
+    simulated: Maybe[SimulatedBlock] = optional("Settings of a host with `provider: simulated`.")
     hyperv: Maybe[HypervHostBlock] = optional("Settings of a host with `provider: hyperv`.")
     linux: Maybe[LinuxBlock] = optional("Settings of a host with `provider: linux`.")
-    simulated: Maybe[SimulatedBlock] = optional("Settings of a host with `provider: simulated`.")

@@ -106,7 +106,7 @@ class StressBlock(Block):
 
 
 InterferenceBlock = Annotated[
-    BusyLoopBlock | BrowserBlock | CommandLoadBlock | StressBlock, Field(discriminator="kind")
+    CommandLoadBlock | StressBlock | BusyLoopBlock | BrowserBlock, Field(discriminator="kind")
 ]
 
 

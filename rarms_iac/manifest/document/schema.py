@@ -147,21 +147,21 @@ def describe(path: Path) -> str:
 
 
 def _schemas(path: Path) -> list[dict[str, Any]]:
-    found = list(_alternatives(manifest_schema()))
+    found = list(alternatives(manifest_schema()))
     for step in path:
         found = [
-            alternative for schema in found for child in _children(schema, step) for alternative in _alternatives(child)
+            alternative for schema in found for child in _children(schema, step) for alternative in alternatives(child)
         ]
     return found
 
 
-def _alternatives(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def alternatives(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The schema itself, what it refers to, and each of its alternatives."""
     yield schema
     if "$ref" in schema:
-        yield from _alternatives(manifest_schema()["$defs"][schema["$ref"].removeprefix("#/$defs/")])
+        yield from alternatives(manifest_schema()["$defs"][schema["$ref"].removeprefix("#/$defs/")])
     for choice in (*schema.get("oneOf", ()), *schema.get("anyOf", ())):
-        yield from _alternatives(choice)
+        yield from alternatives(choice)
 
 
 def _children(schema: dict[str, Any], step: str | int) -> Iterator[dict[str, Any]]:

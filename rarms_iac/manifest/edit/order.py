@@ -1,10 +1,15 @@
-"""The order of the keys of a manifest, and which values are quantities.
+"""The order of the keys of a manifest, and which values are quantities: as its blocks have them.
 
 Maps that the user names (hosts, components, ...) keep the user's order.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import chain
+from typing import Any
+
+from rarms_iac.manifest.document.schema import alternatives, manifest_schema
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,91 +26,25 @@ class ValueShape:
 
 
 VALUE = ValueShape()
-QUANTITY = ValueShape(is_quantity=True)
 
 
-def _map(known: str = "", /, **shaped: ValueShape) -> ValueShape:
-    """The keys in the order of `known`; those that are not in `shaped` are plain values."""
-    return ValueShape({key: shaped.get(key, VALUE) for key in known.split()})
+@cache
+def manifest_shape() -> ValueShape:
+    """The whole manifest; an overlay has the same shape."""
+    return _shape([manifest_schema()])
 
 
-def _quantities(known: str) -> ValueShape:
-    return ValueShape(dict.fromkeys(known.split(), QUANTITY))
-
-
-def _named(each: ValueShape) -> ValueShape:
-    return ValueShape(each=each)
-
-
-_CONNECT = _map("ssh shell")
-_CPU = _map("reserve limit weight", reserve=QUANTITY, limit=QUANTITY)
-
-_HOST = _map(
-    "provider platform connect logical_processors memory keep_for_host system_responsiveness simulated hyperv linux",
-    connect=_CONNECT,
-    memory=QUANTITY,
-    keep_for_host=_quantities("processor memory"),
-    simulated=_map(
-        "windows_build guest_windows_build client scheduler smt administrator faults",
-        faults=_named(_map("operation at effect delay times", delay=QUANTITY)),
-    ),
-    hyperv=_map("generation switch image vm_path secure_boot credential"),
-    linux=_map("slice control_groups mechanism"),
-)
-
-_RUN = _map(
-    "command call folder files environment arrival deadline until timeout failures stop samples",
-    environment=_named(_map("from_env")),
-    arrival=_quantities("every"),
-    deadline=QUANTITY,
-    until=_map("samples elapsed", elapsed=QUANTITY),
-    timeout=QUANTITY,
-    stop=_map("signal grace", grace=QUANTITY),
-    samples=_map(
-        "from pattern response_time success count",
-        response_time=_map("field unit"),
-        success=_map("field"),
-        count=_map("field"),
-    ),
-)
-
-_COMPONENT = _map(
-    "criticality apt run interference memory processors task cpu together apart dedicated hosts runs_on simulation",
-    apt=_named(_quantities("at_most at_least")),
-    run=_RUN,
-    memory=QUANTITY,
-    cpu=_CPU,
-    simulation=_map(
-        "work blocked varies threads success_within",
-        work=QUANTITY,
-        blocked=QUANTITY,
-        varies=QUANTITY,
-        success_within=QUANTITY,
-    ),
-)
-
-_PARTITION = _map(
-    "components processors memory cpu protect start stop hyperv linux guest",
-    memory=QUANTITY,
-    cpu=_CPU,
-    stop=_quantities("grace"),
-    hyperv=_map("generation switch image vm_path secure_boot"),
-    linux=_map("mechanism"),
-    guest=_map("connect credential windows_build", connect=_CONNECT),
-)
-
-MANIFEST = _map(
-    "schema application hosts components partitions interference tasks policy moved",
-    application=_map("name description requires_rarms"),
-    hosts=_named(_HOST),
-    components=_named(_COMPONENT),
-    partitions=_named(_PARTITION),
-    interference=_named(_map("kind command stressor threads workers instances")),
-    tasks=_named(_map("category priority background_priority replace_shipped")),
-    policy=_map(
-        "interference minimise headroom max_disruption accept",
-        accept=_named(_map("at reason until")),
-    ),
-    moved=_named(VALUE),
-)
-"""The whole manifest; an overlay has the same shape."""
+def _shape(schemas: list[dict[str, Any]]) -> ValueShape:
+    """What may stand where one of these schemas holds."""
+    keys: dict[str, list[dict[str, Any]]] = {}
+    named: list[dict[str, Any]] = []
+    is_quantity = False
+    for schema in chain.from_iterable(map(alternatives, schemas)):
+        for key, value in schema.get("properties", {}).items():
+            keys.setdefault(key, []).append(value)
+        any_name = schema.get("additionalProperties")
+        named += [*schema.get("patternProperties", {}).values(), *([any_name] if isinstance(any_name, dict) else [])]
+        is_quantity |= "examples" in schema  # as `quantity_schema` has them
+    if named:
+        return ValueShape(each=_shape([*named, *(value for values in keys.values() for value in values)]))
+    return ValueShape(keys={key: _shape(values) for key, values in keys.items()}, is_quantity=is_quantity)

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from rarms_iac.manifest.edit.order import MANIFEST, ValueShape
+from rarms_iac.manifest.edit.order import ValueShape, manifest_shape
 from rarms_iac.manifest.edit.write import write_entry, write_flow, write_key
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, comments_in, is_null
 
@@ -40,7 +40,7 @@ class Route:
 def walk(root: Collection, path: tuple[str, ...]) -> Route:
     """Follows the keys of a path as far as they are there."""
     node: Node = root
-    shape = MANIFEST
+    shape = manifest_shape()
     steps: list[RouteStep] = []
     for name in path:
         entry = _entry_of(node, name)
@@ -106,7 +106,7 @@ def inserted(text: str, route: Route, name: str, new: Node) -> str:
 def inserted_at_root(text: str, name: str, new: Node) -> str:
     """The text of an empty document (`{}`) with its first key."""
     comments = comments_in(text, 0, len(text))
-    return "\n".join([*comments, *write_entry(Entry(Scalar(name, "'", 0, 0), new, []), MANIFEST, 0), ""])
+    return "\n".join([*comments, *write_entry(Entry(Scalar(name, "'", 0, 0), new, []), manifest_shape(), 0), ""])
 
 
 def removed(text: str, route: Route) -> str:

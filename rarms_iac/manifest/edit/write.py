@@ -4,7 +4,7 @@ import re
 import sys
 from dataclasses import dataclass
 
-from rarms_iac.manifest.edit.order import MANIFEST, VALUE, ValueShape
+from rarms_iac.manifest.edit.order import VALUE, ValueShape, manifest_shape
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
 
 WIDTH = 100
@@ -42,10 +42,11 @@ class WrittenLine:
     comment: str = ""
 
 
-def write_tree(root: Collection, source: str, shape: ValueShape = MANIFEST) -> str:
+def write_tree(root: Collection, source: str) -> str:
     """The canonical text of a document; `source` is the text that it was built from."""
     if not root.entries:
         return _text([WrittenLine("{}"), *_comment_lines(root.tail, 0)])
+    shape = manifest_shape()
     _keep_header(root, shape)
     return _text(_Writer(source).collection(root, shape, 0, sections=True))
 
