@@ -1,6 +1,7 @@
 """Scripts for a reader: one with line numbers, or two compared by their steps; `difference_json` is for programs."""
 
 from collections.abc import Iterator, Sequence
+from io import StringIO
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.scripts import PlanScript
@@ -8,7 +9,6 @@ from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
-from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.output.common import output_of
@@ -25,14 +25,11 @@ if TYPE_CHECKING:
 
 SYMBOLS = {"+": GOOD, "~": CHANGED, "-": BAD}
 
-_RESET, _BOLD, _DIM, _GREEN, _YELLOW, _CYAN = (f"\x1b[{code}m" for code in (0, 1, 2, 32, 33, 36))
-
 
 def script_text(script: str, *, colour: bool = False, whole: bool = False) -> str:
     """The script with the numbers of its lines, as they are in the file; it ends with a line end.
 
-    rich has no part in it: a script is long, its lines are never wrapped, and it passed the inspection, so that it is
-    printable ASCII.
+    Its lines are never wrapped, and it passed the inspection, so that it is printable ASCII.
 
     Args:
         script: its text.
@@ -50,41 +47,14 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
 
 
 def _highlighted(text: str) -> str:
-    try:
-        parts = tokens(text)
-    except NotTokens:
-        return text  # it is shown as it is; the inspection says what is wrong with it
-    pieces: list[str] = []
-    at = 0
-    for before, token in zip((None, *parts), parts, strict=False):
-        piece = text[token.offset : token.end]
-        start = _colour(before, token, piece)
-        if start:
-            piece = "\n".join(f"{start}{line}{_RESET}" for line in piece.split("\n"))
-        pieces += [text[at : token.offset], piece]
-        at = token.end
-    return "".join([*pieces, text[at:]])
+    """The text with escape sequences, which end on each line."""
+    from rich.console import Console
+    from rich.syntax import Syntax
 
-
-def _colour(before: Token | None, token: Token, piece: str) -> str:
-    match token.kind:
-        case TokenKind.COMMENT:
-            return _GREEN
-        case TokenKind.STRING | TokenKind.EXPANDABLE:
-            return _YELLOW
-        case TokenKind.WORD if piece.startswith("$"):
-            return _CYAN
-        case TokenKind.WORD if piece.startswith("-") and piece[1:2].isalpha():
-            return _DIM
-        case TokenKind.WORD if _begins_call(before) and "-" in piece:
-            return _BOLD
-        case _:
-            return ""
-
-
-def _begins_call(before: Token | None) -> bool:
-    """Whether a word after this token is a call."""
-    return before is None or before.kind is TokenKind.NEWLINE or before.text in {"{", "(", "|", ";", "="}
+    file = StringIO()
+    console = Console(file=file, force_terminal=True, color_system="standard", legacy_windows=False)
+    console.print(Syntax("", "powershell", theme="ansi_dark").highlight(text), soft_wrap=True, end="")
+    return file.getvalue().removesuffix("\n")
 
 
 def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[str]:

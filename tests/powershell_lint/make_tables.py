@@ -36,10 +36,10 @@ def parameter(facts: dict[str, Any]) -> dict[str, Any]:
     return kept
 
 
-def flags(membership: dict[str, Any]) -> str:
-    by_value = "v" if "ByValue" in membership["pipeline"] else ""
-    by_name = "n" if "ByPropertyName" in membership["pipeline"] else ""
-    return f"{'m' if membership['mandatory'] else ''}{'p' if membership['position'] is not None else ''}{by_value}{by_name}"
+def flags(given_in: dict[str, Any]) -> str:
+    by_value = "v" if "ByValue" in given_in["pipeline"] else ""
+    by_name = "n" if "ByPropertyName" in given_in["pipeline"] else ""
+    return f"{'m' if given_in['mandatory'] else ''}{'p' if given_in['position'] is not None else ''}{by_value}{by_name}"
 
 
 def main() -> None:
