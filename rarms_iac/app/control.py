@@ -1,7 +1,8 @@
-"""The reporter that a use case calls while it works, and the signal that ends it early; by default both are silent."""
+"""How a caller takes part while a use case works: it hears what goes on, may end it, and is asked; by default not."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from typing import Protocol
 
 from rarms_iac.applying.run_report import RunReporter
@@ -101,3 +102,29 @@ class SilentAppReporter:
 
 NEVER_STOP: StopSignal = NeverStop()
 SILENT: Reporter = SilentAppReporter()
+
+StopConsent = Callable[[str, tuple[str, ...]], bool]
+"""Whether these partitions of a host may be stopped while it is measured: asked once a host, before the first."""
+
+
+def never_consents(_host: str, _partitions: tuple[str, ...]) -> bool:
+    """Stop nothing: the measurement is refused."""
+    return False
+
+
+def always_consents(_host: str, _partitions: tuple[str, ...]) -> bool:
+    """Stop what runs, as the options ask for."""
+    return True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """The caller's part in a use case that measures."""
+
+    reporter: Reporter = SILENT
+    stop: StopSignal = NEVER_STOP  # asked between settings and while samples come
+    consents: StopConsent = never_consents  # stopped partitions start again afterwards, however it ends
+
+
+UNATTENDED = Control()
+"""No report, no early end, and no partition is stopped."""

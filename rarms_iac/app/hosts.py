@@ -12,7 +12,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, today_utc
 from rarms_iac.app.snapshots import Snapshot, Snapshots, add_guest_tasks, read_snapshots
-from rarms_iac.app.wiring import open_host, state_path
+from rarms_iac.app.wiring import open_bench, open_host, state_path
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.model.host import Host, ProviderKind
@@ -21,6 +21,7 @@ from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
+from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.snapshot_file import write_snapshot
 
 
@@ -82,6 +83,22 @@ class Hosts:
             UseCaseError: this version cannot reach it (failed).
         """
         return open_host(self.system.hosts[host], self.folder, self.state_path(host))
+
+    def open_to_measure(self, host: str) -> MeasuringHost | None:
+        """Return the live host to run components on; None: this version cannot run any there.
+
+        Args:
+            host: a name of the manifest.
+        """
+        return open_bench(self.system, host, self.folder, self.state_path(host))
+
+    def reloaded(self) -> "Hosts":
+        """Return the same hosts of the manifest as its files are now.
+
+        Raises:
+            UseCaseError: it has errors (negative).
+        """
+        return replace(self, manifest=load_manifest(self.manifest.source))
 
 
 def load(

@@ -4,17 +4,17 @@ import sys
 from functools import cache
 from pathlib import Path
 
+from rarms_iac.app.control import Control, StopConsent, always_consents, never_consents
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments.combining import CombiningOffer
 from rarms_iac.app.experiments.level_prompt import SessionEnded
 from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.app.experiments.stopping import StopConsent, always_consents, never_consents
 from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.cli.ending import Interrupted
-from rarms_iac.cli.messages import tell
+from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.storage.reading import STANDARD_INPUT
@@ -89,24 +89,33 @@ class TerminalLevelPrompt:
         self._terminal.talk(f"Written to {Path(outcome.file).as_posix()}.")
 
 
-class TerminalCombiningPrompt(TuningProgress):
-    """A `CombiningPrompt` that shows how the search goes, and asks once for each combination."""
+class TerminalTuningPrompt(TuningProgress):
+    """A `TuningPrompt` that shows how the search goes, and asks once for each combination, if at all."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, *, asks: bool = True) -> None:
         super().__init__(session.terminal.talk, session.terminal.live_table())
         self._session = session
+        self._asks = asks
         self._answers: dict[Members, bool] = {}
+
+    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+        """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked anew."""
+        if self._asks and members not in self._answers:
+            question = questions.combination_question(members, settings, gain)
+            self._answers[members] = ask_yes_or_no(self._session, question)
+        return self._answers.get(members, True)
+
+    def confirms(self, found: TuningResult) -> bool:  # noqa: ARG002 - the protocol's
+        """Have it written."""
+        return True
+
+
+class TerminalCombiningPrompt(TerminalTuningPrompt):
+    """A `CombiningPrompt` that also asks whether to combine, and whether to write what was found."""
 
     def combines(self, offer: CombiningOffer) -> bool:
         """Ask, naming what is needed, what there is, and what is predicted."""
         return ask_yes_or_no(self._session, questions.combine_question(offer))
-
-    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
-        """Ask; an empty answer, or the input's end, is no, and what is neither yes nor no is asked anew."""
-        if members not in self._answers:
-            question = questions.combination_question(members, settings, gain)
-            self._answers[members] = ask_yes_or_no(self._session, question)
-        return self._answers[members]
 
     def confirms(self, found: TuningResult) -> bool:
         """Show the partitions, and ask."""
@@ -115,7 +124,13 @@ class TerminalCombiningPrompt(TuningProgress):
         return ask_yes_or_no(self._session, questions.WRITE_PARTITIONS)
 
 
-def stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
+def measuring_control(session: Session, *, stop_partitions: bool) -> Control:
+    """The command's part while it measures: what is shown, signals, and whether partitions may be stopped."""
+    consents = _stop_consent(session, stop_partitions=stop_partitions)
+    return Control(reporter=TerminalReporter(session), stop=session.interrupts, consents=consents)
+
+
+def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
     """Who says whether partitions may be stopped to measure: the option, else somebody at a terminal, once a host."""
     if stop_partitions:
         return always_consents

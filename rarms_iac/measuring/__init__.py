@@ -1,6 +1,6 @@
 """Experiments on a host: P1 with components, P2 with an interfering load, one setting after the other.
 
-An experiment (`setup.py`), a strategy (`strategies.py`, `search/`) and a host that can be measured on come in;
+An experiment (`setup.py`), a method (`methods.py`) with its strategy (`strategies.py`, `search/`), and a host come in;
 settings in a data log and a conclusion (`model/outcomes`) go out. Begin with `loop.measure`. `partitions.py` makes P1
 and P2 and says what a host can give them, `settling.py` when samples count, `sampling.py` takes them, `evidence.py`
 says whether something disturbed a setting, `duration.py` how long it takes, `performance.py` what it shows,

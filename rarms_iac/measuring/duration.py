@@ -3,10 +3,11 @@
 Begin at `expected_duration`. Times are of the host's own clock; a simulated host runs through them faster.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
+from rarms_iac.measuring.methods import Method, Sweep, is_of_paper, reserves_of
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named
@@ -34,29 +35,41 @@ class DurationBounds:
     most_settings: int
     least_ms: float
     most_ms: float
-    by_timeout: bool = (
-        False  # `most_ms` has only the timeout of some component to go by, and is far beyond what is usual
-    )
+    by_timeout: bool = False  # `most_ms` has only some component's timeout to go by: far beyond what is usual
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingCount:
+    """Between what numbers the settings that an experiment still asks for will lie."""
+
+    least: int
+    most: int
+    ends_early: bool  # a setting may end as soon as its samples tell
+
+
+def settings_to_run(method: Method, recorded: Iterable[Setting], most: int) -> SettingCount:
+    """Count the settings that are still to be run.
+
+    Args:
+        method: How they are chosen.
+        recorded: The settings so far, which are not run again.
+        most: The highest CR that the host can give, in per cent.
+    """
+    if isinstance(method, Sweep):
+        count = len(set(reserves_of(method, most)) - {setting.reserve for setting in recorded})
+        return SettingCount(least=count, most=count, ends_early=False)
+    bound = min(STEPS_OF_PAPER, ceil(most / STEPS_OF_PAPER)) if is_of_paper(method) else min(MOST, most)
+    return SettingCount(least=1, most=max(1, bound), ends_early=True)
 
 
 def expected_duration(
-    experiment: Experiment,
-    recorded: Sequence[Setting],
-    reserves: Sequence[int],
-    *,
-    highest: int,
-    in_paper_steps: bool,
-    earlier: Sequence[Setting] = (),
-    settles_ms: float = 0.0,
+    experiment: Experiment, settings: SettingCount, earlier: Sequence[Setting] = (), settles_ms: float = 0.0
 ) -> DurationBounds:
     """Work out how long an experiment will take that is begun or goes on.
 
     Args:
         experiment: What is measured.
-        recorded: Its settings so far, which are not run again.
-        reserves: The settings of a sweep; empty: the least reserve is searched.
-        highest: The highest CR that the host can give, in per cent.
-        in_paper_steps: A search takes the paper's steps.
+        settings: How many are still to be run.
         earlier: All settings of its data log: how fast jobs were tells how fast they may be.
         settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
@@ -64,24 +77,17 @@ def expected_duration(
         Bounds of what is still to be run. At most, every job takes as long as its thresholds allow; at least, jobs are
         as fast as the fastest recorded, and without a record take no time unless they have a period.
     """
-    known = {setting.reserve for setting in recorded}
-    if reserves:
-        least = most = len(set(reserves) - known)
-    elif in_paper_steps:
-        least, most = 1, max(1, min(STEPS_OF_PAPER, ceil(highest / STEPS_OF_PAPER)))
-    else:
-        least, most = 1, max(1, min(MOST, highest))
     # Members run together: a setting ends when each has what it needs.
-    shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
+    shortest = max(_least_ms(run, name, earlier, early=settings.ends_early) for name, run in experiment.runs.items())
     shortest = settles_ms + max(shortest, settles_ms)
     longest = settles_ms + max(
         settles_ms, *(_ends_ms(run_of(member), _allowed_ms(member)) for member in experiment.members)
     )
     return DurationBounds(
-        least_settings=least,
-        most_settings=most,
-        least_ms=least * shortest,
-        most_ms=most * longest,
+        least_settings=settings.least,
+        most_settings=settings.most,
+        least_ms=settings.least * shortest,
+        most_ms=settings.most * longest,
         by_timeout=any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
     )
 

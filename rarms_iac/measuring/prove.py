@@ -34,7 +34,7 @@ from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import Component, Interference, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
-from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
+from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.errors import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge_each
 
@@ -139,13 +139,49 @@ def _longer(run: Run) -> SampleCount | Elapsed:
             return Elapsed(time=Milliseconds(LONGER * time))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadPartition:
+    """P2 beside a layout: a load with all that the host has left, so that what is reserved stays reserved."""
+
+    load: Interference
+    shape: PartitionShape
+    reserve: int  # per cent of each of its processors
+
+
+def load_partition(load: Interference, budget: MeasuringBudget) -> LoadPartition | None:
+    """Make a partition for a load beside what runs.
+
+    Args:
+        load: what runs in it.
+        budget: of the host, with all that runs.
+
+    Returns:
+        P2; None where the least memory of a partition is not left.
+    """
+    memory = free_memory(budget)
+    if memory < LEAST_MEMORY:
+        return None
+    shape = load_shape(budget.capacity.logical_processors, memory)
+    return LoadPartition(load=load, shape=shape, reserve=free_reserve(budget, memory))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProofConditions:
+    """What a layout is run under."""
+
+    beside: LoadPartition | None  # None: there is no load
+    seed: int  # of chance, where the host draws it
+
+    @property
+    def load(self) -> Interference | None:
+        """The interference in P2."""
+        return None if self.beside is None else self.beside.load
+
+
 def prove(
     host: MeasuringHost,
     layout: AppliedLayout,
-    load: Interference | None,
-    budget: MeasuringBudget,
-    *,
-    seed: int,
+    conditions: ProofConditions,
     should_stop: Callable[[], bool],
     samples_came: Callable[[Mapping[str, Series]], None],
 ) -> LayoutProof | TooManyFailures | None:
@@ -154,11 +190,9 @@ def prove(
     Where that does not decide on real processes, which wander between processors, they run anew, `LONGER` times longer.
 
     Args:
-        host: Its lock is held by who calls.
+        host: Its lock is held by the caller.
         layout: What runs where.
-        load: The interference in P2; None: no P2 is made.
-        budget: What the host has left for P2.
-        seed: Of chance, where the host draws it.
+        conditions: What it is run under.
         should_stop: Asked after every sample.
         samples_came: Told now and then what was seen so far.
 
@@ -174,29 +208,26 @@ def prove(
         return False
 
     def run_once(tried: AppliedLayout) -> tuple[LayoutProof | TooManyFailures | None, SettingEvidence | None]:
-        with host.run(_work_of(tried, load, seed, settling)) as running:
+        with host.run(_work_of(tried, conditions, settling)) as running:
             series = watch(running, tried.judged, settling, to_its_end, should_stop)
             evidence = running.evidence()
         if series is None or isinstance(series, TooManyFailures):
             return series, evidence
-        return _proof_of(host.name, tried, series, is_real=evidence is not None), evidence
+        verdicts = judge_layout(tried.judged, series, is_real=evidence is not None)
+        return LayoutProof(host=host.name, layout=tried, series=series, verdicts=verdicts), evidence
 
-    settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, load))
+    settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, conditions.load))
     with ExitStack() as ends:
-        if load is not None:
-            _make_load(host, layout.application, budget, ends)
+        if beside := conditions.beside:
+            ends.enter_context(running_test_partitions(host, layout.application, (beside.shape,)))
+            set_reserves(host, layout.application, (beside.shape,), {P2: beside.reserve})
         proof, evidence = run_once(layout)
         if isinstance(proof, LayoutProof) and not proof.is_decided and evidence is not None:
             proof, _ = run_once(_with_ends(layout, _longer))
     return proof
 
 
-def _proof_of(host: str, layout: AppliedLayout, series: Mapping[str, Series], *, is_real: bool) -> LayoutProof:
-    verdicts = judge_layout(layout.judged, series, is_real=is_real)
-    return LayoutProof(host=host, layout=layout, series=series, verdicts=verdicts)
-
-
-def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settling: Settling) -> Work:
+def _work_of(layout: AppliedLayout, conditions: ProofConditions, settling: Settling) -> Work:
     """All that is applied, each component for as long as its `run.until` says, and the load in P2."""
     partitions = [
         PartitionWork(
@@ -210,13 +241,13 @@ def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, settli
     if layout.on_host:
         classes = classes_of(layout.on_host, layout.tasks, "", FirstLine(file="")).classes
         partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
-    if load is not None:
-        partitions.append(PartitionWork(partition=P2, load=load))
+    if conditions.load is not None:
+        partitions.append(PartitionWork(partition=P2, load=conditions.load))
     return Work(
         application=layout.application,
         partitions=tuple(partitions),
         until={component.name: run_of(component).until for component in layout.judged},
-        seed=seed,
+        seed=conditions.seed,
         least_ms=settling.least_ms,
     )
 
@@ -286,23 +317,3 @@ def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
             raise ValueError("a verdict on one index was asked for")
         case _:
             assert_never(verdict)
-
-
-def has_memory_for_load(budget: MeasuringBudget) -> bool:
-    """Tell whether a P2 fits beside what runs.
-
-    Args:
-        budget: of the host, with all that runs.
-
-    Returns:
-        Whether the least memory of a partition is left.
-    """
-    return free_memory(budget) >= LEAST_MEMORY
-
-
-def _make_load(host: MeasuringHost, application: str, budget: MeasuringBudget, ends: ExitStack) -> None:
-    """P2 with what is left of the host: what is reserved stays reserved, and the load takes the rest."""
-    memory = free_memory(budget)
-    shape = load_shape(budget.capacity.logical_processors, memory)
-    ends.enter_context(running_test_partitions(host, application, (shape,)))
-    set_reserves(host, application, (shape,), {P2: free_reserve(budget, memory)})

@@ -6,16 +6,16 @@ Begin at `combine_if_wanted`. `combining_offer` says what is needed, what there 
 from dataclasses import dataclass
 from typing import Protocol
 
-from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.experiments.level_prompt import SessionEnded
-from rarms_iac.app.experiments.stopping import StopConsent, all_stopped_to_measure, never_consents
-from rarms_iac.app.experiments.tune import TuneRequest, TuningResult, tune_components
+from rarms_iac.app.experiments.stopping import stopped_to_measure
+from rarms_iac.app.experiments.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
 from rarms_iac.app.experiments.tuning_subject import TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.guiding import guide_of
-from rarms_iac.planner.combining.oracle import WHOLE, Consent, PlannerReporter, total
+from rarms_iac.planner.combining.oracle import WHOLE, total
 from rarms_iac.planner.findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
 
 NO_SUBJECT = {finding.code for finding in (UNMEASURED, STALE, NOT_MET, PLATFORMS)}
@@ -31,11 +31,8 @@ class CombiningOffer:
     predicted: int | None  # what would be reserved with the best single compound; None: none would save anything
 
 
-class CombiningPrompt(Consent, PlannerReporter, Protocol):
-    """Asks somebody whether components are combined, which of them, and whether that is written.
-
-    Every method that asks may raise `SessionEnded`.
-    """
+class CombiningPrompt(TuningPrompt, Protocol):
+    """Asks whether components are combined, which of them, and whether that is written."""
 
     def combines(self, offer: CombiningOffer) -> bool:
         """Show what is needed and what there is, and tell whether to combine.
@@ -45,17 +42,6 @@ class CombiningPrompt(Consent, PlannerReporter, Protocol):
 
         Returns:
             Whether the search begins.
-        """
-        ...
-
-    def confirms(self, found: TuningResult) -> bool:
-        """Show what was found, and tell whether it is written into the manifest.
-
-        Args:
-            found: the partitions; nothing is written yet.
-
-        Returns:
-            Whether the manifest is changed.
         """
         ...
 
@@ -69,13 +55,7 @@ class CombiningOutcome:
 
 
 def combine_if_wanted(
-    hosts: Hosts,
-    request: TuneRequest,
-    prompt: CombiningPrompt,
-    *,
-    reporter: Reporter = SILENT,
-    stop: StopSignal = NEVER_STOP,
-    stop_consents: StopConsent = never_consents,
+    hosts: Hosts, request: TuneRequest, prompt: CombiningPrompt, control: Control = UNATTENDED
 ) -> CombiningOutcome:
     """Offer to combine components where their reservations exceed the hosts, and write what is found and confirmed.
 
@@ -83,12 +63,10 @@ def combine_if_wanted(
         hosts: Of one platform, with the manifest as it is now.
         request: How components are combined.
         prompt: Asks, and hears what the search asks and is answered.
-        reporter: Hears of every setting that is run.
-        stop: Asked between settings and while samples come.
-        stop_consents: Whether partitions of the application that run there may be stopped meanwhile.
+        control: The caller's part in what is measured.
 
     Returns:
-        What tuning came to; empty where nothing had to be combined, or nobody wanted to.
+        What tuning came to; empty where nothing had to be combined, or it was not wanted.
 
     Raises:
         UseCaseError: As `tune_components`.
@@ -97,19 +75,9 @@ def combine_if_wanted(
     try:
         if offer is None or not prompt.combines(offer):
             return CombiningOutcome()
-        result = tune_components(
-            hosts,
-            request,
-            reporter=reporter,
-            stop=stop,
-            planner_reporter=prompt,
-            consent=prompt,
-            confirms=prompt.confirms,
-            stop_consents=stop_consents,
-        )
+        return CombiningOutcome(result=tune_components(hosts, request, control, prompt))
     except SessionEnded:
         return CombiningOutcome(ended=True)
-    return CombiningOutcome(result=result)
 
 
 def combining_offer(hosts: Hosts) -> CombiningOffer | None:
@@ -125,7 +93,8 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
         UseCaseError: A host cannot be looked at (failed), or a data log is damaged (negative).
     """
     try:
-        states = all_stopped_to_measure(observe_hosts(hosts), hosts.system.application.name)
+        application = hosts.system.application.name
+        states = {name: stopped_to_measure(state, application) for name, state in observe_hosts(hosts).items()}
         subject = subject_of_tuning(hosts, bench_of(hosts), states)
     except UseCaseError as problem:
         if {finding.code for finding in problem.diagnostics} <= NO_SUBJECT:

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac.app.data_logs import subject_of
-from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
 from rarms_iac.measuring.loop import SettingsLog
@@ -18,7 +18,6 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.state import Partition
 from rarms_iac.model.version import __version__
-from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
@@ -40,13 +39,12 @@ class ExperimentLog:
         return None if self.changed else self.log
 
 
-def read_experiment_log(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> ExperimentLog:
+def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> ExperimentLog:
     """Read the data log of an experiment, and compare it with what is now.
 
     Args:
-        hosts: The manifest's hosts.
-        experiment: What is measured, and on which host.
-        bench: That host; asked for its processor, build and the like.
+        session: It holds the experiment's host, which is asked for its processor, build and the like.
+        experiment: What is measured.
 
     Returns:
         The log with what changed since; empty where there is no file.
@@ -54,7 +52,7 @@ def read_experiment_log(hosts: Hosts, experiment: Experiment, bench: MeasuringHo
     Raises:
         UseCaseError: It is damaged (negative); nobody replaces it unasked, as it may be all that there is.
     """
-    path, header = data_log_path(hosts, experiment), _header(hosts, experiment, bench)
+    path, header = data_log_path(session.hosts, experiment), _header(session, experiment)
     with log_errors():
         log = read_log(path)
     changed = () if log is None else compare(log.header, header.identity, known(header.bench)).changed
@@ -96,30 +94,27 @@ def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
     return log_path(Path(hosts.folder), experiment.host.platform, setup.members, setup.interference)
 
 
-def _header(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> Header:
+def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
-    subject = subject_of(hosts.system, experiment.host, experiment.setup.members, experiment.setup.interference)
-    files = Files(Path(hosts.folder))
+    system, setup = session.hosts.system, experiment.setup
+    subject = subject_of(system, experiment.host, setup.members, setup.interference)
+    files = Files(Path(session.hosts.folder))
     interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
-    return header_of(subject, identity_of(subject, files.of(subject), interpreters), bench.bench())
+    identity = identity_of(subject, files.of(subject), interpreters)
+    return header_of(subject, identity, session.host_of(experiment).bench())
 
 
 def remeasurements_for(
-    hosts: Hosts,
-    experiments: Sequence[Experiment],
-    benches: Mapping[str, MeasuringHost],
-    request: MeasureRequest,
-    refuse: Callable[[Experiment], None],
+    session: MeasuringSession, experiments: Sequence[Experiment], asked: str, refuse: Callable[[Experiment], None]
 ) -> Mapping[Path, Remeasurement]:
     """Find or begin the remeasurement of each experiment.
 
     A command that was killed goes on: its other logs say whether they had their turn.
 
     Args:
-        hosts: The manifest's hosts.
+        session: It holds the experiments' hosts.
         experiments: What is to be measured once more.
-        benches: The hosts that they are measured on, by name.
-        request: What was asked for; tells this command's remeasurements from those of others.
+        asked: Tells this command's remeasurements from those of others (`measure_request.describe_request`).
         refuse: Raises where an experiment cannot be run; nothing is written then.
 
     Returns:
@@ -128,8 +123,7 @@ def remeasurements_for(
     Raises:
         UseCaseError: A log is damaged (negative), or held by another run (refused).
     """
-    logs = [read_experiment_log(hosts, experiment, benches[experiment.host.name]) for experiment in experiments]
-    asked = describe_request(request)
+    logs = [read_experiment_log(session, experiment) for experiment in experiments]
     unfinished = [last for log in logs if (last := _last(log, asked)) is not None and not last.ended]
     begun = max((remeasurement.begun for remeasurement in unfinished), default=None)
     known = {log.path: _of_that_command(log, asked, begun) for log in logs}
@@ -137,41 +131,23 @@ def remeasurements_for(
         if known[log.path] is None:
             refuse(experiment)
     started = begun or datetime.now(UTC).isoformat(timespec="microseconds")
-    return {log.path: known[log.path] or _begin(hosts, log, asked, started, request) for log in logs}
+    return {log.path: known[log.path] or _begin(session, log, asked, started) for log in logs}
 
 
-def end_remeasurements(hosts: Hosts, complete: Mapping[Path, Remeasurement], request: MeasureRequest) -> None:
+def end_remeasurements(session: MeasuringSession, complete: Mapping[Path, Remeasurement]) -> None:
     """Record in each data log that all of its remeasurement is measured.
 
     Args:
-        hosts: Those of the manifest.
+        session: Of the command that measured it; its hosts need not be held any more.
         complete: The remeasurements, by data log.
-        request: Says how long to wait for a log that is held.
 
     Raises:
         UseCaseError: A log is held by another run (refused).
     """
     for path, remeasurement in complete.items():
         if not remeasurement.ended:
-            with hold_data_log(Path(hosts.folder), path, request.lock_timeout_ms):
+            with hold_data_log(Path(session.hosts.folder), path, session.lock_timeout_ms):
                 append_remeasurement(path, replace(remeasurement, ended=True))
-
-
-def describe_request(request: MeasureRequest) -> str:
-    """Describe what tells a command from others of the same components.
-
-    Args:
-        request: what was asked for.
-
-    Returns:
-        Words such as `default; 200 samples`; equal requests have equal words.
-    """
-    words: str = request.strategy
-    if request.reserves:
-        words = ", ".join(f"{reserve} %" for reserve in request.reserves)
-    elif request.verify:
-        words = "verify"
-    return words if request.samples is None else f"{words}; {request.samples} samples"
 
 
 def _last(log: ExperimentLog, asked: str) -> Remeasurement | None:
@@ -187,9 +163,9 @@ def _of_that_command(log: ExperimentLog, asked: str, begun: str | None) -> Remea
     return last
 
 
-def _begin(hosts: Hosts, log: ExperimentLog, asked: str, begun: str, request: MeasureRequest) -> Remeasurement:
+def _begin(session: MeasuringSession, log: ExperimentLog, asked: str, begun: str) -> Remeasurement:
     begins = Remeasurement(seed=1 if log.valid is None else log.valid.highest_seed + 1, asked=asked, begun=begun)
-    with hold_data_log(Path(hosts.folder), log.path, request.lock_timeout_ms):
+    with hold_data_log(Path(session.hosts.folder), log.path, session.lock_timeout_ms):
         if log.valid is None:
             begin_log(log.path, log.header)
         append_remeasurement(log.path, begins)

@@ -7,8 +7,8 @@ from typing import Literal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
-from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
+from rarms_iac.measuring.methods import USUAL_STEP, Method, Search, Sweep, Verification
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
@@ -17,9 +17,6 @@ from rarms_iac.model.system import RunsOn
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve
-
-USUAL_STEP = 10
-"""Per cent between settings of the performance measurement mode, and the first of them."""
 
 USUAL_SEED = 1
 """What chance is drawn from on a simulated host, unless a user says."""
@@ -126,16 +123,32 @@ def reserves_between(first: int | None, last: int | None, step: int | None) -> t
     return tuple(dict.fromkeys((*range(begin, end + 1, step or USUAL_STEP), end)))
 
 
-def coarse_reserves(top: int) -> tuple[int, ...]:
-    """Return the settings of a coarse curve: 10, 20, ... as far as the host can give them, its highest included.
+def method_of(request: MeasureRequest) -> Method:
+    """Return how settings are chosen: a sweep where reserves or a coarse curve are asked for, else as the options say.
 
     Args:
-        top: The highest CR that the host can give, in per cent; 0: none, and the first setting says so.
+        request: one that does not contradict itself.
+    """
+    if request.reserves or request.coarse:
+        return Sweep(reserves=() if request.coarse else request.reserves)
+    return Verification() if request.verify else Search(strategy=request.strategy)
+
+
+def describe_request(request: MeasureRequest) -> str:
+    """Describe what tells a command from others of the same components.
+
+    Args:
+        request: what was asked for.
 
     Returns:
-        Whole per cent, ascending, each once.
+        Words such as `default; 200 samples`; equal requests have equal words.
     """
-    return tuple(dict.fromkeys((*range(USUAL_STEP, top + 1, USUAL_STEP), top or USUAL_STEP)))
+    words: str = request.strategy
+    if request.reserves:
+        words = ", ".join(f"{reserve} %" for reserve in request.reserves)
+    elif request.verify:
+        words = "verify"
+    return words if request.samples is None else f"{words}; {request.samples} samples"
 
 
 def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
@@ -168,9 +181,7 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
             for member in members
         )
     ]
-    able = [
-        host for host in allowed if open_bench(system, host.name, hosts.folder, hosts.state_path(host.name)) is not None
-    ]
+    able = [host for host in allowed if hosts.open_to_measure(host.name) is not None]
     if not able:
         names = ", ".join(host.name for host in allowed) or "none"
         raise UseCaseError(

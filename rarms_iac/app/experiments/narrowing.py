@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.control import SILENT, Reporter
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.experiments.level_prompt import SessionEnded
-from rarms_iac.app.experiments.measure import MeasureOutcome
+from rarms_iac.app.experiments.measure import MeasureOutcome, measure_components
 from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifest_edits import write_processors
@@ -43,9 +43,8 @@ def narrow(
     hosts: Hosts,
     request: MeasureRequest,
     outcome: MeasureOutcome,
-    measure: Callable[[MeasureRequest], MeasureOutcome],
     consents: NarrowingConsent = always_narrows,
-    reporter: Reporter = SILENT,
+    control: Control = UNATTENDED,
 ) -> MeasureOutcome:
     """Write `processors` for components that cannot use all that they have, where that is wanted, and measure these.
 
@@ -53,9 +52,8 @@ def narrow(
         hosts: Those that were measured on; the files of their manifest are written.
         request: How it was measured.
         outcome: What was measured; what it says of other components stands.
-        measure: Measures with the manifest as it is now.
         consents: Asked for each component before its `processors` are written.
-        reporter: Hears what was written.
+        control: The caller's part; its reporter hears what was written.
 
     Returns:
         What is known now; the same outcome where nothing was written.
@@ -73,7 +71,7 @@ def narrow(
                 continue
             file = write_processors(hosts.manifest, narrowing.component, narrowing.after)
             written.append(narrowing.component)
-            reporter.message(
+            control.reporter.message(
                 f"Written to {file}: `processors: {narrowing.after}` for {narrowing.component}, which uses no more of "
                 f"its {narrowing.before}. It is measured again."
             )
@@ -82,7 +80,7 @@ def narrow(
     if not written:
         return outcome
     search = replace(request, components=tuple(written), together=False, coarse=False, again=False)
-    return _beside(outcome, measure(search), written)
+    return _beside(outcome, measure_components(hosts.reloaded(), search, control), written)
 
 
 def narrowings(outcome: MeasureOutcome) -> Iterator[Narrowing]:

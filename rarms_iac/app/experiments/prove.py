@@ -4,24 +4,32 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Literal, assert_never
 
-from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiments.measure import hold_benches
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
+from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts
 from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import lock_timeout_option, option
 from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.app.requests import PlanLimits
-from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.partitions import host_budget, partition_name
-from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, has_memory_for_load, prove, with_samples
+from rarms_iac.measuring.prove import (
+    AppliedLayout,
+    IndexVerdict,
+    LayoutProof,
+    ProofConditions,
+    load_partition,
+    prove,
+    with_samples,
+)
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
@@ -32,7 +40,6 @@ from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
-from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
 
@@ -68,9 +75,7 @@ SampleListener = Callable[[str, Mapping[str, Series]], None]
 def prove_layout(
     hosts: Hosts,
     request: ProveRequest = ProveRequest(),
-    *,
-    reporter: Reporter = SILENT,
-    stop: StopSignal = NEVER_STOP,
+    control: Control = UNATTENDED,
     listener: SampleListener = lambda _host, _series: None,
 ) -> ProveOutcome:
     """Run all components together where they are applied, and judge every index beside its threshold.
@@ -80,12 +85,11 @@ def prove_layout(
     Args:
         hosts: Those that can run components are held meanwhile.
         request: Beside which load, and how long.
-        reporter: Hears what an earlier run that was killed had left on the hosts.
-        stop: Asked while samples come.
+        control: The caller's part; its reporter hears what an earlier run that was killed had left on the hosts.
         listener: Called as samples come.
 
     Returns:
-        The proofs by host name, the thresholds that are not shown to be met, and what nobody could run.
+        The proofs by host name, the thresholds that are not shown to be met, and what could not be run.
 
     Raises:
         RequestError: The manifest has no such interference.
@@ -96,14 +100,17 @@ def prove_layout(
         refuse_unknown((request.interference,), hosts.system.interference, "interference")
     names = _measurable_hosts(hosts)
     proofs: list[LayoutProof] = []
-    with hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches, stop.gently():
-        states = {name: bench.observe() for name, bench in benches.items()}
+    session = MeasuringSession(
+        hosts=hosts, control=control, command="prove", seed=request.seed, lock_timeout_ms=request.lock_timeout_ms
+    )
+    with hold_hosts(session, names) as held, control.stop.gently():
+        states = {name: host.observe() for name, host in held.held.items()}
         everywhere = {**_observe_others(hosts, names), **states}
         layouts = applied_layouts(hosts, states, everywhere)
         _refuse_unapplied(hosts, states, everywhere)
         for name, layout in layouts.items():
-            with_limit = with_samples(layout, request.samples)
-            proof = _prove(hosts, benches[name], states[name], with_limit, request, stop, listener)
+            conditions = _conditions(hosts, states[name], name, request)
+            proof = _prove(held, name, with_samples(layout, request.samples), conditions, listener)
             if proof is None:
                 return ProveOutcome(proofs=(), findings=(), stopped=True)
             proofs.append(proof)
@@ -272,11 +279,7 @@ def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> It
 
 
 def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
-    measurable = tuple(
-        name
-        for name in hosts.chosen
-        if open_bench(hosts.system, name, hosts.folder, hosts.state_path(name)) is not None
-    )
+    measurable = tuple(name for name in hosts.chosen if hosts.open_to_measure(name) is not None)
     if not measurable:
         message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
@@ -289,36 +292,35 @@ def _not_applied(message: str, address: str) -> Diagnostic:
     return findings.NOT_APPLIED.at(None, message, advice, address=address)
 
 
-def _prove(
-    hosts: Hosts,
-    bench: MeasuringHost,
-    state: State,
-    layout: AppliedLayout,
-    request: ProveRequest,
-    stop: StopSignal,
-    listener: SampleListener,
-) -> LayoutProof | None:
-    """Prove one host's layout; None where the user asked for an end."""
-    host = hosts.system.hosts[bench.name]
-    budget = host_budget(host, state, layout.application)
-    load = hosts.system.interference[request.interference] if request.interference else None
-    if load is not None and not has_memory_for_load(budget):
-        message = f"{bench.name} has no memory left for a partition that holds {request.interference}."
+def _conditions(hosts: Hosts, state: State, name: str, request: ProveRequest) -> ProofConditions:
+    """What the layout of this host is run under.
+
+    Raises:
+        UseCaseError: There is no room for the load (negative).
+    """
+    if request.interference is None:
+        return ProofConditions(beside=None, seed=request.seed)
+    budget = host_budget(hosts.system.hosts[name], state, hosts.system.application.name)
+    beside = load_partition(hosts.system.interference[request.interference], budget)
+    if beside is None:
+        message = f"{name} has no memory left for a partition that holds {request.interference}."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, "Prove without --interference.")])
+    return ProofConditions(beside=beside, seed=request.seed)
 
-    def samples_came(series: Mapping[str, Series]) -> None:
-        listener(bench.name, series)
 
-    answer = prove(
-        bench, layout, load, budget, seed=request.seed, should_stop=stop.should_stop, samples_came=samples_came
-    )
+def _prove(
+    session: MeasuringSession, name: str, layout: AppliedLayout, conditions: ProofConditions, listener: SampleListener
+) -> LayoutProof | None:
+    """Prove one host's layout; None where an end was asked for."""
+    stop, manifest = session.control.stop, session.hosts.manifest
+    answer = prove(session.held[name], layout, conditions, stop.should_stop, partial(listener, name))
     if isinstance(answer, TooManyFailures):
-        name = answer.component
-        message = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
-        place = hosts.manifest.places.key("components", name)
+        component = answer.component
+        message = f"{component} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
+        place = manifest.places.key("components", component)
         advice = "Run it alone and mend what fails, or allow it: `run: { failures: 5 }`."
         finding = findings.FAILED_SAMPLES.at(place, message, advice)
-        raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)
+        raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
     return answer
 
 

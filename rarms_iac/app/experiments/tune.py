@@ -1,27 +1,20 @@
 """Tuning: components are combined into partitions, so that less is reserved."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol
 
-from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.decision_logs import record_tuning
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.experiments.measure import hold_benches, record_reservations
-from rarms_iac.app.experiments.measure_request import MeasureRequest
-from rarms_iac.app.experiments.stopping import (
-    PartitionStopper,
-    StopConsent,
-    all_stopped_to_measure,
-    never_consents,
-    starting_again,
-)
+from rarms_iac.app.experiments.measure import record_reservations
+from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
+from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
 from rarms_iac.app.experiments.tuning_subject import Experiments, bench_of, subject_of_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
-from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.model.diagnostics import Diagnostic, Places
@@ -75,16 +68,40 @@ class TuningResult:
     files: tuple[str, ...] = ()  # of the manifest, that were changed
 
 
+class TuningPrompt(Consent, PlannerReporter, Protocol):
+    """Hears what the search asks and is answered, and says which combinations are measured and what is written.
+
+    Every method that asks may raise `SessionEnded`.
+    """
+
+    def confirms(self, found: TuningResult) -> bool:
+        """Show what was found, and tell whether it is written into the manifest.
+
+        Args:
+            found: the partitions; nothing is written yet.
+
+        Returns:
+            Whether the manifest is changed.
+        """
+        ...
+
+
+class UnattendedTuning(Always, SilentReporter):
+    """A `TuningPrompt` that allows all and shows nothing."""
+
+    def confirms(self, found: TuningResult) -> bool:  # noqa: ARG002 - the protocol's
+        """Have it written."""
+        return True
+
+
+UNATTENDED_TUNING: TuningPrompt = UnattendedTuning()
+
+
 def tune_components(
     hosts: Hosts,
     request: TuneRequest = TuneRequest(),
-    *,
-    reporter: Reporter = SILENT,
-    stop: StopSignal = NEVER_STOP,
-    planner_reporter: PlannerReporter | None = None,
-    consent: Consent | None = None,
-    confirms: Callable[["TuningResult"], bool] | None = None,
-    stop_consents: StopConsent = never_consents,
+    control: Control = UNATTENDED,
+    prompt: TuningPrompt = UNATTENDED_TUNING,
 ) -> TuningResult:
     """Find components that can share a partition and reserve less together, and write that into the manifest.
 
@@ -94,13 +111,8 @@ def tune_components(
     Args:
         hosts: Of one platform; their processors are what is shared out.
         request: How.
-        reporter: Hears of every setting that is run.
-        stop: Asked between settings and while samples come.
-        planner_reporter: Hears what the search asks, and what it was answered; None: nobody does.
-        consent: Asked before a combination is measured; None: all are allowed.
-        confirms: Asked with what was found, before it is written; None: nobody is asked.
-        stop_consents: Whether partitions of the application that run there may be stopped meanwhile. They start again
-            afterwards, however it ends.
+        control: The caller's part in what is measured.
+        prompt: The caller's part in the search.
 
     Returns:
         The partitions, most critical first, totals in per cent of one logical processor, and the files that were
@@ -110,11 +122,17 @@ def tune_components(
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not
             measured, or the hosts are of several platforms (negative).
     """
-    stopper = PartitionStopper(hosts=hosts, reporter=reporter, consents=stop_consents, command="tune")
-    end = _search_held(hosts, request, stopper, stop, planner_reporter or SilentReporter(), consent or Always())
+    session = MeasuringSession(
+        hosts=hosts,
+        control=control,
+        command="tune",
+        on_busy_host=request.on_busy_host,
+        lock_timeout_ms=request.lock_timeout_ms,
+    )
+    end = _search_held(session, request, prompt)
     edits = PartitionEdits()
     is_wanted = bool(end.compounds) and not request.dry_run
-    if is_wanted and (confirms is None or confirms(_result(hosts, end, request, edits))):
+    if is_wanted and prompt.confirms(_result(hosts, end, request, edits)):
         edits = edit_partitions(hosts.manifest, end.compounds)
     # NOTE: the manifest is written when the run is recorded, and what follows from it is always recorded: killed in
     # between, the same command finds the manifest as tuned, has nothing to do, and could not tell the run any more.
@@ -137,40 +155,17 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Pa
     )
 
 
-def _search_held(
-    hosts: Hosts,
-    request: TuneRequest,
-    stopper: PartitionStopper,
-    stop: StopSignal,
-    planner_reporter: PlannerReporter,
-    consent: Consent,
-) -> TuningConclusion:
+def _search_held(session: MeasuringSession, request: TuneRequest, prompt: TuningPrompt) -> TuningConclusion:
     """Ask until there is an answer, with the host held that is measured on."""
+    hosts = session.hosts
     bench = bench_of(hosts)
-    measuring = MeasureRequest(
-        together=True,
-        strategy=request.strategy,
-        samples=request.samples,
-        on_busy_host=request.on_busy_host,
-        lock_timeout_ms=request.lock_timeout_ms,
-    )
-    with (
-        hold_benches(hosts, [bench.name], request.lock_timeout_ms, stopper.reporter) as benches,
-        starting_again(hosts, benches, stopper.reporter, stop) as still_stopped,
-    ):
+    with hold_hosts(session, [bench.name]) as held, starting_again(held) as still_stopped:
         states = observe_hosts(hosts)
         if not request.on_busy_host:
-            states = all_stopped_to_measure(states, hosts.system.application.name)
+            states = {name: stopped_to_measure(state, session.application) for name, state in states.items()}
         subject = subject_of_tuning(hosts, bench, states)
-        oracle = Experiments(
-            subject=subject,
-            bench=benches[bench.name],
-            request=measuring,
-            reporter=stopper.reporter,
-            stop=stop,
-            stopper=stopper,
-        )
-        inquiry = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
+        oracle = Experiments(subject=subject, session=held, strategy=request.strategy, samples=request.samples)
+        inquiry = Inquiry(oracle=oracle, reporter=prompt, consent=prompt, may_share=subject.may_share)
         end = search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)
     return replace(end, still_stopped=tuple(still_stopped))
 
@@ -225,7 +220,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
 
 def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]:
     """Whether what the manifest says now can be planned."""
-    manifest = load_manifest(hosts.manifest.source)
+    manifest = hosts.reloaded().manifest
     system = manifest.system
     states = observe_hosts(hosts)
     reservations = measured_reservations(measurements_of(manifest), states)

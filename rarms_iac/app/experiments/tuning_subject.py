@@ -3,18 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.experiments.measure_request import MeasureRequest
 from rarms_iac.app.experiments.run_experiment import run_experiment
-from rarms_iac.app.experiments.stopping import PartitionStopper
+from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE
+from rarms_iac.measuring.methods import Question
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
-from rarms_iac.measuring.strategies import Answering, apts_of
+from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
@@ -31,8 +29,8 @@ from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_in, 
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
-from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.curves import components_not_shown, curves_of
+from rarms_iac.storage.datalog.decisions import TuningStrategy
 
 
 class TuningStopped(Unanswered):
@@ -232,7 +230,7 @@ def bench_of(hosts: Hosts) -> Host:
         UseCaseError: There is none (failed).
     """
     for name in hosts.chosen:
-        if open_bench(hosts.system, name, hosts.folder, hosts.state_path(name)) is not None:
+        if hosts.open_to_measure(name) is not None:
             return hosts.system.hosts[name]
     message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen)}."
     raise UseCaseError(
@@ -258,11 +256,9 @@ class Experiments:
     """A `PerformanceOracle` that runs what the data logs do not know yet."""
 
     subject: TuningSubject
-    bench: MeasuringHost
-    request: MeasureRequest
-    reporter: Reporter = SILENT
-    stop: StopSignal = NEVER_STOP
-    stopper: PartitionStopper | None = None  # stops what is in the way; None: nothing is stopped
+    session: MeasuringSession  # it holds the host that compounds are measured on
+    strategy: TuningStrategy = "default"  # by which it is asked
+    samples: int | None = None  # of each component; None: as its `run.until` says
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
@@ -288,19 +284,8 @@ class Experiments:
     def _measured(self, members: Members, reserve: int) -> frozenset[str]:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
-        experiment = self.subject.experiment(members, self.request.samples)
-        strategy = Answering(reserve=reserve)
-        with self.stop.gently():
-            result = run_experiment(
-                self.subject.hosts,
-                experiment,
-                self.bench,
-                self.request,
-                reporter=self.reporter,
-                stop=self.stop,
-                strategy=strategy,
-                stopper=self.stopper,
-            )
+        experiment = self.subject.experiment(members, self.samples)
+        result = run_experiment(self.session, experiment, Question(reserve=reserve, strategy=self.strategy))
         match result.conclusion:
             case Stopped():
                 raise TuningStopped("stopped")

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from rarms_iac.app.control import Control
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.prove import ProveRequest, prove_layout
 from rarms_iac.app.hosts import Hosts, select_hosts
@@ -58,9 +59,8 @@ def prove_command(
 def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> ExitCode:
     """Prove what is applied, and show it; also at the end of `rarms apply --prove`."""
     with ProofProgress(session.terminal.live_table()) as progress:
-        outcome = prove_layout(
-            hosts, request, reporter=TerminalReporter(session), stop=session.interrupts, listener=progress
-        )
+        control = Control(reporter=TerminalReporter(session), stop=session.interrupts)
+        outcome = prove_layout(hosts, request, control, progress)
     if outcome.stopped:
         session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
         return session.interrupts.exit_code or ExitCode.INTERRUPTED

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+from rarms_iac.app.control import Control
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.experiments.combining import combine_if_wanted
 from rarms_iac.app.experiments.measure import MeasureOutcome, measure_components, measuring_scripts
 from rarms_iac.app.experiments.measure_request import MeasureRequest, reserves_between
 from rarms_iac.app.experiments.narrowing import NarrowingConsent, always_narrows, narrow
-from rarms_iac.app.experiments.stopping import StopConsent
 from rarms_iac.app.experiments.tune import TuneRequest
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
@@ -16,15 +16,15 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import write_scripts
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
+from rarms_iac.cli.messages import measured, stopped, tell
 from rarms_iac.cli.options import StopOptions
 from rarms_iac.cli.prompts import (
     TerminalCombiningPrompt,
     TerminalLevelPrompt,
     ask_yes_or_no,
+    measuring_control,
     refuse_standard_input,
     refuse_without_terminal,
-    stop_consent,
 )
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
@@ -88,23 +88,12 @@ def measure_command(
         request = replace(request, coarse=not (request.reserves or request.verify or request.strategy != "default"))
     if write_processors:
         refuse_standard_input(source)
-    reporter = TerminalReporter(session)
-    consents = stop_consent(session, stop_partitions=stops)
+    control = measuring_control(session, stop_partitions=stops)
     prompt = TerminalLevelPrompt(session) if options.interactive else None
-
-    def current() -> Hosts:
-        return select_hosts(load_manifest(source), host_selection)
-
-    def measured_again(asked: MeasureRequest) -> MeasureOutcome:
-        return measure_components(current(), asked, reporter=reporter, stop=session.interrupts, consents=consents)
-
-    hosts = current()
-    outcome = measure_components(
-        hosts, request, reporter=reporter, stop=session.interrupts, prompt=prompt, consents=consents
-    )
+    hosts = select_hosts(load_manifest(source), host_selection)
+    outcome = measure_components(hosts, request, control, prompt)
     if write_processors or (session.terminal.answers and not session.as_json and source.manifest != STANDARD_INPUT):
-        consents_to_fewer = always_narrows if write_processors else _asking(session)
-        outcome = narrow(hosts, request, outcome, measured_again, consents_to_fewer, reporter)
+        outcome = narrow(hosts, request, outcome, always_narrows if write_processors else _asking(session), control)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(
         lambda: measure_json(outcome.results, outcome.findings, outcome.not_begun),
@@ -112,7 +101,7 @@ def measure_command(
     )
     if options.interactive and not (outcome.stopped or outcome.ended or has_errors(outcome.findings)):
         further = TuneRequest(samples=request.samples, on_busy_host=request.on_busy_host)
-        return _combine(session, current(), further, consents)
+        return _combine(session, hosts.reloaded(), further, control)
     return _exit_code(session, outcome)
 
 
@@ -142,12 +131,10 @@ def _asking(session: Session) -> NarrowingConsent:
     return lambda narrowing: ask_yes_or_no(session, narrow_question(narrowing))
 
 
-def _combine(session: Session, hosts: Hosts, request: TuneRequest, consents: StopConsent) -> ExitCode:
+def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Control) -> ExitCode:
     """After levels were chosen: what somebody wants to be done where they need more than there is."""
-    prompt, reporter = TerminalCombiningPrompt(session), TerminalReporter(session)
-    outcome = combine_if_wanted(
-        hosts, request, prompt, reporter=reporter, stop=session.interrupts, stop_consents=consents
-    )
+    prompt = TerminalCombiningPrompt(session)
+    outcome = combine_if_wanted(hosts, request, prompt, control)
     prompt.ended()
     if outcome.ended:
         session.terminal.talk("Ended. What is measured and written stays: `rarms tune` goes on with combining.")

@@ -10,9 +10,14 @@ from rarms_iac.app.options import flag
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
-from rarms_iac.cli.messages import TerminalReporter, measured, stopped, tell
+from rarms_iac.cli.messages import measured, stopped, tell
 from rarms_iac.cli.options import StopOptions
-from rarms_iac.cli.prompts import TerminalCombiningPrompt, refuse_standard_input, refuse_without_terminal, stop_consent
+from rarms_iac.cli.prompts import (
+    TerminalTuningPrompt,
+    measuring_control,
+    refuse_standard_input,
+    refuse_without_terminal,
+)
 from rarms_iac.cli.session import Session
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.tune import manifest_changes, tuned_text
@@ -42,21 +47,13 @@ def tune_command(
     if options.interactive:
         refuse_without_terminal(session, source)
     hosts = select_hosts(load_manifest(source), host_selection)
-    progress = TerminalCombiningPrompt(session)
+    prompt = TerminalTuningPrompt(session, asks=options.interactive)
     try:
-        result = tune_components(
-            hosts,
-            request,
-            reporter=TerminalReporter(session),
-            stop=session.interrupts,
-            planner_reporter=progress,
-            consent=progress if options.interactive else None,
-            stop_consents=stop_consent(session, stop_partitions=stops),
-        )
+        result = tune_components(hosts, request, measuring_control(session, stop_partitions=stops), prompt)
     except SessionEnded:
-        progress.ended()
+        prompt.ended()
         return stopped(session)
-    progress.ended()
+    prompt.ended()
     for sentence in manifest_changes(result):
         session.terminal.tell(sentence)
     tell(session.terminal, result.findings, hosts.manifest.sources)

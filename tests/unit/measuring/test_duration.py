@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from rarms_iac.measuring.duration import DurationBounds, expected_duration
+from rarms_iac.measuring.duration import DurationBounds, expected_duration, settings_to_run
+from rarms_iac.measuring.methods import Method, Search, Sweep
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import show_duration
@@ -12,6 +13,8 @@ from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.system import Threshold
 from tests.builders import a_component, a_run, a_simulation, a_system, at_least, at_most, milliseconds
 from tests.builders_measured import a_series, a_setting
+
+SEARCH = Search()
 
 
 def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Experiment:
@@ -22,23 +25,21 @@ def an_experiment(*runs: Run, apt: Mapping[str, Threshold] | None = None) -> Exp
     return experiment_of(system, system.hosts["onboard"], tuple(system.components), "busy-loop")
 
 
-def bounds(
-    experiment: Experiment, *recorded: Setting, sweep: tuple[int, ...] = (), paper: bool = False
-) -> DurationBounds:
-    return expected_duration(experiment, recorded, sweep, highest=100, in_paper_steps=paper, earlier=recorded)
+def bounds(experiment: Experiment, *recorded: Setting, method: Method = SEARCH) -> DurationBounds:
+    return expected_duration(experiment, settings_to_run(method, recorded, 100), recorded)
 
 
 def test_a_sweep_of_a_periodic_component_is_known_while_it_answers_in_its_period() -> None:
     run = a_run(every="100 ms", timeout="1 s", until=SampleCount(samples=50))
 
-    found = bounds(an_experiment(run), sweep=(10, 20, 30))
+    found = bounds(an_experiment(run), method=Sweep(reserves=(10, 20, 30)))
 
     assert (found.least_settings, found.most_settings) == (3, 3)
     assert (found.least_ms, found.most_ms) == (15_000, 15_000)
 
 
 def test_what_is_recorded_is_not_run_again() -> None:
-    found = bounds(an_experiment(a_run()), a_setting(20), sweep=(10, 20, 30))
+    found = bounds(an_experiment(a_run()), a_setting(20), method=Sweep(reserves=(10, 20, 30)))
 
     assert (found.least_settings, found.most_settings) == (2, 2)
 
@@ -47,16 +48,18 @@ def test_jobs_one_after_the_other_are_as_fast_as_the_fastest_recorded() -> None:
     run = a_run(timeout="1 s", until=SampleCount(samples=100))
     slow, fast = a_series("member-0", [400.0] * 50), a_series("member-0", [80.0] * 50)
 
-    found = bounds(an_experiment(run), a_setting(10, slow), a_setting(90, fast), sweep=(10, 50, 90))
+    found = bounds(an_experiment(run), a_setting(10, slow), a_setting(90, fast), method=Sweep(reserves=(10, 50, 90)))
 
     assert (found.least_ms, found.most_ms) == (8_000, 100_000)
-    assert bounds(an_experiment(run), sweep=(50,)).least_ms == 0, "nothing is known of how fast they are"
+    assert bounds(an_experiment(run), method=Sweep(reserves=(50,))).least_ms == 0, (
+        "nothing is known of how fast they are"
+    )
 
 
 def test_a_setting_that_lasts_a_time_lasts_that_and_one_job_more() -> None:
     run = a_run(timeout="2 s", until=Elapsed(time=milliseconds("20 s")))
 
-    found = bounds(an_experiment(run), sweep=(50,))
+    found = bounds(an_experiment(run), method=Sweep(reserves=(50,)))
 
     assert (found.least_ms, found.most_ms) == (20_000, 22_000)
 
@@ -73,7 +76,7 @@ def test_a_setting_that_lasts_a_time_lasts_that_and_one_job_more() -> None:
 def test_jobs_take_what_thresholds_allow_or_their_timeout(apt: dict[str, Threshold], each_ms: int) -> None:
     run = a_run(timeout="1 s", until=SampleCount(samples=100))
 
-    found = bounds(an_experiment(run, apt=apt), sweep=(20, 40))
+    found = bounds(an_experiment(run, apt=apt), method=Sweep(reserves=(20, 40)))
 
     assert found.most_ms == 2 * 100 * each_ms
     assert found.by_timeout == (each_ms == 1000)
@@ -83,16 +86,16 @@ def test_members_that_run_together_end_with_the_slowest() -> None:
     quick = a_run(every="10 ms", timeout="10 ms", until=SampleCount(samples=50))
     slow = a_run(every="100 ms", timeout="100 ms", until=SampleCount(samples=50))
 
-    found = bounds(an_experiment(quick, slow), sweep=(50,))
+    found = bounds(an_experiment(quick, slow), method=Sweep(reserves=(50,)))
 
     assert (found.least_ms, found.most_ms) == (5_000, 5_000)
 
 
-@pytest.mark.parametrize(("paper", "most"), [(True, 10), (False, 8)])
-def test_a_search_asks_for_one_setting_at_least(paper: bool, most: int) -> None:
+@pytest.mark.parametrize(("strategy", "most"), [("paper", 10), ("default", 8)])
+def test_a_search_asks_for_one_setting_at_least(strategy: str, most: int) -> None:
     run = a_run(every="100 ms", timeout="1 s", until=SampleCount(samples=200))
 
-    found = bounds(an_experiment(run), paper=paper)
+    found = bounds(an_experiment(run), method=Search(strategy=strategy))
 
     assert (found.least_settings, found.most_settings) == (1, most)
     assert (found.least_ms, found.most_ms) == (4_000, most * 20_000), "a search may end a setting at its first look"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rarms_iac.app.errors import RequestError, UseCaseError
 from rarms_iac.app.experiments.measure import measure_components
-from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest, coarse_reserves
+from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report_model import Report
@@ -88,9 +88,3 @@ def test_a_level_beyond_what_was_measured_is_measured_in_the_session_where_that_
     assert page.shown.count("level of vision?") == 2
     assert {21, 31, 100} <= {setting.reserve for setting in result.settings}
     assert load_manifest(source).system.components["vision"].apt["mean_response_time"].value == 60
-
-
-def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:
-    assert coarse_reserves(100) == (10, 20, 30, 40, 50, 60, 70, 80, 90, 100)
-    assert coarse_reserves(47) == (10, 20, 30, 40, 47)
-    assert coarse_reserves(0) == (10,), "a setting that the host refuses, with its reason"

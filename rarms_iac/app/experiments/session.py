@@ -1,0 +1,128 @@
+"""A session of measuring: one command's hosts, held meanwhile, and how it measures on them."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from rarms_iac.app.control import UNATTENDED, Control
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.experiments.stopping import (
+    finish_stop_or_start,
+    is_for_measuring,
+    own_running,
+    start_again,
+    stop_to_measure,
+)
+from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
+from rarms_iac.measuring import findings
+from rarms_iac.measuring.partitions import remove_test_partitions
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.wording import in_a_row
+from rarms_iac.providers.measuring import MeasuringHost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuringSession:
+    """Where and how a command measures, and the caller's part in it."""
+
+    hosts: Hosts
+    control: Control = UNATTENDED
+    command: Literal["measure", "tune", "prove"] = "measure"
+    seed: int | None = None  # of chance, and only its settings count; None: all count
+    on_busy_host: bool = False  # beside what runs there
+    lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
+    held: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
+
+    @property
+    def application(self) -> str:
+        """The name of the manifest's application."""
+        return self.hosts.system.application.name
+
+    def host_of(self, experiment: Experiment) -> MeasuringHost:
+        """Return the held host that an experiment is run on."""
+        return self.held[experiment.host.name]
+
+
+@contextmanager
+def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[MeasuringSession]:
+    """Hold hosts that are measured on, and remove what a killed measurement left there.
+
+    Args:
+        session: One that holds none; its reporter hears what was removed.
+        names: Of hosts that can be measured on; more than once is once.
+
+    Yields:
+        Once, the session with these hosts; they are held until the context ends.
+
+    Raises:
+        UseCaseError: One is held by another run, or has an unfinished one (refused).
+    """
+    refuse_unfinished(session.hosts, unless=is_for_measuring)
+    held: dict[str, MeasuringHost] = {}
+    with host_errors(), ExitStack() as locks:
+        for name in sorted(set(names)):
+            host = session.hosts.open_to_measure(name)
+            assert host is not None, "only hosts that can be measured on are chosen"
+            locks.enter_context(host.lock(owner(), session.lock_timeout_ms))
+            finish_stop_or_start(host, session.control.reporter)
+            if removed := remove_test_partitions(host):
+                message = f"{name}: {' and '.join(removed)}. What the earlier run recorded is kept and used."
+                finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}")
+                session.control.reporter.findings([finding])
+            held[name] = host
+        yield replace(session, held=held)
+
+
+def stop_partitions(session: MeasuringSession, host: MeasuringHost) -> tuple[str, ...]:
+    """Stop what runs of the application on a held host, if that is consented to.
+
+    Returns:
+        The partitions that still run, without consent; empty: none does.
+
+    Raises:
+        UseCaseError: They cannot be stopped (refused or failed).
+    """
+    names = own_running(host.observe(), session.application)
+    if not names or not session.control.consents(host.name, names):
+        return names
+    stop_to_measure(session.hosts, host, names)
+    message = f"{host.name}: stopped {in_a_row(names)} to measure. They start again afterwards."
+    session.control.reporter.message(message)
+    return ()
+
+
+@contextmanager
+def starting_again(session: MeasuringSession) -> Iterator[list[Diagnostic]]:
+    """At the end, start what a measurement stopped on the held hosts: this one, or an earlier one that was killed.
+
+    Args:
+        session: Its hosts must still be held at the end. Its reporter hears what was started; after an exception, what
+            could not be started, too. A request to stop waits until all are started.
+
+    Yields:
+        Once, a list that holds after the end an error for each host where partitions could not be started, and why.
+    """
+    errors: list[Diagnostic] = []
+    try:
+        yield errors
+    except BaseException:
+        session.control.reporter.findings(_start_all(session), session.hosts.manifest.sources)
+        raise
+    errors += _start_all(session)
+
+
+def _start_all(session: MeasuringSession) -> list[Diagnostic]:
+    errors: list[Diagnostic] = []
+    with session.control.stop.gently():
+        for host in session.held.values():
+            try:
+                names = start_again(session.hosts, host)
+            except UseCaseError as error:
+                errors += error.diagnostics
+                continue
+            if names:
+                message = f"{host.name}: started {in_a_row(names)} again, which a measurement had stopped."
+                session.control.reporter.message(message)
+    return errors
