@@ -16,7 +16,7 @@ MAY_READ = {
     "storage/disk.py": "the writers' effects on files",
     "storage/lock.py": "a lock is an open file",
     "storage/shipped.py": "what rarms ships, as it was installed",
-    "providers/cgroups/kernel.py": "files of the kernel",
+    "providers/cgroups/effects.py": "files of the kernel",
     "providers/cgroups/processes.py": "files of the kernel",
     "running/supervisor_process.py": "files of the kernel",
 }

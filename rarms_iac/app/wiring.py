@@ -46,9 +46,9 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
             return open_hyperv(host, Path(folder) / SIGNED)
         case ProviderKind.LINUX if host.connect is not None:
-            from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
+            from rarms_iac.providers.cgroups.remote import open_remote
 
-            return RemoteLinuxHost(host, host.connect)
+            return open_remote(host, host.connect)
         case ProviderKind.LINUX:
             from rarms_iac.providers.cgroups.run import LinuxHostProvider
 
@@ -206,12 +206,12 @@ def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
         The hosts, in the order of their files. Journals that cannot be read are passed over: whoever names such a host
             gets the finding of the damage.
     """
-    from rarms_iac.providers.journaled import read_journal
+    from rarms_iac.providers.journaled import LocalFiles, journal_in
 
     found: list[LiveHost] = []
     for path in sorted((Path(folder) / HOSTS).rglob("*.journal.jsonl")):
         try:
-            journal = read_journal(path)
+            journal = journal_in(LocalFiles().content(path), path)
         except (Damaged, NotDecodable, OSError):
             continue  # whoever names the host gets the finding of the damage
         if journal is not None and journal.unfinished:

@@ -7,7 +7,7 @@ from typing import assert_never
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import apply_job, finish_job, run_job
-from rarms_iac.applying.run_steps import ShouldStop, combined_report, run_steps
+from rarms_iac.applying.run_steps import ShouldStop, combined_report, failed_run, run_steps
 from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.drift import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
@@ -31,7 +31,7 @@ def finish_unfinished(
                 continue
             reports.append(report)
         except HostError as error:
-            reports.append(RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),)))
+            reports.append(failed_run(error))
         if reports[-1].ending is not RunEnding.DONE:
             break
     return combined_report(reports) if reports else None
@@ -74,7 +74,7 @@ def apply_plan(
             for problem in refusals_of(plan, part, hosts[part.host.name], journals[part.host.name])
         ]
     except HostError as error:
-        return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
+        return failed_run(error)
     if not problems and plan.hosts and all(finished_by(plan, journals[part.host.name]) for part in plan.hosts):
         problems = [refusals.used(part.host.name, plan.id) for part in plan.hosts]
     if problems:
@@ -99,7 +99,7 @@ def apply_plan(
                 case _:
                     assert_never(host)
         except HostError as error:
-            reports.append(RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),)))
+            reports.append(failed_run(error))
         if reports[-1].ending is not RunEnding.DONE:
             break
     return combined_report(reports)

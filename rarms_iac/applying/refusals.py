@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, PLAN_OUT, UNDO, prose, sentences
+from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_OUT, UNDO, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
-from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, RunEvent
+from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, HostTakenOver, RunEvent
 
 USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
 MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
@@ -73,7 +73,14 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
 
 
 def locked(error: HostLocked) -> Diagnostic:
-    """Somebody else holds the host."""
+    """Another run holds the host, or took it over from this one."""
+    if isinstance(error, HostTakenOver):
+        return LOCKED.at(
+            None,
+            f"This run asked for nothing on {error.host} for a minute, and {error.owner} took it over.",
+            prose("This run changed nothing since. See what the other one did: ", HISTORY, "."),
+            address=f"host/{error.host}",
+        )
     return LOCKED.at(
         None,
         f"{error.host} is held by {error.owner}.",

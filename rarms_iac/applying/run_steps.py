@@ -15,7 +15,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
-from rarms_iac.providers.interface import HostError, LiveHost, StepwiseHost
+from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, StepwiseHost
 
 ShouldStop = Callable[[], bool]
 """Asked before every step: whether the user wants the run to end after the last one."""
@@ -64,7 +64,7 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
         reporter.step_started(host.name, number + 1, total, step)
         outcome = _perform(host, scope, number, step, was_begun=number in begun)
         if isinstance(outcome, Diagnostic):
-            refused = outcome.code == refusals.STEP_MOVED.code
+            refused = outcome.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
             return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
         done[number] = outcome
         reporter.step_ended(host.name, number + 1, total, step, outcome)
@@ -87,6 +87,8 @@ def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_b
         host.record(StepRecorded(number=number, status=StepStatus.BEGUN))
         host.execute(step.operation, scope)
         live = host.read(step.address, scope)
+    except HostLocked as error:
+        return refusals.locked(error)
     except HostError as error:
         return refusals.step_failed(host.name, step, error)
     if not matches(live, step.after):
@@ -127,6 +129,13 @@ def hold(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator
     first, *rest = sorted(stepwise, key=lambda host: host.name)
     with first.lock(owner, timeout_ms), hold(tuple(rest), owner, timeout_ms):
         yield
+
+
+def failed_run(error: HostError) -> RunReport:
+    """The report of a run that ended with this error."""
+    if isinstance(error, HostLocked):
+        return RunReport(ending=RunEnding.REFUSED, diagnostics=(refusals.locked(error),))
+    return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
 
 
 def combined_report(reports: "list[RunReport]") -> RunReport:

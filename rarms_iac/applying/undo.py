@@ -16,7 +16,7 @@ from rarms_iac.applying.run_script import (
     steps_undone_by_script,
     undo_job,
 )
-from rarms_iac.applying.run_steps import ShouldStop, run_steps
+from rarms_iac.applying.run_steps import ShouldStop, failed_run, run_steps
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunOrigin, RunStarted, ScriptRun, history_of
 from rarms_iac.model.plan import Step, UndoLevel
@@ -45,7 +45,7 @@ def undo(
             case _:
                 assert_never(host)
     except HostError as error:
-        return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
+        return failed_run(error)
 
 
 def can_be_undone(journal: Journal | ScriptRun) -> bool:
@@ -87,7 +87,7 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
             case _:
                 assert_never(host)
     except HostError as error:
-        return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
+        return failed_run(error)
 
 
 def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:

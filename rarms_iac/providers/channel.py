@@ -1,4 +1,7 @@
-"""A program that was started, line by line: what it writes, what it is sent, and whether it still lives.
+"""Ways to a host: a program that was started, line by line, and a channel that runs one command.
+
+`Channel` is a conversation: what the program writes, what it is sent, and whether it still lives. `CommandChannel` runs
+one command with standard input and returns its output, so that any engine that reaches hosts can be one.
 
 Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
 gets a process group of its own: Ctrl-C is for rarms, which then asks for an end after the running step. The system's
@@ -14,11 +17,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from subprocess import PIPE
 from types import TracebackType
+from typing import Protocol
 
 from rarms_iac.providers.interface import HostFailed
+from rarms_iac.storage.reading import STATE_LIMIT
 
 SSH = (
     "ssh",
@@ -222,3 +228,91 @@ def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[st
 def last_of(lines: Sequence[str]) -> str:
     """Return the last line; where there is none, words for that."""
     return lines[-1] if lines else "it said nothing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandResult:
+    """The end of a command on a host."""
+
+    code: int
+    output: str
+    error: str  # the last lines of its standard error
+
+
+def ignore_line(_line: str) -> None:
+    """Do nothing with a line of output."""
+
+
+class CommandChannel(Protocol):
+    """Runs commands on a host, one after the other; nothing of one is left for the next."""
+
+    @property
+    def target(self) -> str:
+        """The host as messages name it, such as `user@host`."""
+        ...
+
+    def run(
+        self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
+    ) -> CommandResult:
+        """Run one command, and return when it has ended.
+
+        Args:
+            command: for the shell that the host gives to this user.
+            data: its whole standard input, which then ends.
+            silence_s: seconds without output after which it is given up.
+            on_line: told each line of output as it comes, without its end; a channel that cannot calls it at the end.
+
+        Returns:
+            Its exit code and output. `SSH_FAILED`: the connection was not made, or broke.
+
+        Raises:
+            HostFailed: the host cannot be asked, or it did not answer in time; whether the command ran is not known.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramChannel:
+    """A `CommandChannel` through a program, such as ssh, that takes the command as its last argument."""
+
+    host: str  # its name in the manifest
+    target: str
+    words: tuple[str, ...]
+    most_bytes: int = STATE_LIMIT
+
+    def run(
+        self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
+    ) -> CommandResult:
+        """See `CommandChannel.run`."""
+        lines: list[str] = []
+        size = 0
+        with open_channel(self.host, (*self.words, command)) as program:
+            program.send(data)
+            program.close()
+            try:
+                while (line := program.next_line(silence_s, lambda: None)) is not None:
+                    on_line(line)
+                    lines.append(line)
+                    size += len(line)
+                    if size > self.most_bytes:
+                        raise self._broken(f"its answer has more than {self.most_bytes:,} bytes")
+            except SilenceTimeout:
+                raise self._broken(f"it said nothing for {silence_s:.0f} s") from None
+            code = program.code()
+            if code is None:
+                raise self._broken("it does not end")
+            return CommandResult(code=code, output="\n".join([*lines, ""]), error="\n".join(program.error_lines))
+
+    def _broken(self, message: str) -> HostFailed:
+        advice = "Run the same command again once the host is up."
+        return HostFailed(self.host, f"the connection to {self.target} broke: {message}", advice)
+
+
+def ssh_channel(host: str, target: str) -> ProgramChannel:
+    """Return the system's ssh as a channel.
+
+    Args:
+        host: its name in the manifest.
+        target: user@host, or a name of the user's ssh configuration.
+    """
+    return ProgramChannel(host=host, target=target, words=ssh_words(target, ()))

@@ -46,6 +46,10 @@ class HostLocked(HostError):
         self.owner = owner
 
 
+class HostTakenOver(HostLocked):
+    """Another run took the host over while this one held it; this one changes nothing any more."""
+
+
 @runtime_checkable
 class StepwiseHost(Protocol):
     """A host that is changed one operation at a time, with lock and journal on the host itself."""

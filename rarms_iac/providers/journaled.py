@@ -1,27 +1,72 @@
 """Lock and journal of a host that rarms changes step by step: two files, the journal as JSON Lines."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import cast
+from typing import Protocol, cast
 
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
-from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_last, read_records
+from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, line_of, records_in
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
 from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.lock import Locked, hold
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
-from rarms_iac.storage.replace import remove_leftovers, replace
+from rarms_iac.storage.replace import replace
+
+
+class HostFiles(Protocol):
+    """The files that rarms keeps on a host. What raises OSError passes on its answer."""
+
+    def content(self, path: Path) -> bytes | None:
+        """Return the bytes of a file; None: there is none."""
+
+    def replace(self, path: Path, data: bytes) -> None:
+        """Make a file exactly these bytes, durably, in a folder that is made."""
+
+    def append(self, path: Path, record: Record) -> None:
+        """Add a record to a log, durably, in a folder that is made."""
+
+    def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
+        """Hold the host while the context lasts. Raises Locked."""
+
+
+class LocalFiles:
+    """Files of this machine."""
+
+    def content(self, path: Path) -> bytes | None:
+        """See `HostFiles.content`."""
+        try:
+            return read_file(path, STATE_LIMIT)
+        except FileNotFoundError:
+            return None
+
+    def replace(self, path: Path, data: bytes) -> None:
+        """See `HostFiles.replace`."""
+        make_room(path)
+        replace(path, data)
+
+    def append(self, path: Path, record: Record) -> None:
+        """See `HostFiles.append`."""
+        make_room(path)
+        append(path, record)
+
+    @contextmanager
+    def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:
+        """See `HostFiles.hold`: until this process ends at the latest."""
+        make_room(lock)
+        with hold(lock, owner, timeout_ms):
+            yield
 
 
 class JournaledHost:
     """The part of a `StepwiseHost` that lies in files: its lock, its journal, and what is said where they fail."""
 
-    def __init__(self, name: str, journal: Path, lock: Path) -> None:
+    def __init__(self, name: str, journal: Path, lock: Path, files: HostFiles) -> None:
         self._name = name
         self._journal_path = journal
         self._lock_path = lock
+        self._files = files
 
     @property
     def name(self) -> str:
@@ -33,9 +78,7 @@ class JournaledHost:
         """See the interface; also removes what killed writers left behind."""
         with ExitStack() as held:
             with self._report_failure(self._lock_path):
-                make_room(self._lock_path)
-                held.enter_context(hold(self._lock_path, owner, timeout_ms))
-                remove_leftovers(self._journal_path)
+                held.enter_context(self._files.hold(self._lock_path, owner, timeout_ms))
                 self._recover()
             yield
 
@@ -45,27 +88,26 @@ class JournaledHost:
     def journal(self) -> Journal | None:
         """See the interface."""
         with self._report_damage(self._journal_path):
-            return read_journal(self._journal_path)
+            return journal_in(self._files.content(self._journal_path), self._journal_path)
 
     def unfinished(self) -> Journal | None:
         """See the interface."""
         with self._report_damage(self._journal_path):
-            return read_unfinished(self._journal_path)
+            return unfinished_in(self._files.content(self._journal_path), self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
         """See the interface."""
         with self._report_failure(self._journal_path):
-            make_room(self._journal_path)
-            start_journal(self._journal_path, started)
+            self._files.replace(self._journal_path, line_of(_encode(started)))
 
     def record(self, record: JournalRecord) -> None:
         """See the interface."""
         with self._report_failure(self._journal_path):
-            append_record(self._journal_path, record)
+            self._files.append(self._journal_path, _encode(record))
 
     def _serials(self) -> Mapping[str, int]:
         with self._report_damage(self._journal_path):
-            return read_serials(self._journal_path)
+            return _serials_in(self._files.content(self._journal_path), self._journal_path)
 
     @contextmanager
     def _report_damage(self, path: Path) -> Iterator[None]:
@@ -93,27 +135,27 @@ class JournaledHost:
             ) from None
 
 
-def read_journal(path: Path) -> Journal | None:
-    """The last run, None where there was none.
+def journal_in(data: bytes | None, path: Path) -> Journal | None:
+    """The last run in the bytes of a journal, None where there was none; `path` is for messages.
 
     Raises:
         Damaged: an earlier record is damaged.
         NotDecodable: the records are whole, and do not tell a run.
     """
-    records = [_decode(number, data) for number, data in enumerate(read_records(path))]
+    records = [_decode(number, record) for number, record in enumerate(records_in(data or b"", path))]
     return run_of(records) if records else None
 
 
-def read_unfinished(path: Path) -> Journal | None:
+def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
     """The run that is under way, None where there is none: one that was closed is known by its last record alone.
 
     Raises:
-        Damaged, NotDecodable: as `read_journal`, where the last record closes no run.
+        Damaged, NotDecodable: as `journal_in`, where the last record closes no run.
     """
-    last = read_last(path)
+    last = last_in(data or b"", path)
     if last is not None and last.get("kind") == "run_closed":
         return None
-    journal = read_journal(path)
+    journal = journal_in(data, path)
     return journal if journal is not None and journal.unfinished else None
 
 
@@ -136,33 +178,18 @@ def run_of(records: list[JournalRecord]) -> Journal:
     return Journal(started=started, steps=tuple(steps), closed=closed if isinstance(closed, RunClosed) else None)
 
 
-def read_serials(path: Path) -> Mapping[str, int]:
+def _serials_in(data: bytes | None, path: Path) -> Mapping[str, int]:
     """How many applies and undos there were, by application: the first record's word, without reading the run.
 
     Raises:
         Damaged: that record is damaged.
         NotDecodable: it does not start a run.
     """
-    first = read_first(path)
+    first = first_in(data or b"", path)
     if first is None:
         return {}
     serials: Mapping[str, int] = decode_union(Mapping[str, int], first.get("serials"))
     return dict(sorted(serials.items()))
-
-
-def start_journal(path: Path, started: RunStarted) -> None:
-    """Replace the journal by one that begins with this record."""
-    replace(path, record_line(started))
-
-
-def record_line(record: JournalRecord) -> bytes:
-    """Return the record as its line of the journal."""
-    return line_of(_encode(record))
-
-
-def append_record(path: Path, record: JournalRecord) -> None:
-    """Add the record durably."""
-    append(path, _encode(record))
 
 
 def _encode(record: JournalRecord) -> Record:
@@ -175,15 +202,3 @@ def _decode(number: int, data: object) -> JournalRecord:
     except NotDecodable as problem:
         raise NotDecodable(f"record {number + 1}", str(problem)) from None
     return record
-
-
-def fetch(path: Path) -> bytes | None:
-    """The file's bytes, None where there is no file.
-
-    Raises:
-        OSError: it cannot be read.
-    """
-    try:
-        return read_file(path, STATE_LIMIT)
-    except FileNotFoundError:
-        return None

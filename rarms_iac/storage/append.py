@@ -77,23 +77,8 @@ def append(path: Path, record: Record) -> None:
     effects.flush(path)
 
 
-def read_records(path: Path) -> tuple[dict[str, Json], ...]:
-    """All whole records, without `length` and `checksum`; none where there is no file.
-
-    Args:
-        path: the log.
-
-    Returns:
-        The records, oldest first.
-
-    Raises:
-        Damaged: one before the last is not as it was written.
-    """
-    return tuple(iterate_records(path))
-
-
 def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
-    """Go through the records like `read_records`, one after the other: a long log need not be in memory as a whole.
+    """Go through all whole records, without `length` and `checksum`: a long log need not be in memory as a whole.
 
     Args:
         path: the log.
@@ -137,42 +122,46 @@ def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
     return tuple(_records(io.BytesIO(data), path))
 
 
-def read_first(path: Path) -> dict[str, Json] | None:
-    """The first record alone, None where there is none or only a torn one.
+def first_in(data: bytes, path: Path) -> dict[str, Json] | None:
+    """The first record of these bytes alone, None where there is none or only a torn one.
 
     Args:
-        path: the log; no more of it is read than this takes.
+        data: the bytes of a log.
+        path: for messages.
 
     Returns:
         The record without `length` and `checksum`.
 
     Raises:
-        TooLarge: the file has more than `LOG_LIMIT` bytes.
         Damaged: it is damaged, and others follow.
     """
-    try:
-        with _open_log(path) as file:
-            return next(_records(file, path), None)
-    except FileNotFoundError:
-        return None
+    return next(_records(io.BytesIO(data), path), None)
 
 
-def read_last(path: Path) -> dict[str, Json] | None:
-    """The last record alone, without a look at those before it; None where there is none or it is torn.
+def last_in(data: bytes, path: Path) -> dict[str, Json] | None:
+    """The last record of these bytes alone, without a look at those before it; None where there is none or it is torn.
 
     Args:
-        path: the log, which is read from its end.
+        data: the bytes of a log.
+        path: for messages.
 
     Returns:
         The record without `length` and `checksum`.
-
-    Raises:
-        TooLarge: the file has more than `LOG_LIMIT` bytes.
     """
-    size = path.stat().st_size if path.exists() else 0
-    _, line = _last_line(path, size)
-    text = _text_of(line)
+    text = _text_of(data[last_line_at(data) :])
     return None if text is None else _object(path, 1, text)
+
+
+def last_line_at(data: bytes) -> int:
+    """Where the last line of a log begins.
+
+    Args:
+        data: the bytes of the log.
+
+    Returns:
+        The number of bytes before it.
+    """
+    return data.rfind(b"\n", 0, len(data) - 1) + 1 if data else 0
 
 
 def _checksum(text: bytes) -> bytes:

@@ -55,7 +55,7 @@ def remove_leftovers_of_ended(path: Path) -> None:
     """
     for leftover in _leftovers(path):
         process = leftover.name.removeprefix(f".{path.name}.").partition("-")[0]
-        if process.isdecimal() and not _is_alive(int(process)):
+        if process.isdecimal() and not is_alive(int(process)):
             disk.current().remove(leftover)
 
 
@@ -65,8 +65,8 @@ def _leftovers(path: Path) -> list[Path]:
 
 if sys.platform == "win32":
 
-    def _is_alive(process: int) -> bool:
-        """Whether it runs; `os.kill` would end it. A process that Windows says nothing of counts as alive."""
+    def is_alive(process: int) -> bool:
+        """Whether a process runs (`os.kill` would end it). One of which Windows says nothing counts as alive."""
         import pywintypes
         import win32api
         import win32con
@@ -81,7 +81,8 @@ if sys.platform == "win32":
 
 else:
 
-    def _is_alive(process: int) -> bool:
+    def is_alive(process: int) -> bool:
+        """Whether a process runs."""
         try:
             os.kill(process, 0)
         except ProcessLookupError:

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.host import Connect, Host, LinuxHost, ProviderKind
-from rarms_iac.providers.cgroups import kernel
+from rarms_iac.model.host import Host, LinuxHost, ProviderKind
+from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.machine import this_machine
-from rarms_iac.providers.cgroups.remote import RemoteLinuxHost
+from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
+from rarms_iac.providers.channel import CommandChannel, ProgramChannel
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk
@@ -65,18 +66,23 @@ def open_simulated(host: Host, folder: Path) -> SimulatedHostProvider:
 
 def open_linux(host: Host, folder: Path, boot: str = "") -> LinuxHostProvider:
     """This machine, with the processors and the memory that the manifest tells; `boot`: another start of it."""
-    machine = this_machine()
+    machine = read_machine(LocalEffects())
     machine = replace(
         machine, logical_processors=host.logical_processors, memory=int(host.memory), boot=boot or machine.boot
     )
     return LinuxHostProvider(on_linux(host), folder, groups_of(folder), machine)
 
 
-def open_remote(host: Host, folder: Path) -> RemoteLinuxHost:
+def shell_channel(*words: str) -> ProgramChannel:
+    """A channel that runs its commands on this machine, behind this program."""
+    return ProgramChannel(host="onboard", target="ann@onboard", words=words or ("sh", "-c"))
+
+
+def open_remote(host: Host, folder: Path, channel: CommandChannel | None = None) -> LinuxHostProvider:
     """The same machine as if it were another, behind a shell instead of ssh."""
     described = replace(on_linux(host), settings=LinuxHost(slice=slice_of(folder)))
-    machine = replace(this_machine(), logical_processors=host.logical_processors, memory=int(host.memory))
-    return RemoteLinuxHost(described, Connect(ssh="onboard"), folder, machine, words=("sh",))
+    machine = replace(read_machine(LocalEffects()), logical_processors=host.logical_processors, memory=int(host.memory))
+    return through_channel(described, channel or shell_channel(), folder, machine)
 
 
 BENCHES = {
@@ -107,17 +113,17 @@ def copy_host(source: Path, target: Path) -> None:
 def kernel_effects_on_disk() -> Iterator[None]:
     """Inside, each effect on control groups is also one of the disk in use, so that a crash may come before it."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("write", "make_folder", "remove_folder"):
-            patch.setattr(kernel, name, _counted(name, getattr(kernel, name)))
+        for name in ("write", "make", "remove"):
+            patch.setattr(LocalEffects, name, _counted(name, getattr(LocalEffects, name)))
         yield
 
 
 def _counted(name: str, effect: Callable[..., None]) -> Callable[..., None]:
-    def counted(path: Path, *rest: object) -> None:
+    def counted(effects: LocalEffects, path: Path, *rest: object) -> None:
         in_use = disk.current()
         if isinstance(in_use, CrashingDisk):
             in_use.meet(f"{name} {path}")
-        effect(path, *rest)
+        effect(effects, path, *rest)
 
     return counted
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.journal import Closing, Journal, PastRun, history_of
-from rarms_iac.providers.journaled import read_journal
+from rarms_iac.providers.journaled import LocalFiles, journal_in
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Damaged
@@ -75,7 +75,7 @@ def follow_history(folder: Path, workers: list[Future[list[str]]]) -> list[PastR
 def read_whole_journal(folder: Path) -> Journal | None:
     """The journal, unless somebody is in the middle of writing to it."""
     try:
-        return read_journal(folder / JOURNAL)
+        return journal_in(LocalFiles().content(folder / JOURNAL), folder / JOURNAL)
     except (Damaged, NotDecodable):
         return None
 

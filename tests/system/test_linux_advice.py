@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.effects import LocalEffects
+from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.run import STATE_FOLDER
 from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.unit.cli.running import rarms
@@ -60,7 +61,7 @@ def test_after_a_restart_of_the_machine_an_apply_starts_what_is_off(folder: Path
     groups_of(folder).remove("eyes")
     for definition in (STATE_FOLDER / slice_of(folder)).glob("*.json"):
         text = definition.read_text(encoding="ascii")
-        definition.write_text(text.replace(this_machine().boot, "an earlier start"), encoding="ascii")
+        definition.write_text(text.replace(read_machine(LocalEffects()).boot, "an earlier start"), encoding="ascii")
 
     assert "`rarms apply` starts what is off" in run(folder, "doctor")
     run(folder, "apply", "--auto-approve")

@@ -2,14 +2,15 @@
 
 import json
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from rarms_iac.providers.cgroups.remote import RemoteShell
 from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from rarms_iac.providers.channel import ProgramChannel
 from tests.contracts.benches import forget_groups, groups_of, slice_of
 from tests.needs import require
 from tests.standin.remote import Remote, a_server
@@ -85,17 +86,22 @@ def test_plan_apply_drift_undo_and_destroy(folder: Path) -> None:
 def test_a_cut_connection_is_told_and_another_apply_finishes_the_run(
     folder: Path, server: Remote, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, done = RemoteShell.do, []
+    real, batches = ProgramChannel.run, []
 
-    def cut_at_the_twentieth(shell: RemoteShell, *words: str, seconds: float = 0.0) -> None:
-        done.append(words)
-        if len(done) == 20:
-            server.cut()
-        real(shell, *words, seconds=seconds)
+    def cut_the_tenth_in_its_middle(channel: ProgramChannel, command: str, data: bytes, silence_s: float) -> object:
+        batches.append(data)
+        if len(batches) == 10:
+            program, begin, calls = data.partition(b"batch() {\n")
+            first, effect, rest = calls.rpartition(b"\neffect ")
+            assert effect, "it changes something"
+            data = program + begin + first + b"\nsleep 10" + effect + rest
+            threading.Timer(1.5, server.cut).start()
+        return real(channel, command, data, silence_s)
 
-    monkeypatch.setattr(RemoteShell, "do", cut_at_the_twentieth)
+    monkeypatch.setattr(ProgramChannel, "run", cut_the_tenth_in_its_middle)
     broken = apply(folder)
     assert broken.code == 1
+    assert len(batches) == 11, "it tries to give the host back"
     assert "the connection to cell broke" in " ".join(broken.err.split())
     assert "to finish it" in " ".join(broken.err.split())
 

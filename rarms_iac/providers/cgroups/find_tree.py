@@ -1,11 +1,10 @@
-"""Which control groups this machine has. Begin at `find_tree`."""
+"""Which control groups a machine has. Begin at `find_tree`."""
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.cgroups import kernel
+from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd, slice_unit
 from rarms_iac.providers.cgroups.versions import CONTROLLERS_V2, GroupTreeV1, GroupTreeV2
@@ -25,60 +24,66 @@ class MissingFeatures:
     names: tuple[str, ...]
 
 
-def find_tree(slice_name: str, version: str = "automatic", root: Path = CONTROL_GROUPS) -> GroupTree | MissingFeatures:
-    """Choose the version that this machine has, version 2 where it has both.
+def find_tree(
+    slice_name: str, version: str = "automatic", effects: LinuxEffects | None = None, root: Path = CONTROL_GROUPS
+) -> GroupTree | MissingFeatures:
+    """Choose the version that a machine has, version 2 where it has both.
 
     Args:
         slice_name: the group below which those of rarms lie.
         version: automatic, v1 or v2.
+        effects: of the machine; None: this one.
         root: where control groups are mounted: `sys/fs/cgroup` below the folder that is `/`.
 
     Returns:
         The groups below the slice, which need not be there yet; or what is missing (where both versions lack
         something: of version 1 where the machine has any of it).
     """
-    unified = next((path for path in (root, root / "unified") if _controllers(path) >= set(CONTROLLERS_V2)), root)
-    systemd_runs = (root.parents[2] / SYSTEMD_FOLDER).is_dir()
-    missing = {"v1": tuple(_missing_v1(root)), "v2": tuple(_missing_v2(unified))}
+    effects = effects or LocalEffects()
+    unified = next(
+        (path for path in (root, root / "unified") if _controllers(effects, path) >= set(CONTROLLERS_V2)), root
+    )
+    systemd_runs = effects.has_folder(root.parents[2] / SYSTEMD_FOLDER)
+    missing = {"v1": tuple(_missing_v1(effects, root)), "v2": tuple(_missing_v2(effects, unified))}
     if version == "automatic":  # in version 1 systemd keeps no sets of processors
-        has_v1 = any((root / name / "cgroup.procs").is_file() for name in _CONTROLLERS_V1)
+        has_v1 = any(effects.has_file(root / name / "cgroup.procs") for name in _CONTROLLERS_V1)
         version = "v2" if systemd_runs or not missing["v2"] or not has_v1 else "v1"
     if missing[version]:
         return MissingFeatures(names=missing[version])
     if version == "v1":
-        return GroupTreeV1({name: (root / name).resolve() / slice_name for name in _CONTROLLERS_V1})
+        return GroupTreeV1(effects, {name: root / name / slice_name for name in _CONTROLLERS_V1})
     if systemd_runs:
-        return GroupTreeSystemd(dict.fromkeys((*CONTROLLERS_V2, "cpuacct"), unified / slice_unit(slice_name)))
-    return GroupTreeV2(dict.fromkeys((*CONTROLLERS_V2, "cpuacct"), unified / slice_name))
+        return GroupTreeSystemd(effects, dict.fromkeys((*CONTROLLERS_V2, "cpuacct"), unified / slice_unit(slice_name)))
+    return GroupTreeV2(effects, dict.fromkeys((*CONTROLLERS_V2, "cpuacct"), unified / slice_name))
 
 
-def _missing_v1(root: Path) -> Iterator[str]:
+def _missing_v1(effects: LinuxEffects, root: Path) -> Iterator[str]:
     for name in _CONTROLLERS_V1:
-        if not (root / name / "cgroup.procs").is_file():
-            yield f"the controller {name} of version 1 at {root / name}"
-        elif not os.access(root / name, os.W_OK):
-            yield f"the right to make groups in {root / name}"
-    if (root / "cpu" / "cpu.shares").is_file() and not (root / "cpu" / "cpu.cfs_quota_us").is_file():
+        if not effects.has_file(root / name / "cgroup.procs"):
+            yield f"the controller {name} of version 1 at {(root / name).as_posix()}"
+        elif not effects.is_writable(root / name):
+            yield f"the right to make groups in {(root / name).as_posix()}"
+    if effects.has_file(root / "cpu" / "cpu.shares") and not effects.has_file(root / "cpu" / "cpu.cfs_quota_us"):
         yield _NO_QUOTAS
 
 
-def _missing_v2(root: Path) -> Iterator[str]:
-    offered = _controllers(root)
+def _missing_v2(effects: LinuxEffects, root: Path) -> Iterator[str]:
+    offered, shown = _controllers(effects, root), root.as_posix()
     if not offered:
-        yield f"version 2 of control groups at {root} (kernel parameter systemd.unified_cgroup_hierarchy=1)"
+        yield f"version 2 of control groups at {shown} (kernel parameter systemd.unified_cgroup_hierarchy=1)"
         return
     for name in CONTROLLERS_V2:
         if name not in offered:
-            yield f"the controller {name} of version 2 at {root} (kernel parameter cgroup_enable={name})"
-    if not os.access(root, os.W_OK):
-        yield f"the right to make groups in {root}"
-    weights = root.glob("*/cpu.weight")  # the root itself has neither file
-    if any(not weight.with_name("cpu.max").is_file() and weight.is_file() for weight in weights):
+            yield f"the controller {name} of version 2 at {shown} (kernel parameter cgroup_enable={name})"
+    if not effects.is_writable(root):
+        yield f"the right to make groups in {shown}"
+    groups = [root / name for name in effects.folders(root)]  # the root itself has neither file
+    if any(effects.has_file(group / "cpu.weight") and not effects.has_file(group / "cpu.max") for group in groups):
         yield _NO_QUOTAS
 
 
-def _controllers(root: Path) -> frozenset[str]:
+def _controllers(effects: LinuxEffects, root: Path) -> frozenset[str]:
     try:
-        return frozenset(kernel.read(root / "cgroup.controllers").split())
+        return frozenset(effects.read(root / "cgroup.controllers").split())
     except OSError:
         return frozenset()

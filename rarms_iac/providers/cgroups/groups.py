@@ -4,18 +4,13 @@ Every group of rarms lies below one slice, which weighs more than everything bes
 test works below a slice of its own. Where a call says `OSError`, the kernel's own answer is passed on.
 """
 
-import mmap
-import os
-import signal
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
-from rarms_iac.providers.cgroups import kernel
+from rarms_iac.providers.cgroups.effects import LinuxEffects, below_first, processes_in
 from rarms_iac.running.start import ProcessPlace
 
 USUAL_PERIOD_US = 100_000
@@ -30,8 +25,8 @@ those of all groups together 95 %."""
 
 _RUNTIME = "cpu.rt_runtime_us"
 
-_WAIT_SECONDS = 10.0
-"""How long `remove` waits for killed processes to end."""
+PAGE_BYTES = 4096
+"""In whole pages the kernel counts memory. Larger ones are rare, and a partition's memory is in MiB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,41 +40,11 @@ class GroupValues:
     memory: int | None = None  # None: no limit
 
 
-class GroupEffects(Protocol):
-    """What changes the groups below one slice: the calls of these names of `GroupTree`, which say more."""
-
-    def make(self, name: str) -> None:
-        """See `GroupTree.make`."""
-        ...
-
-    def write(self, name: str, values: GroupValues) -> None:
-        """See `GroupTree.write`."""
-        ...
-
-    def start_with_machine(self, name: str, starts: bool) -> None:
-        """See `GroupTree.start_with_machine`."""
-        ...
-
-    def limit_slice(self, percent: int | None) -> None:
-        """See `GroupTree.limit_slice`."""
-        ...
-
-    def ask_to_end(self, name: str, grace_ms: int) -> None:
-        """See `GroupTree.ask_to_end`."""
-        ...
-
-    def remove(self, name: str) -> None:
-        """See `GroupTree.remove`."""
-        ...
-
-
 class GroupTree(ABC):
     """The groups below one slice."""
 
-    page_bytes = mmap.PAGESIZE
-    """In whole pages of so many bytes the machine's kernel counts memory."""
-
-    def __init__(self, slices: Mapping[str, Path]) -> None:
+    def __init__(self, effects: LinuxEffects, slices: Mapping[str, Path]) -> None:
+        self._effects = effects
         self._slices = slices  # controller -> the slice's folder in its hierarchy; in version 2 all are the same
         self._folders = tuple(dict.fromkeys(slices.values()))
 
@@ -140,24 +105,18 @@ class GroupTree(ABC):
             name: of the group, which need not be there.
             grace_ms: how long they may take; with 0 no process is asked.
         """
-        until = time.monotonic() + grace_ms / 1000
         if grace_ms:
-            _signal(self.processes(name), signal.SIGTERM)
-        while time.monotonic() < until and self.processes(name):
-            time.sleep(kernel.LOOK_SECONDS)
+            self._effects.ask_to_end(self._groups(name), grace_ms)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the groups below the slice, sorted."""
-        slice_folder = self._slices["cpu"]
-        if not slice_folder.is_dir():
-            return ()
-        return tuple(sorted(entry.name for entry in slice_folder.iterdir() if entry.is_dir()))
+        return self._effects.folders(self._slices["cpu"])
 
     def make(self, name: str) -> None:
         """Make a group with the kernel's own values, and the slice above it; what is there stays. Raises OSError."""
         self._prepare_slice()
         for folder in self._folders:
-            kernel.make_folder(folder / name)
+            self._effects.make(folder / name)
         self._prepare_group(name)
 
     def start_with_machine(self, name: str, starts: bool) -> None:  # noqa: B027 - it is the whole of it
@@ -182,35 +141,30 @@ class GroupTree(ABC):
         Raises:
             OSError: the kernel refuses.
         """
-        if not self._slices["cpu"].is_dir():
+        if not self._effects.has_folder(self._slices["cpu"]):
             return
         for name in self.names():
             with suppress(FileNotFoundError):  # the group was removed meanwhile
                 values = self.read(name)
                 if percent is not None and values.quota_percent is not None and values.quota_percent > percent:
                     self.write(name, replace(values, quota_percent=percent))
+        with suppress(FileNotFoundError):  # a kill left half of it
+            now = self.read("")
+            if now.quota_percent == percent and (percent is None or now.period_us == SLICE_PERIOD_US):
+                return
         self._write_quota("", percent, SLICE_PERIOD_US)
 
     def remove(self, name: str) -> None:
         """End every process in the group at once and remove it, and the slice where it is empty then.
 
         Raises:
-            TimeoutError: its processes do not end, or something keeps the group.
-            OSError: it may not be removed.
+            OSError: its processes do not end, something keeps the group, or it may not be removed.
         """
-        self._end_processes(name)
-        until = time.monotonic() + _WAIT_SECONDS
+        self._effects.end_processes(self._groups(name))
         for folder in reversed(self._folders):
-            for group in kernel.inner_first(folder / name):
-                kernel.remove_folder(group, until)
-            with suppress(OSError):  # another group is in it, or it is gone
-                folder.rmdir()
-
-    def _end_processes(self, name: str) -> None:
-        until = time.monotonic() + _WAIT_SECONDS
-        while running := self.processes(name):
-            _signal(running, signal.SIGKILL)
-            kernel.wait(until, f"{name}: {len(running)} processes do not end")
+            for group in below_first(self._effects, folder / name):
+                self._effects.remove(group)
+            self._effects.remove_empty(folder)
 
     def place(self, name: str) -> ProcessPlace:
         """Return what brings a starting process into the group: the files that take its id, or words before its own."""
@@ -230,36 +184,50 @@ class GroupTree(ABC):
             OSError: other groups have budgets that leave too little.
         """
         folder = self._slices["cpu"]
-        if not (folder / name / _RUNTIME).is_file():
+        if not self._effects.has_file(folder / name / _RUNTIME):
             return
-        others = sum(_budget_us(folder / group) for group in self.names() if group != name)
+        others = sum(self._budget_us(folder / group) for group in self.names() if group != name)
         wanted = round(min(percent, _REAL_TIME) * USUAL_PERIOD_US / 100)
-        for group, budget in ((folder, others + max(wanted, _budget_us(folder / name))), (folder / name, wanted)):
-            kernel.write(group / "cpu.rt_period_us", str(USUAL_PERIOD_US))
-            kernel.write(group / _RUNTIME, str(budget))
+        for group, budget in ((folder, others + max(wanted, self._budget_us(folder / name))), (folder / name, wanted)):
+            self._effects.write(group / "cpu.rt_period_us", str(USUAL_PERIOD_US))
+            self._effects.write(group / _RUNTIME, str(budget))
 
     def processes(self, name: str) -> tuple[int, ...]:
         """Return the ids of the processes in the group and below it, ascending; none where the group is not there."""
-        found: set[int] = set()
-        for folder in self._folders:
-            for group in kernel.inner_first(folder / name):
-                with suppress(FileNotFoundError):
-                    found.update(int(word) for word in kernel.read(group / "cgroup.procs").split())
-        return tuple(sorted(found))
+        return processes_in(self._effects, self._groups(name))
 
-    def _whole_pages(self, memory: int | None) -> int | None:
-        return None if memory is None else memory - memory % self.page_bytes
+    def _groups(self, name: str) -> tuple[Path, ...]:
+        return tuple(folder / name for folder in self._folders)
+
+    def _budget_us(self, group: Path) -> int:
+        """Return the real-time budget of a group in 100 ms, in microseconds."""
+        period = int(self._effects.read(group / "cpu.rt_period_us"))
+        return int(self._effects.read(group / _RUNTIME)) * USUAL_PERIOD_US // period
+
+    def _read(self, controller: str, name: str, file: str) -> str:
+        return self._effects.read(self._file(controller, name, file))
+
+    def _write(self, controller: str, name: str, file: str, text: str) -> None:
+        self._effects.write(self._file(controller, name, file), text)
+
+    def _read_if_there(self, file: Path) -> str:
+        return self._effects.read(file) if self._effects.has_file(file) else ""
 
     def _file(self, controller: str, name: str, file: str) -> Path:
         return self._slices[controller] / name / file
 
 
-def _signal(processes: tuple[int, ...], number: signal.Signals) -> None:
-    for process in processes:
-        with suppress(ProcessLookupError):
-            os.kill(process, number)
+def entry_of(text: str, name: str) -> int:
+    """Return the number behind a name in lines of `name number`; 0 where the name is missing."""
+    return next((int(value) for word, value in (line.split() for line in text.splitlines()) if word == name), 0)
 
 
-def _budget_us(group: Path) -> int:
-    """Return the real-time budget of a group in 100 ms, in microseconds."""
-    return int(kernel.read(group / _RUNTIME)) * USUAL_PERIOD_US // int(kernel.read(group / "cpu.rt_period_us"))
+def numbers(text: str) -> tuple[int, ...]:
+    """Return the processors that the kernel lists as `0-2,5`, ascending."""
+    spans = [part.partition("-") for part in text.split(",") if part]
+    return tuple(number for first, _, last in spans for number in range(int(first), int(last or first) + 1))
+
+
+def whole_pages(memory: int | None) -> int | None:
+    """Return so many bytes as the kernel counts them; None: no limit."""
+    return None if memory is None else memory - memory % PAGE_BYTES

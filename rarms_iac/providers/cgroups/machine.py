@@ -1,19 +1,26 @@
 """The machine below a Linux host's partitions: its facts, read from `/etc`, `/proc` and `/sys`."""
 
-import os
-import platform
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, Rights
-from rarms_iac.storage.reading import read_file
+from rarms_iac.providers.cgroups.effects import LinuxEffects
+from rarms_iac.providers.cgroups.groups import numbers
 
 NAMESPACE = uuid.UUID("b0c2d7ee-3f0b-5a6f-9a55-6b1f0f6a7c11")
 """Ids of partitions, and of machines that have none of their own, are made in it."""
 
-_LIMIT = 4096  # bytes: the longest file that is read
+_ID, _MEMORY, _HOSTNAME = Path("/etc/machine-id"), Path("/proc/meminfo"), Path("/proc/sys/kernel/hostname")
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
+_RUNTIME, _PERIOD = (Path(f"/proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
+_SMT, _PROCESSORS = Path("/sys/devices/system/cpu/smt/active"), Path("/sys/devices/system/cpu/online")
+MACHINE_FILES = tuple(
+    file.as_posix() for file in (_ID, _MEMORY, _HOSTNAME, _BOOT, _RUNTIME, _PERIOD, _SMT, _PROCESSORS)
+)
+"""All that `read_machine` reads."""
+
 MEBIBYTE = 2**20
 
 
@@ -30,42 +37,31 @@ class LinuxMachine:
     deadline_percent: int = USUAL_DEADLINE_PERCENT  # of each processor, that the kernel admits for SCHED_DEADLINE
 
 
-def this_machine() -> LinuxMachine:
-    """Read the machine that this process runs on.
-
-    Raises:
-        OSError: this Linux has no `/proc`.
-    """
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return read_machine(Path("/"), platform.node(), os.cpu_count() or 1, memory)
-
-
-def read_machine(root: Path, computer_name: str, logical_processors: int, memory: int) -> LinuxMachine:
-    """Read the machine whose files lie below a folder.
+def read_machine(effects: LinuxEffects) -> LinuxMachine:
+    """Read a machine.
 
     Args:
-        root: the folder that is `/` there.
-        computer_name: as it calls itself.
-        logical_processors: that are on.
-        memory: in bytes.
+        effects: of the machine.
 
     Raises:
-        OSError: it has no `/proc`.
+        OSError: it has no `/proc`, or no `/sys`.
+        ValueError: a file is not as a Linux writes it.
     """
+    name = effects.read(_HOSTNAME)
+    memory = next(line.split()[1] for line in effects.read(_MEMORY).splitlines() if line.startswith("MemTotal:"))
     return LinuxMachine(
-        id=_text(root / "etc/machine-id") or uuid.uuid5(NAMESPACE, computer_name).hex,
-        computer_name=computer_name,
-        logical_processors=logical_processors,
-        memory=memory // MEBIBYTE * MEBIBYTE,
-        smt=_text(root / "sys/devices/system/cpu/smt/active") == "1",
-        boot=read_file(root / "proc/sys/kernel/random/boot_id", _LIMIT).decode("ascii").strip(),
-        deadline_percent=_deadline_percent(root / "proc/sys/kernel"),
+        id=_text(effects, _ID) or uuid.uuid5(NAMESPACE, name).hex,
+        computer_name=name,
+        logical_processors=len(numbers(effects.read(_PROCESSORS))),
+        memory=int(memory) * 1024 // MEBIBYTE * MEBIBYTE,
+        smt=_text(effects, _SMT) == "1",
+        boot=effects.read(_BOOT),
+        deadline_percent=_deadline_percent(*(int(_text(effects, file) or 0) for file in (_RUNTIME, _PERIOD))),
     )
 
 
-def _deadline_percent(kernel: Path) -> int:
+def _deadline_percent(runtime: int, period: int) -> int:
     """Return the part of each processor that the kernel admits for SCHED_DEADLINE; 0 where it does not say."""
-    runtime, period = (int(_text(kernel / f"sched_rt_{name}_us") or 0) for name in ("runtime", "period"))
     return 100 if runtime < 0 else runtime * 100 // period if period else 0
 
 
@@ -94,8 +90,5 @@ def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFa
     )
 
 
-def _text(path: Path) -> str:
-    try:
-        return read_file(path, _LIMIT).decode("ascii").strip()
-    except OSError:
-        return ""
+def _text(effects: LinuxEffects, path: Path) -> str:
+    return effects.read(path) if effects.has_file(path) else ""

@@ -22,8 +22,9 @@ from rarms_iac.model.series import Sample
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, Interference, run_of
 from rarms_iac.planner.task_classes import ClassValues
+from rarms_iac.providers.cgroups.effects import kernel_text
 from rarms_iac.providers.cgroups.groups import GroupTree
-from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms, kernel_text
+from rarms_iac.providers.cgroups.processes import consumed_ms, in_ms
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.measuring import NO_RUN, Obstacle, PartitionWork, Work

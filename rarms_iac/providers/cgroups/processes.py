@@ -1,9 +1,11 @@
 """The processes of this machine as `/proc` shows them: what they consumed, and whether a supervisor ends them."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+
+from rarms_iac.providers.cgroups.effects import kernel_text
 
 _PROC = Path("/proc")
 _SUPERVISOR = "supervisor_process.py"
@@ -19,14 +21,14 @@ class ProcessStat:
     ticks_of_children: int  # that those of its children that ended had consumed
 
 
-def read_process(process: int, proc: Path = _PROC) -> ProcessStat | None:
+def read_process(process: int, read: Callable[[Path], str] = kernel_text) -> ProcessStat | None:
     """Read a process; None where it is gone.
 
     Args:
         process: its id.
-        proc: the folder that is `/proc` on its machine.
+        read: returns a file of `/proc` on its machine.
     """
-    before, _, after = kernel_text(proc / f"{process}/stat").rpartition(")")
+    before, _, after = read(_PROC / f"{process}/stat").rpartition(")")
     fields = after.split()
     if len(fields) < 15:
         return None
@@ -55,25 +57,25 @@ def consumed_ms(process: int) -> float:
     return in_ms(total)
 
 
-def orphans(processes: Iterable[int], proc: Path = _PROC) -> tuple[tuple[int, str], ...]:
+def orphans(processes: Iterable[int], read: Callable[[Path], str] = kernel_text) -> tuple[tuple[int, str], ...]:
     """Return the processes that no supervisor of rarms started, with their names: none ends with its component.
 
     Args:
         processes: ids of the processes in a control group.
-        proc: the folder that is `/proc` on their machine.
+        read: as of `read_process`.
 
     Returns:
         Pairs of id and name, in the order of the ids given.
     """
-    found = ((process, read_process(process, proc)) for process in processes)
-    return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent, proc))
+    found = ((process, read_process(process, read)) for process in processes)
+    return tuple((process, stat.name) for process, stat in found if stat and not _is_supervised(stat.parent, read))
 
 
-def _is_supervised(process: int, proc: Path) -> bool:
+def _is_supervised(process: int, read: Callable[[Path], str]) -> bool:
     while process > 1:
-        if _SUPERVISOR in kernel_text(proc / f"{process}/cmdline"):
+        if _SUPERVISOR in read(_PROC / f"{process}/cmdline"):
             return True
-        stat = read_process(process, proc)
+        stat = read_process(process, read)
         process = stat.parent if stat else 0
     return False
 
@@ -93,15 +95,3 @@ def in_ms(ticks: float | str) -> float:
         ticks: as a file of the kernel has it.
     """
     return float(ticks) * 1000 / os.sysconf("SC_CLK_TCK")
-
-
-def kernel_text(file: Path) -> str:
-    """Return a file of the kernel; empty where the process is gone, or this kernel has no such file.
-
-    Args:
-        file: below `/proc`.
-    """
-    try:
-        return file.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""

@@ -1,45 +1,381 @@
-"""A Linux host over the system's ssh: a shell of root there does what rarms asks, one call after the other.
+"""A Linux host through a channel: effects go there in batches, each with a look at the host behind it.
 
-Everything that rarms reads comes in one answer and is laid out in a folder here as it lies there, so that the same code
-reads it; what rarms changes, functions of the shell script change (`templates/shell/runtime.sh` and `remote.sh`). The
-shell holds the host's lock, so the lock ends with the connection.
+A batch is a fixed program, `templates/shell/effects.sh`, and its calls. It needs a POSIX `sh`, coreutils and `flock`
+there. The changes that were asked for since the last answer are laid over what it showed, until the next answer.
 """
 
 import errno
-import re
 import shlex
-import shutil
-import tempfile
-import weakref
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path, PurePosixPath
 
-from rarms_iac.model.host import Connect, Host
-from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
-from rarms_iac.model.operations import Operation
-from rarms_iac.model.plan import Scope
-from rarms_iac.model.state import State
-from rarms_iac.providers.cgroups.content import GroupDefinition, write_definition
-from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, MissingFeatures, find_tree
-from rarms_iac.providers.cgroups.groups import GroupEffects, GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import LinuxMachine, read_machine
-from rarms_iac.providers.cgroups.processes import orphans
+from rarms_iac.model.host import Connect, Host, LinuxHost
+from rarms_iac.providers.cgroups.effects import has_ended, open_folder, run_token
+from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, SYSTEMD_FOLDER
+from rarms_iac.providers.cgroups.machine import MACHINE_FILES, LinuxMachine
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
-from rarms_iac.providers.channel import Channel, SilenceTimeout, await_line, last_of, open_channel, ssh_words
-from rarms_iac.providers.interface import HostFailed, HostLocked, ObservedHost
-from rarms_iac.providers.journaled import record_line
-from rarms_iac.storage.reading import STATE_LIMIT
+from rarms_iac.providers.cgroups.systemd import UNITS, slice_unit
+from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, CommandResult, ssh_channel
+from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostTakenOver
+from rarms_iac.storage.append import Record, last_in, last_line_at, line_of
 from rarms_iac.storage.shipped import shipped_text
 
-SHELL = ("sh",)
-ANSWER_SECONDS = 60.0
-"""How long a call may take, beside what it was told to wait for."""
+COMMAND = (
+    """sh -c 'user=$(id -u); echo "rarms: user $user"; """
+    """if [ "$user" = 0 ]; then exec sh; else exec sudo -n sh; fi'"""
+)
+"""What a channel runs: the shell of root, for every shell that a user may have there."""
 
-_READY = "rarms: user "
-_SAY_USER = f'echo "{_READY}$(id -u)"'
-_END = re.compile(r"end ([0-9]{1,3})")
+ANSWER_SECONDS = 60.0
+"""How long a batch may say nothing, beside what its effects wait for."""
+
+_GROUP_FILES = (
+    *("cgroup.procs", "cgroup.controllers", "cpu.shares", "cpu.cfs_quota_us", "cpu.cfs_period_us", "cpuset.cpus"),
+    *("cpuset.mems", "memory.limit_in_bytes", "cgroup.subtree_control", "cpu.weight", "cpu.max"),
+    *("cpuset.cpus.effective", "memory.max", "memory.stat"),
+)
+_ROOTS = ("", "unified", "cpuset", "memory", "cpuacct", "cpu")
+_POLL_SECONDS = 1.0
+
+
+@dataclass(slots=True, kw_only=True)
+class _View:
+    """What a host showed, with the changes that were asked for since."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    folders: set[str] = field(default_factory=set)
+    writable: set[str] = field(default_factory=set)
+    made: set[str] = field(default_factory=set)  # folders whose files are not known yet
+    is_private: bool = True
+
+
+class RemoteEffects:
+    """The `LinuxEffects` of a host behind a channel."""
+
+    def __init__(self, host: Host, channel: CommandChannel, state_folder: Path = STATE_FOLDER) -> None:
+        """Prepare; nothing is sent before the first look.
+
+        Args:
+            host: as the manifest describes it.
+            channel: to the host.
+            state_folder: as of `LinuxHostProvider`, there.
+        """
+        settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
+        self._host = host.name
+        self._channel = channel
+        self._folder = state_folder / settings.slice
+        self._slice = settings.slice
+        self._view = _View()
+        self._calls: list[str] = []
+        self._seconds = 0.0  # that these calls may wait
+        self._lease: tuple[str, str] | None = None  # while this run holds the host: its owner and token
+
+    def look(self) -> None:
+        """See `LinuxEffects.look`."""
+        self.commit()
+        self._send((), 0.0)
+
+    def content(self, path: Path) -> bytes | None:
+        """See `LinuxEffects.content`."""
+        return self._view.files.get(path.as_posix())
+
+    def read(self, path: Path) -> str:
+        """See `LinuxEffects.read`."""
+        data = self.content(path)
+        if data is None:
+            raise FileNotFoundError(errno.ENOENT, "the host shows no such file", path.as_posix())
+        return data.decode("ascii").strip()
+
+    def has_file(self, path: Path) -> bool:
+        """See `LinuxEffects.has_file`."""
+        return path.as_posix() in self._view.files
+
+    def has_folder(self, path: Path) -> bool:
+        """See `LinuxEffects.has_folder`."""
+        return path.as_posix() in self._view.folders
+
+    def is_writable(self, folder: Path) -> bool:
+        """See `LinuxEffects.is_writable`."""
+        return folder.as_posix() in self._view.writable
+
+    def is_private(self, folder: Path) -> bool:  # noqa: ARG002 - it is that of this host
+        """See `LinuxEffects.is_private`."""
+        return self._view.is_private
+
+    def folders(self, folder: Path) -> tuple[str, ...]:
+        """See `LinuxEffects.folders`."""
+        return _names_in(folder, self._view.folders)
+
+    def files(self, folder: Path) -> tuple[str, ...]:
+        """See `LinuxEffects.files`."""
+        return _names_in(folder, self._view.files)
+
+    def processes(self) -> Callable[[Path], str]:
+        """See `LinuxEffects.processes`."""
+        seen = self._answer(["show_processes"], 0.0)
+        return lambda path: seen.files.get(path.as_posix(), b"").decode("utf-8", "replace")
+
+    @contextmanager
+    def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:  # noqa: ARG002 - it lies in the folder
+        """See `LinuxEffects.hold`: every batch renews the lease, which keeps others out until the next one."""
+        with run_token() as token:
+            self._take(owner, token, timeout_ms)
+            self._lease = owner, token
+            try:
+                yield
+                self.commit()
+            finally:
+                self._calls.clear()
+                try:
+                    with suppress(HostError):  # it ends by itself, too
+                        self._answer(["release"], 0.0)
+                finally:
+                    self._lease = None
+
+    def _take(self, owner: str, token: str, timeout_ms: int) -> None:
+        until = time.monotonic() + timeout_ms / 1000
+        ended = ""
+        while True:
+            remaining = max(0, round(until - time.monotonic()))
+            hold = _call("hold", "take", owner, token, str(remaining), ended)
+            try:
+                self._view = self._answer([hold, *self._looks()], remaining)
+            except _Held as held:
+                if held.token and held.token != ended and has_ended(held.token):
+                    ended = held.token  # the run that had this lease, on this computer, is no more
+                elif time.monotonic() >= until:
+                    raise HostLocked(self._host, held.owner or "another process") from None
+                else:
+                    time.sleep(_POLL_SECONDS)
+            else:
+                return
+
+    def replace(self, path: Path, data: bytes) -> None:
+        """See `LinuxEffects.replace`."""
+        self._view.files[path.as_posix()] = data
+        self._do("replace", path, data.decode("utf-8"))
+
+    def append(self, path: Path, record: Record) -> None:
+        """See `LinuxEffects.append`. A record that says that a step is done may wait for the next batch."""
+        before = self.content(path) or b""
+        if before and last_in(before, path) is None:
+            before = before[: last_line_at(before)]
+            self.replace(path, before)
+        line = line_of(record)
+        self._view.files[path.as_posix()] = before + line
+        self._do("append", path, line.decode("ascii"))
+
+    def delete(self, path: Path) -> None:
+        """See `LinuxEffects.delete`."""
+        self._view.files.pop(path.as_posix(), None)
+        self._do("delete", path)
+
+    def write(self, path: Path, text: str) -> None:
+        """See `LinuxEffects.write`."""
+        if path.parent.as_posix() not in self._view.made:
+            self.read(path)
+        self._view.files[path.as_posix()] = text.encode("ascii")
+        self._do("write", path, text)
+
+    def make(self, group: Path) -> None:
+        """See `LinuxEffects.make`."""
+        name = group.as_posix()
+        if name not in self._view.folders:
+            self._view.made.add(name)
+            self._view.folders.add(name)
+        self._do("make", group)
+
+    def remove(self, group: Path) -> None:
+        """See `LinuxEffects.remove`."""
+        self._forget(group)
+        self._do("remove", group, seconds=10)
+
+    def remove_empty(self, group: Path) -> None:
+        """See `LinuxEffects.remove_empty`."""
+        if not self.folders(group):
+            self._forget(group)
+        self._do("remove_empty", group)
+
+    def ask_to_end(self, groups: Iterable[Path], grace_ms: int) -> None:
+        """See `LinuxEffects.ask_to_end`."""
+        self._do("ask_to_end", str(-(-grace_ms // 100)), *groups, seconds=grace_ms / 1000)
+
+    def end_processes(self, groups: Iterable[Path]) -> None:
+        """See `LinuxEffects.end_processes`."""
+        self._do("end_processes", *groups, seconds=10)
+
+    def run(self, *words: str, may_fail: bool = False) -> None:
+        """See `LinuxEffects.run`."""
+        self._do("try" if may_fail else "run", *words, seconds=120)
+
+    def await_text(self, path: Path, pattern: str) -> None:
+        """See `LinuxEffects.await_text`."""
+        self._view.folders.add(path.parent.as_posix())
+        self._view.files[path.as_posix()] = pattern.encode("ascii")
+        self._do("await", path, pattern, seconds=10)
+
+    def await_removal(self, group: Path) -> None:
+        """See `LinuxEffects.await_removal`."""
+        self._forget(group)
+        self._do("await_removal", group, seconds=10)
+
+    def commit(self) -> None:
+        """See `LinuxEffects.commit`."""
+        if self._calls:
+            calls, seconds = tuple(self._calls), self._seconds
+            self._calls.clear()
+            self._seconds = 0.0
+            self._send(calls, seconds)
+
+    def _do(self, effect: str, *words: Path | str, seconds: float = 0.0) -> None:
+        self._calls.append(
+            _call("effect", effect, *(word if isinstance(word, str) else word.as_posix() for word in words))
+        )
+        self._seconds += seconds
+
+    def _forget(self, group: Path) -> None:
+        name = group.as_posix()
+        self._view.folders.discard(name)
+        self._view.made.discard(name)
+        for file in [file for file in self._view.files if file.startswith(f"{name}/")]:
+            del self._view.files[file]
+
+    def _send(self, calls: Sequence[str], seconds: float) -> None:
+        """Have a batch of effects done, and see what the host shows then."""
+        if calls and self._lease is None:
+            calls = [_call("hold", "take", "a run of one batch", "one batch", "0", ""), *calls, "release"]
+        try:
+            self._view = self._answer([*calls, *self._looks()], seconds)
+        except _Held as held:
+            raise HostLocked(self._host, held.owner or "another process") from None
+
+    def _answer(self, calls: Sequence[str], seconds: float) -> _View:
+        """Send a batch, and return what it shows.
+
+        Raises:
+            _Held: another run holds the host.
+            HostError: the host was not reached or not understood, or this run has lost it.
+            OSError: an effect failed; the message is that of the host.
+        """
+        if self._lease is not None:
+            owner, token = self._lease
+            calls = [_call("hold", "keep", owner, token, "10", ""), *calls]
+        settings = f"FOLDER={quote(self._folder.as_posix())}"
+        program = shipped_text("templates/shell/effects.sh")
+        batch = "\n".join([settings, program, "batch() {", *calls, "echo end", "}", "batch", ""])
+        result = self._channel.run(COMMAND, batch.encode("utf-8"), ANSWER_SECONDS + seconds)
+        return self._understood(result)
+
+    def _understood(self, result: CommandResult) -> _View:
+        before, ready, answer = result.output.partition("rarms: ready\n")
+        if not ready:
+            raise self._not_reached(before, result)
+        lines = answer.split("\n")
+        view = _View()
+        shown: list[bytes] = []
+        name = ""
+        for number, line in enumerate(lines):
+            kind, _, text = line.partition(" ")
+            if line.startswith(" "):
+                shown.append(text.encode() + b"\n")
+            elif line == "+":
+                shown[-1:] = [text.removesuffix(b"\n") for text in shown[-1:]]
+            elif name and kind in {"d", "w", "f", "ok", "no", "end", "open"}:
+                view.files[name], name, shown = b"".join(shown), "", []
+            match kind:
+                case "d" | "w":
+                    view.folders.add(self._checked(text))
+                    if kind == "w":
+                        view.writable.add(text)
+                case "f":
+                    name = self._checked(text)
+                case "no":
+                    raise OSError(errno.EIO, text.strip()[-500:])
+                case "held":
+                    raise _Held(text, lines[number + 1])
+                case "lost":
+                    raise HostTakenOver(self._host, text or "a run that has ended")
+                case "open":
+                    view.is_private = False
+                case "end":
+                    return view
+                case _:
+                    pass  # an effect is done, or a line was printed by none
+        if not view.is_private:
+            raise open_folder(self._host, self._folder)
+        message = f"the connection to {self._channel.target} broke: {_last_line(result.error)}".rstrip(".")
+        raise HostFailed(self._host, message, "Run the same command again once the host is up.")
+
+    def _not_reached(self, before: str, result: CommandResult) -> HostFailed:
+        target, error = self._channel.target, _last_line(result.error)
+        user = next((line for line in before.split("\n") if line.startswith("rarms: user ")), "")
+        if user:
+            message = f"{target} is not root there, and `sudo -n sh` is refused: {error}"
+            advice = "Connect as root, or let that user run `sudo -n sh` without a password (docs/linux.md)."
+        elif result.code == SSH_FAILED:
+            message = f"ssh does not reach {target}: {error}".rstrip(".")
+            advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
+        else:
+            message = f"`sh` does not start on {target}: {error}"
+            advice = "Connect to a Linux host, as a user who may log in there."
+        return HostFailed(self._host, message, advice)
+
+    def _checked(self, text: str) -> str:
+        path = PurePosixPath(text)
+        if not path.is_absolute() or ".." in path.parts:
+            message = f"what {self._channel.target} shows cannot be read: a file has the impossible name {text[:100]!r}"
+            raise HostFailed(self._host, message, "Look at the host by hand.")
+        return text
+
+    def _looks(self) -> Iterator[str]:
+        """Yield the calls that show all that is read."""
+        unit = slice_unit(self._slice)
+        yield _call("show_whole", *MACHINE_FILES)
+        yield _call("show_group", f"/{SYSTEMD_FOLDER}")
+        for root in _ROOTS:
+            folder = (CONTROL_GROUPS / root).as_posix()
+            yield _call("show_group", folder, *_GROUP_FILES)
+            for name in (self._slice, unit):
+                yield _call("show_groups", f"{folder}/{name}", *_GROUP_FILES)
+        yield _call("show_files", UNITS.as_posix(), ".slice")
+        yield _call("show_files", self._folder.as_posix(), ".json", ".jsonl")
+
+
+class _Held(Exception):
+    """Another run holds the host; its token, where it holds it by a lease."""
+
+    def __init__(self, owner: str, token: str) -> None:
+        super().__init__(owner)
+        self.owner = owner
+        self.token = token
+
+
+def open_remote(host: Host, connect: Connect) -> LinuxHostProvider:
+    """Open a Linux host over the system's ssh.
+
+    Args:
+        host: as the manifest describes it.
+        connect: how it is reached.
+    """
+    return through_channel(host, ssh_channel(host.name, connect.ssh))
+
+
+def through_channel(
+    host: Host, channel: CommandChannel, state_folder: Path = STATE_FOLDER, machine: LinuxMachine | None = None
+) -> LinuxHostProvider:
+    """Open a Linux host through any channel.
+
+    Args:
+        host: as the manifest describes it.
+        channel: to the host.
+        state_folder: as of `LinuxHostProvider`, there.
+        machine: None: as it shows itself.
+    """
+    return LinuxHostProvider(host, state_folder, machine=machine, effects=RemoteEffects(host, channel, state_folder))
 
 
 def quote(text: str) -> str:
@@ -65,375 +401,15 @@ def _printed(run: str) -> str:
     return "\"$(printf '" + "".join(f"\\{byte:03o}" for byte in run.encode()) + "')\""
 
 
-class RemoteShell:
-    """A shell of root on a host."""
-
-    def __init__(self, host: str, target: str, channel: Channel) -> None:
-        """Take a channel to a shell that has just started.
-
-        Args:
-            host: its name in the manifest.
-            target: what ssh connects to.
-            channel: of ssh.
-        """
-        self._host = host
-        self._target = target
-        self._channel = channel
-        self._lost = ""  # why no answer can be expected any more
-
-    def become_root(self, preamble: str) -> None:
-        """Have root's shell there, with the functions that are called then.
-
-        Args:
-            preamble: what the shell reads first; nothing of it prints.
-
-        Raises:
-            HostFailed: the host cannot be reached, has no `sh`, or lets this user do nothing as root.
-        """
-        user = self._user(_SAY_USER)
-        if user is None:
-            message = f"`sh` does not start on {self._target}: {last_of(self._channel.error_lines)}"
-            raise HostFailed(self._host, message, "Connect to a Linux host, as a user who may log in there.")
-        # NOTE: one line, because a shell that reads in blocks takes what follows `exec` with it.
-        if user != "0" and self._user(f"exec sudo -n sh -c '{_SAY_USER}; exec sh'") != "0":
-            message = f"{self._target} is not root there, and `sudo -n sh` is refused: "
-            message += last_of(self._channel.error_lines)
-            advice = "Connect as root, or let that user run `sudo -n sh` without a password (docs/linux.md)."
-            raise HostFailed(self._host, message, advice)
-        self._channel.send(preamble.encode("ascii"))
-
-    def _user(self, command: str) -> str | None:
-        """Return the number of the user that a command tells; None: the shell has ended."""
-        self._channel.send(f"{command}\n".encode("ascii"))
-        line = await_line(self._channel, self._host, self._target, lambda line: line.startswith(_READY))
-        return None if line is None else line.removeprefix(_READY)
-
-    def ask(self, *words: str, seconds: float = 0.0) -> tuple[int, tuple[str, ...]]:
-        """Call a function of the shell.
-
-        Args:
-            words: its name and arguments, any text.
-            seconds: what it may take beside `ANSWER_SECONDS`.
-
-        Returns:
-            The exit code, and the lines of the answer.
-
-        Raises:
-            HostFailed: the connection broke, or the answer does not end: it may have been done or not.
-        """
-        if self._lost:  # a late answer would be taken for that to this call
-            raise self._broken(self._lost)
-        # NOTE: braces, because a shell does the part of a line that comes before its input ends.
-        self._channel.send(f"{{\n{' '.join(map(quote, words))}\n}}\n".encode("ascii"))
-        lines: list[str] = []
-        size = 0
-        try:
-            while (line := self._channel.next_line(ANSWER_SECONDS + seconds, lambda: None)) is not None:
-                if ended := _END.fullmatch(line):
-                    return int(ended[1]), tuple(lines)
-                lines.append(line)
-                size += len(line)
-                if size > STATE_LIMIT:
-                    raise self._broken(f"its answer has more than {STATE_LIMIT:,} bytes")
-        except SilenceTimeout:
-            raise self._broken(f"it said nothing for {ANSWER_SECONDS + seconds:.0f} s") from None
-        raise self._broken(last_of(self._channel.error_lines))
-
-    def do(self, *words: str, seconds: float = 0.0) -> None:
-        """Call a function that changes something.
-
-        Args:
-            words: as of `ask`.
-            seconds: as of `ask`.
-
-        Raises:
-            OSError: it was refused; the message is that of the host.
-            HostFailed: as of `ask`.
-        """
-        code, lines = self.ask("answer", *words, seconds=seconds)
-        if code:
-            raise OSError(errno.EIO, text_of(lines) or f"{words[0]} ended with exit code {code}")
-
-    def end(self) -> None:
-        """Let the shell end, and with it the lock, before anybody else asks for it."""
-        self._channel.close()
-        self._channel.code()
-
-    def _broken(self, message: str) -> HostFailed:
-        self._lost = message
-        message = f"the connection to {self._target} broke: {message}".rstrip(".")
-        return HostFailed(self._host, message, "Run the same command again once the host is up.")
+def _call(*words: str) -> str:
+    return " ".join(map(quote, words))
 
 
-def text_of(lines: Sequence[str]) -> str:
-    """Return what an answer says, on one line and no longer than a finding may be."""
-    return " ".join(line.removeprefix("m ") for line in lines)[-500:].strip()
+def _names_in(folder: Path, paths: Iterable[str]) -> tuple[str, ...]:
+    start = f"{folder.as_posix()}/"
+    names = (path.removeprefix(start) for path in paths if path.startswith(start))
+    return tuple(sorted(name for name in names if "/" not in name))
 
 
-class _RemoteGroups:
-    """The effects on control groups of a host."""
-
-    def __init__(self, shell: RemoteShell, tree: GroupTree) -> None:
-        self._shell = shell
-        self._tree = tree
-
-    def make(self, name: str) -> None:
-        """See `GroupTree.make`."""
-        self._do(name, "make_group")
-
-    def write(self, name: str, values: GroupValues) -> None:
-        """See `GroupTree.write`."""
-        shown = self._tree.as_kernel_shows(values)
-        shares = round(shown.shares_percent * (10 if self._tree.version == "v1" else 1))
-        quota = -1 if shown.quota_percent is None else round(shown.quota_percent * shown.period_us / 100)
-        self._do(name, "write_values", shares, quota, shown.period_us, shown.memory or 0)
-
-    def start_with_machine(self, name: str, starts: bool) -> None:
-        """See `GroupTree.start_with_machine`."""
-        self._do(name, "start_if", int(starts))
-
-    def limit_slice(self, percent: int | None) -> None:
-        """See `GroupTree.limit_slice`."""
-        self._do("", "set_slice_limit", -1 if percent is None else percent)
-
-    def ask_to_end(self, name: str, grace_ms: int) -> None:
-        """See `GroupTree.ask_to_end`."""
-        self._do(name, "ask_to_end", -(-grace_ms // 100), seconds=grace_ms / 1000)
-
-    def remove(self, name: str) -> None:
-        """See `GroupTree.remove`."""
-        self._do(name, "remove_group")
-
-    def _do(self, name: str, function: str, *numbers: int, seconds: float = 0.0) -> None:
-        self._shell.do("in_group", self._tree.version, name, function, *map(str, numbers), seconds=seconds)
-
-
-class RemoteLinuxHost(LinuxHostProvider):
-    """A `StepwiseHost` whose partitions are control groups of another machine."""
-
-    def __init__(
-        self,
-        host: Host,
-        connect: Connect,
-        state_folder: Path = STATE_FOLDER,
-        machine: LinuxMachine | None = None,
-        words: Sequence[str] = (),
-    ) -> None:
-        """Prepare; nothing is connected before the first call.
-
-        Args:
-            host: as the manifest describes it.
-            connect: how it is reached.
-            state_folder: as of `LinuxHostProvider`, there.
-            machine: None: as it shows itself.
-            words: the program that leads to a shell there; empty: ssh.
-        """
-        temporary = tempfile.mkdtemp(prefix="rarms-")  # nobody else may look into it
-        weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
-        self._copy = Path(temporary, "host")
-        super().__init__(host, self._here(state_folder), machine=machine)
-        self._shown_folder = state_folder / self._folder.name
-        self._target = connect.ssh
-        self._words = words or ssh_words(connect.ssh, SHELL)
-        self._shell: RemoteShell | None = None
-        self._described_machine = machine
-        self._facts: Mapping[str, str] = {}
-
-    def examined(self) -> ObservedHost:
-        """See `LinuxHostProvider.examined`."""
-        with self._connection():
-            return super().examined()
-
-    def journal(self) -> Journal | None:
-        """See the interface."""
-        self._refresh()
-        return super().journal()
-
-    def unfinished(self) -> Journal | None:
-        """See the interface."""
-        self._refresh()
-        return super().unfinished()
-
-    def execute(self, operation: Operation, scope: Scope) -> None:
-        """See the interface."""
-        with self._connection():
-            super().execute(operation, scope)
-
-    @contextmanager
-    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """See the interface: it is held until the connection ends."""
-        with self._connection() as shell:
-            self._refresh()
-            self._refuse_writable_folder()
-            code, lines = shell.ask("hold", owner, str(-(-timeout_ms // 1000)), seconds=timeout_ms / 1000)
-            if code:
-                raise HostLocked(self.name, text_of(lines) or "another process")
-            self._refresh()
-            self._recover()
-            yield
-
-    def start_run(self, started: RunStarted) -> None:
-        """See the interface."""
-        self._change_file("replace_by", self._journal_path, record_line(started))
-
-    def record(self, record: JournalRecord) -> None:
-        """See the interface."""
-        self._change_file("append_to", self._journal_path, record_line(record))
-
-    def _save(self, definition: GroupDefinition) -> None:
-        self._change_file("replace_by", self._file(definition), write_definition(definition))
-
-    def _forget(self, definition: GroupDefinition) -> None:
-        self._change_file("remove_file", self._file(definition))
-
-    def _change_file(self, function: str, path: Path, *data: bytes) -> None:
-        there = (self._shown_folder / path.name).as_posix()
-        with self._report_failure(path), self._connection() as shell:
-            shell.do(function, there, *(text.decode("ascii") for text in data))
-
-    @contextmanager
-    def _report_damage(self, path: Path) -> Iterator[None]:
-        with super()._report_damage(self._shown_folder / path.name):
-            yield
-
-    @contextmanager
-    def _report_failure(self, path: Path) -> Iterator[None]:
-        with super()._report_failure(self._shown_folder / path.name):
-            yield
-
-    def _is_folder_private(self) -> bool:
-        return "open" not in self._facts
-
-    def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        self._refresh()
-        try:
-            return super()._look()
-        except (ArithmeticError, LookupError, OSError, StopIteration, ValueError) as problem:
-            raise self._unreadable(f"{type(problem).__name__}: {problem}") from problem
-
-    def _make_group(self, name: str) -> None:
-        super()._make_group(name)
-        self._refresh()  # it is there from now on
-
-    @property
-    def _effects(self) -> GroupEffects:
-        assert self._shell is not None, "who changes something holds the connection"
-        return _RemoteGroups(self._shell, self.tree)
-
-    def _orphans(self, group: str) -> tuple[tuple[int, str], ...]:
-        processes = self.tree.processes(group)
-        with self._connection() as shell:
-            _, lines = shell.ask("show_processes", *map(str, processes))
-        self._lay_out(lines)
-        return orphans(processes, self._here(PurePosixPath("/proc")))
-
-    def _find_tree(self) -> GroupTree | MissingFeatures:
-        if not self._facts:
-            self._refresh()
-        found = find_tree(self._settings.slice, self._settings.control_groups, self._here(CONTROL_GROUPS))
-        if isinstance(found, MissingFeatures):
-            return MissingFeatures(names=tuple(name.replace(str(self._copy), "") for name in found.names))
-        found.page_bytes = self._fact("page")
-        return found
-
-    def _read_machine(self) -> LinuxMachine:
-        if not self._facts:
-            self._refresh()
-        memory = self._fact("pages") * self._fact("page")
-        return read_machine(self._copy, self._facts["computer"], self._fact("processors"), memory)
-
-    def _fact(self, name: str) -> int:
-        """Return a number that the host said of itself.
-
-        Raises:
-            HostFailed: it said none.
-        """
-        value = self._facts.get(name, "")
-        if not (value.isascii() and value.isdecimal() and len(value) < 20):
-            raise self._unreadable(f"{name} is {value[:100]!r}, and no number")
-        return int(value)
-
-    @contextmanager
-    def _connection(self) -> Iterator[RemoteShell]:
-        """Open a connection, unless this call is part of one that has opened it."""
-        if self._shell is not None:
-            yield self._shell
-            return
-        with open_channel(self.name, self._words) as channel:
-            self._shell = RemoteShell(self.name, self._target, channel)
-            try:
-                self._shell.become_root(self._preamble())
-                yield self._shell
-                self._shell.end()
-            finally:
-                self._shell = None
-
-    def _preamble(self) -> str:
-        folder = quote(self._shown_folder.as_posix())
-        settings = (
-            "set -eu",
-            "umask 077",
-            "export LC_ALL=C",
-            "PATH=$PATH:/usr/sbin:/sbin",
-            "NEWLINE='\n'",
-            f"HOST={quote(self.name)} FOLDER={folder} JOURNAL={folder}/{self._journal_path.name}",
-            f"SLICE={quote(self._settings.slice)} CONTROL_GROUPS={self._settings.control_groups}",
-        )
-        files = (shipped_text(f"templates/shell/{name}.sh") for name in ("runtime", "remote"))
-        return "\n".join([*settings, *files])
-
-    def _refresh(self) -> None:
-        """Lay out what the host shows now."""
-        with self._connection() as shell:
-            _, lines = shell.ask("look")
-        shutil.rmtree(self._copy, ignore_errors=True)
-        self._facts = self._lay_out(lines)
-        self._known_tree, self._known_machine = None, self._described_machine
-
-    def _lay_out(self, lines: Sequence[str]) -> dict[str, str]:
-        """Make the folders and files of an answer below the folder here, and return its facts.
-
-        Raises:
-            HostFailed: it cannot be that of a Linux host.
-        """
-        folders: list[str] = []
-        files: dict[str, list[str]] = {}
-        shown: list[str] = []
-        facts: dict[str, str] = {}
-        for line in lines:
-            kind, _, text = line.partition(" ")
-            if line.startswith(" "):
-                shown.append(text)
-            elif kind == "d":
-                folders.append(text)
-            elif kind == "f":
-                shown = files[text] = []  # also of one that was shown before
-            elif kind == "v":
-                name, _, described = text.partition(" ")
-                facts[name] = described
-        try:
-            for folder in folders:
-                self._checked(folder).mkdir(parents=True, exist_ok=True)
-            for file, content in files.items():
-                path = self._checked(file)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                is_whole = "torn" not in facts or path.name != self._journal_path.name
-                path.write_bytes("\n".join([*content, ""] if is_whole and content else content).encode())
-        except (OSError, ValueError) as problem:
-            raise self._unreadable(str(problem)) from problem
-        return facts
-
-    def _checked(self, text: str) -> Path:
-        path = PurePosixPath(text)
-        if not path.is_absolute() or ".." in path.parts:
-            raise ValueError(f"a file has the impossible name {text[:100]!r}")
-        return self._here(path)
-
-    def _unreadable(self, message: str) -> HostFailed:
-        return HostFailed(
-            self.name, f"what {self._target} shows cannot be read: {message[:300]}", "Look at the host by hand."
-        )
-
-    def _here(self, path: Path | PurePosixPath) -> Path:
-        """Return where a file of the host lies in the folder here."""
-        return self._copy.joinpath(*path.parts[1:])
+def _last_line(text: str) -> str:
+    return next((line.strip() for line in reversed(text.split("\n")) if line.strip()), "it said nothing")

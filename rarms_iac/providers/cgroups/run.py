@@ -1,6 +1,5 @@
 """The Linux host provider: control groups in the kernel; definitions, lock and journal in a folder of root."""
 
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -12,6 +11,7 @@ from rarms_iac.model.commands import APPLY, DOCTOR, PLAN, prose
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host, LinuxHost
+from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted
 from rarms_iac.model.operations import (
     CreatePartition,
     Operation,
@@ -46,17 +46,14 @@ from rarms_iac.providers.cgroups.content import (
     values_of,
     write_definition,
 )
+from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects, open_folder
 from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
-from rarms_iac.providers.cgroups.groups import GroupEffects, GroupTree, GroupValues
-from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, this_machine
+from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
+from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, read_machine
 from rarms_iac.providers.cgroups.processes import orphans
-from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused, ObservedHost
+from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
 from rarms_iac.providers.journaled import JournaledHost
-from rarms_iac.storage import disk
 from rarms_iac.storage.codec import NotDecodable
-from rarms_iac.storage.reading import read_file
-from rarms_iac.storage.replace import remove_leftovers
-from rarms_iac.storage.replace import replace as replace_file
 
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
@@ -67,11 +64,10 @@ NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor tim
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
 ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
-_DEFINITION_LIMIT = 2**20
 
 
 class LinuxHostProvider(JournaledHost):
-    """A `StepwiseHost` whose partitions are control groups of this machine.
+    """A `StepwiseHost` whose partitions are control groups, of this machine or of one behind a channel.
 
     What it keeps lies in `<state folder>/<slice>/`: `<id>.json` a partition, `journal.jsonl` and `lock`.
     """
@@ -82,22 +78,26 @@ class LinuxHostProvider(JournaledHost):
         state_folder: Path = STATE_FOLDER,
         tree: GroupTree | None = None,
         machine: LinuxMachine | None = None,
+        effects: LinuxEffects | None = None,
     ) -> None:
         """Prepare; nothing is read before the first call.
 
         Args:
             host: as the manifest describes it.
-            state_folder: what all slices of this machine keep lies below it.
+            state_folder: what all slices of the machine keep lies below it.
             tree: the control groups; None: the kernel's, below the slice of the manifest.
-            machine: None: this one.
+            machine: None: as it shows itself.
+            effects: of the machine; None: this one.
         """
         settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
         self._settings = settings
-        self._folder = self._shown_folder = state_folder / settings.slice
-        super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock")
+        self._folder = state_folder / settings.slice
+        self._effects: LinuxEffects = effects or LocalEffects()
+        super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock", self._effects)
         self._host = host
         self._known_tree = tree
-        self._known_machine = machine
+        self._described_machine = self._known_machine = machine
+        self._is_held = False
 
     @property
     def tree(self) -> GroupTree:
@@ -107,7 +107,7 @@ class LinuxHostProvider(JournaledHost):
             HostRefused: this machine, or this user, lacks something that they need; the message names all of it.
         """
         if self._known_tree is None:
-            found = self._find_tree()
+            found = find_tree(self._settings.slice, self._settings.control_groups, self._effects)
             if isinstance(found, MissingFeatures):
                 raise HostRefused(
                     self.name,
@@ -118,22 +118,59 @@ class LinuxHostProvider(JournaledHost):
         return self._known_tree
 
     @property
-    def _effects(self) -> GroupEffects:
-        return self.tree
-
-    @property
     def machine(self) -> LinuxMachine:
         """The machine below."""
         if self._known_machine is None:
-            machine, boot = self._read_machine(), self.tree.boot
+            machine, boot = read_machine(self._effects), self.tree.boot
             self._known_machine = replace(machine, boot=boot) if boot else machine
         return self._known_machine
 
-    def _find_tree(self) -> GroupTree | MissingFeatures:
-        return find_tree(self._settings.slice, self._settings.control_groups)
+    @contextmanager
+    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+        """See the interface."""
+        with super().lock(owner, timeout_ms):
+            self._is_held = True
+            try:
+                yield
+                with self._report_failure(self._folder):
+                    self._effects.commit()
+            finally:
+                self._is_held = False
 
-    def _read_machine(self) -> LinuxMachine:
-        return this_machine()
+    def journal(self) -> Journal | None:
+        """See the interface."""
+        self._look_unless_held()
+        return super().journal()
+
+    def unfinished(self) -> Journal | None:
+        """See the interface."""
+        self._look_unless_held()
+        return super().unfinished()
+
+    def start_run(self, started: RunStarted) -> None:
+        """See the interface. On a held host a record may be written with the next effects, before them."""
+        super().start_run(started)
+        self._commit_record(is_last=False)
+
+    def record(self, record: JournalRecord) -> None:
+        """See the interface, and `start_run`."""
+        super().record(record)
+        self._commit_record(is_last=isinstance(record, RunClosed))
+
+    def _commit_record(self, *, is_last: bool) -> None:
+        if is_last or not self._is_held:
+            with self._report_failure(self._journal_path):
+                self._effects.commit()
+
+    def _look_unless_held(self) -> None:
+        """See the host anew where it may have changed: between the batches of a run nobody else changes it."""
+        if not self._is_held:
+            self._refresh()
+
+    def _refresh(self) -> None:
+        with self._report_failure(self._folder):
+            self._effects.look()
+        self._known_machine = self._described_machine
 
     def observe(self) -> State:
         """See the interface."""
@@ -143,17 +180,16 @@ class LinuxHostProvider(JournaledHost):
         """See `ExaminableHost`. Findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
         state, definitions = self._look()
         found = [*self._off_without_stop(definitions), *self._without_withheld_time()]
+        read = self._effects.processes()
         for partition in state.partitions:
-            alone = self._orphans(definitions[partition.id].group) if partition.settings.running else ()
+            running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
+            alone = orphans(running, read)
             if alone:
                 names = ", ".join(f"{process} ({name})" for process, name in alone)
                 message = f"In {partition.settings.name} run processes that no rarms started or ends: {names}."
                 advice = "End them, where a component left them behind: they use the partition's processor time."
                 found.append(ORPHANS.at(None, message, advice, address=f"partition/{partition.settings.name}"))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
-
-    def _orphans(self, group: str) -> tuple[tuple[int, str], ...]:
-        return orphans(self.tree.processes(group))
 
     def _off_without_stop(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
         names = sorted(
@@ -179,7 +215,19 @@ class LinuxHostProvider(JournaledHost):
             yield NOTHING_WITHHELD.at(None, message, advice, address=f"host/{self.name}")
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        """Return the observed state, and the definition of each partition by its id."""
+        """See the host, and return its state, and the definition of each partition by its id."""
+        self._refresh()
+        return self._seen()
+
+    def _seen(self) -> tuple[State, Mapping[str, GroupDefinition]]:
+        """Return what was seen last."""
+        try:
+            return self._state_and_definitions()
+        except (ArithmeticError, LookupError, OSError, StopIteration, ValueError) as problem:
+            message = f"what it shows cannot be read: {type(problem).__name__}: {problem}"
+            raise HostFailed(self.name, message[:300], "Look at the host by hand.") from problem
+
+    def _state_and_definitions(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         tree, machine = self.tree, self.machine
         definitions = self._definitions()
         running = self._running(tree, definitions)
@@ -193,11 +241,18 @@ class LinuxHostProvider(JournaledHost):
 
     def read(self, address: Address, scope: Scope) -> Readings:
         """See the interface."""
-        return readings(self.observe(), address, scope)
+        self._look_unless_held()
+        return readings(self._seen()[0], address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """See the interface. The definition is replaced last, so that a kill before leaves the partition as it was."""
-        state, known = self._look()
+        self._look_unless_held()
+        state, known = self._seen()
+        with self._kernel_errors(self._settings.slice if isinstance(operation, TaskOperation) else operation.partition):
+            self._do(operation, scope, state, known)
+            self._effects.commit()
+
+    def _do(self, operation: Operation, scope: Scope, state: State, known: Mapping[str, GroupDefinition]) -> None:
         match operation:
             case CreatePartition():
                 self._create(operation, state, scope)
@@ -231,10 +286,9 @@ class LinuxHostProvider(JournaledHost):
                     raise self._plan_again(
                         f"{definition.settings.name} is running, and only a partition that is off can be removed"
                     )
-                with self._kernel_errors(definition.settings.name):
-                    if definition.boot == self.machine.boot:  # systemd remembers a group that is off since a restart
-                        self._effects.remove(definition.group)
-                self._forget(definition)
+                if definition.boot == self.machine.boot:  # systemd remembers a group that is off since a restart
+                    self.tree.remove(definition.group)
+                self._effects.delete(self._file(definition))
             case _:
                 after = changed(definition, operation)
                 problem = out_of_range(after.settings)
@@ -257,12 +311,14 @@ class LinuxHostProvider(JournaledHost):
         self._save(replace(before, changing=True))
         try:
             self._make_group(before.group)  # a group made by hand may lack a controller
-            self._effects.write(before.group, self._values(after.settings))
+            self.tree.write(before.group, self._values(after.settings))
+            self._save(after)
+            self._effects.commit()
         except OSError as problem:
             self._restore(replace(before, changing=True))
+            self._effects.commit()
             message = f"{after.settings.name}: the kernel refuses: {problem.strerror or problem}"
             raise HostRefused(self.name, message, ASK_DOCTOR) from None
-        self._save(after)
 
     def _start(self, definition: GroupDefinition, state: State) -> None:
         if self._runs(definition):
@@ -274,9 +330,8 @@ class LinuxHostProvider(JournaledHost):
         group = self._free_name(definition)
         begun = replace(definition, group=group, boot="")
         self._save(begun)
-        with self._kernel_errors(settings.name):
-            self._make_group(group)
-            self._effects.write(group, self._values(settings))
+        self._make_group(group)
+        self.tree.write(group, self._values(settings))
         started = replace(begun, boot=self.machine.boot)
         self._start_with_machine(started)
         self._save(started)
@@ -284,40 +339,37 @@ class LinuxHostProvider(JournaledHost):
     def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
         if not self._runs(definition):
             return
-        with self._kernel_errors(definition.settings.name):
-            self._effects.ask_to_end(definition.group, grace_ms)
-            self._save(replace(definition, boot=""))
-            self._effects.remove(definition.group)
+        self.tree.ask_to_end(definition.group, grace_ms)
+        self._save(replace(definition, boot=""))
+        self.tree.remove(definition.group)
         self._save(replace(definition, group="", boot=""))
 
     def _recover(self) -> None:
         """Take back what a killed run left half done; the definitions have what was there before."""
-        if self._folder.stat().st_mode & 0o077:
-            if any(self._folder.glob("*.json*")):
-                self._refuse_writable_folder()
-            self._folder.chmod(0o700)
+        self._refuse_writable_folder()
         with self._kernel_errors(self._settings.slice):
-            self._effects.limit_slice(slice_limit(self._host, self._processors))
+            self.tree.limit_slice(slice_limit(self._host, self._processors))
+            self._effects.commit()
         for definition in self._definitions():
-            remove_leftovers(self._file(definition))
-            if definition.group and not definition.boot:
-                with self._kernel_errors(definition.settings.name):
-                    self._effects.remove(definition.group)
-                self._save(replace(definition, group=""))
-            elif definition.changing:
-                self._restore(definition)
+            with self._kernel_errors(definition.settings.name):
+                if definition.group and not definition.boot:
+                    self.tree.remove(definition.group)
+                    self._save(replace(definition, group=""))
+                elif definition.changing:
+                    self._restore(definition)
+                self._effects.commit()
 
     def _restore(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
-                self._effects.write(definition.group, self._values(definition.settings))
+                self.tree.write(definition.group, self._values(definition.settings))
+                self._effects.commit()
         self._save(replace(definition, changing=False))
 
     def _start_with_machine(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
-            with self._kernel_errors(definition.settings.name):
-                starts = definition.settings.start_action is StartAction.START
-                self._effects.start_with_machine(definition.group, starts)
+            starts = definition.settings.start_action is StartAction.START
+            self.tree.start_with_machine(definition.group, starts)
 
     def _free_name(self, definition: GroupDefinition) -> str:
         name = definition.settings.name
@@ -332,8 +384,8 @@ class LinuxHostProvider(JournaledHost):
         return self.machine.logical_processors
 
     def _make_group(self, name: str) -> None:
-        self._effects.make(name)
-        self._effects.limit_slice(slice_limit(self._host, self._processors))
+        self.tree.make(name)
+        self.tree.limit_slice(slice_limit(self._host, self._processors))
 
     def _values(self, settings: PartitionSettings) -> GroupValues:
         return values_of(settings, self._processors, slice_limit(self._host, self._processors))
@@ -372,42 +424,25 @@ class LinuxHostProvider(JournaledHost):
         Raises:
             HostDamaged: one cannot be read, or others than this user may write them.
         """
-        if not self._folder.is_dir():
-            return []
         self._refuse_writable_folder()
-        return [self._load(path) for path in sorted(self._folder.glob("*.json"))]
+        names = self._effects.files(self._folder)
+        return [self._load(self._folder / name) for name in names if name.endswith(".json")]
 
     def _refuse_writable_folder(self) -> None:
-        """Refuse a folder that others may write to: root must not finish what somebody else put there."""
-        if not self._is_folder_private():
-            folder = self._shown_folder
-            raise HostDamaged(
-                self.name,
-                f"others than root may write to {folder}, so rarms does not trust the files in it",
-                f"Check the files there, then `chown -R root {folder}` and `chmod 700 {folder}`.",
-            )
-
-    def _is_folder_private(self) -> bool:
-        status = self._folder.stat()
-        return status.st_uid in {0, os.geteuid()} and not status.st_mode & 0o022
+        """Refuse a folder that others may write to: root must not finish what another user put there."""
+        if self._effects.has_folder(self._folder) and not self._effects.is_private(self._folder):
+            raise open_folder(self.name, self._folder)
 
     def _load(self, path: Path) -> GroupDefinition:
         with self._report_damage(path):
-            definition = read_definition(read_file(path, _DEFINITION_LIMIT))
+            definition = read_definition(self._effects.content(path) or b"")
             if f"{definition.id}.json" != path.name:
                 raise NotDecodable("id", "the file has another name")
             return definition
 
     def _save(self, definition: GroupDefinition) -> None:
-        path = self._file(definition)
-        with self._report_failure(path):
-            disk.make_room(path)
-            replace_file(path, write_definition(definition))
-
-    def _forget(self, definition: GroupDefinition) -> None:
-        with self._report_failure(self._folder):
-            disk.current().remove(self._file(definition))
-            disk.current().flush_folder(self._folder)
+        with self._report_failure(path := self._file(definition)):
+            self._effects.replace(path, write_definition(definition))
 
     def _file(self, definition: GroupDefinition) -> Path:
         return self._folder / f"{definition.id}.json"
@@ -417,9 +452,8 @@ class LinuxHostProvider(JournaledHost):
         try:
             yield
         except OSError as problem:
-            raise HostFailed(
-                self.name, f"{partition}: the kernel refuses: {problem.strerror or problem}", ASK_DOCTOR
-            ) from None
+            message = f"{partition}: the kernel refuses: {problem.strerror or problem}"
+            raise HostFailed(self.name, message, ASK_DOCTOR) from None
 
     def _plan_again(self, message: str) -> HostRefused:
         """The host is not as the plan took it to be: another plan knows how it is now."""

@@ -4,21 +4,16 @@ Its properties lie in files of systemd, and the unit may start with the machine:
 kernel holds is read from its own files, as everywhere.
 """
 
-import errno
 import json
 import re
-import subprocess
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.providers.cgroups import kernel
-from rarms_iac.providers.cgroups.groups import GroupValues
+from rarms_iac.providers.cgroups.effects import LinuxEffects
+from rarms_iac.providers.cgroups.groups import GroupValues, whole_pages
 from rarms_iac.providers.cgroups.versions import MOST_WEIGHT_V2, GroupTreeV2, weight_v2
 from rarms_iac.running.start import ProcessPlace
-from rarms_iac.storage.replace import replace as replace_file
 
 UNITS = Path("/etc/systemd/system")
 BOOT = "systemd"
@@ -36,9 +31,6 @@ _TARGET = "multi-user.target"
 """What the machine starts."""
 
 _NOT_IN_A_UNIT = re.compile(r"[^a-zA-Z0-9_.]")
-_WAIT_SECONDS = 10.0
-_SYSTEMCTL_SECONDS = 120.0
-"""More than systemd lets any unit take by itself (DefaultTimeoutStopSec)."""
 
 
 def slice_unit(slice_name: str) -> str:
@@ -53,9 +45,9 @@ def slice_unit(slice_name: str) -> str:
 class GroupTreeSystemd(GroupTreeV2):
     """Slice units below one slice unit."""
 
-    def __init__(self, slices: Mapping[str, Path]) -> None:
+    def __init__(self, effects: LinuxEffects, slices: Mapping[str, Path]) -> None:
         """See `GroupTree`; the slice's folder has the name of its unit."""
-        super().__init__(slices)
+        super().__init__(effects, slices)
         self._slice = slices["cpu"].name
 
     @property
@@ -64,31 +56,34 @@ class GroupTreeSystemd(GroupTreeV2):
         return BOOT
 
     def name_for(self, partition: str) -> str:
-        """See `GroupTree.name_for`. The text is that of JSON, as the shell script has it."""
+        """See `GroupTree.name_for`."""
         readable = _NOT_IN_A_UNIT.sub("_", json.dumps(partition)[1:-1])
         return f"{self._slice.removesuffix('.slice')}-{readable}.slice"
 
     def make(self, name: str) -> None:
         """See `GroupTree.make`."""
-        _write_unit(name)
-        _systemctl("start", name)
+        self._write_unit(name)
+        self._systemctl("start", name)
         self._prepare_slice()
 
     def start_with_machine(self, name: str, starts: bool) -> None:
         """See `GroupTree.start_with_machine`."""
-        _write_unit(name)  # somebody else may have made the group without one
+        self._write_unit(name)  # the group may have been made without one
         words = ("add-wants", _TARGET) if starts else ("disable",)
-        _systemctl(*words, "--no-reload", "--quiet", name)
+        self._systemctl(*words, "--no-reload", "--quiet", name)
 
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
         self._refuse_used_memory(name, values.memory)
-        memory = "infinity" if values.memory is None else values.memory
+        memory, shown = values.memory, whole_pages(values.memory)
         processors = " ".join(map(str, values.processors or ()))
         quota = _quota(values.quota_percent, values.period_us)
-        _set(name, f"CPUWeight={weight_v2(values)}", *quota, f"MemoryMax={memory}", f"AllowedCPUs={processors}")
-        wanted = self.as_kernel_shows(values)
-        _wait_until(lambda: self.read(name) == wanted, f"{name} does not get what systemd was told: {values}")
+        weight = weight_v2(values)
+        limit = f"MemoryMax={'infinity' if memory is None else memory}"
+        self._set(name, f"CPUWeight={weight}", *quota, limit, f"AllowedCPUs={processors}")
+        self._await(name, "cpu.weight", str(weight))
+        self._await(name, "memory.max", "max" if shown is None else str(shown))
+        self._await(name, "cpu.max", _shown_quota(values.quota_percent, values.period_us))
 
     def as_kernel_shows(self, values: GroupValues) -> GroupValues:
         """See `GroupTree.as_kernel_shows`."""
@@ -97,25 +92,44 @@ class GroupTreeSystemd(GroupTreeV2):
 
     def remove(self, name: str) -> None:
         """See `GroupTree.remove`."""
-        self._end_processes(name)
-        _forget(name)
-        folder = self._slices["cpu"]
-        _wait_until(lambda: not (folder / name).is_dir(), f"{name} cannot be removed")
+        self._effects.end_processes(self._groups(name))
+        self._forget(name)
+        self._effects.await_removal(self._slices["cpu"] / name)
         if not self.names():
-            _forget(self._slice)
+            self._forget(self._slice)
 
     def place(self, name: str) -> ProcessPlace:
         """See `GroupTree.place`: systemd makes a scope for each process, as a slice holds none itself."""
         return ProcessPlace(words=("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--"))
 
     def _prepare_slice(self) -> None:
-        _set(self._slice, f"CPUWeight={MOST_WEIGHT_V2}")
+        self._set(self._slice, f"CPUWeight={MOST_WEIGHT_V2}")
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
-        _set(name or self._slice, *_quota(percent, period_us))
-        wanted = _rounded_down(percent, period_us)
-        message = f"{name or self._slice} does not get the quota that systemd was told: {percent} %"
-        _wait_until(lambda: self.read(name).quota_percent == wanted, message)
+        self._set(name or self._slice, *_quota(percent, period_us))
+        self._await(name, "cpu.max", _shown_quota(percent, period_us))
+
+    def _await(self, name: str, file: str, pattern: str) -> None:
+        """Wait until the kernel has what systemd was told: systemd answers before."""
+        self._effects.await_text(self._file("cpu", name, file), pattern)
+
+    def _write_unit(self, name: str) -> None:
+        if not self._effects.has_file(UNITS / name):
+            self._effects.replace(UNITS / name, _UNIT)
+
+    def _forget(self, unit: str) -> None:
+        """Stop a slice, with its properties and what starts it with the machine; its unit need not be there."""
+        self._effects.run("systemctl", "stop", unit, may_fail=True)  # it may not run
+        if self._effects.has_file(UNITS / unit):
+            self._systemctl("disable", "--no-reload", "--quiet", unit)
+            self._effects.delete(UNITS / unit)
+        self._systemctl("revert", unit)  # this reads all units anew
+
+    def _set(self, unit: str, *properties: str) -> None:
+        self._systemctl("set-property", unit, *properties)
+
+    def _systemctl(self, *words: str) -> None:
+        self._effects.run("systemctl", *words)
 
 
 def _quota(percent: float | None, period_us: int) -> Iterator[str]:
@@ -128,42 +142,6 @@ def _rounded_down(percent: float | None, period_us: int) -> float | None:
     return None if percent is None else int(percent * period_us) // 100 * 100 / period_us
 
 
-def _write_unit(name: str) -> None:
-    if not (UNITS / name).is_file():
-        replace_file(UNITS / name, _UNIT)
-
-
-def _forget(unit: str) -> None:
-    """Stop a slice, with its properties and what starts it with the machine; its unit need not be there."""
-    with suppress(OSError):  # it does not run
-        _systemctl("stop", unit)
-    if (UNITS / unit).is_file():
-        _systemctl("disable", "--no-reload", "--quiet", unit)
-        (UNITS / unit).unlink()
-    _systemctl("revert", unit)  # this reads all units anew
-
-
-def _set(unit: str, *properties: str) -> None:
-    _systemctl("set-property", unit, *properties)
-
-
-def _wait_until(holds: Callable[[], bool], message: str) -> None:
-    """Wait until the kernel has what systemd was told: systemd answers before."""
-    until = time.monotonic() + _WAIT_SECONDS
-    while True:
-        with suppress(FileNotFoundError):  # the controller is not on yet
-            if holds():
-                return
-        kernel.wait(until, message)
-
-
-def _systemctl(*words: str) -> None:
-    command = ["systemctl", *words]
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", check=False, timeout=_SYSTEMCTL_SECONDS
-        )
-    except subprocess.TimeoutExpired as problem:
-        raise TimeoutError(errno.ETIMEDOUT, str(problem)) from None
-    if done.returncode:
-        raise OSError(errno.EIO, f"systemctl {' '.join(words)}: {done.stderr.strip()}")
+def _shown_quota(percent: float | None, period_us: int) -> str:
+    """Return what `cpu.max` shows of a quota."""
+    return "max *" if percent is None else f"{int(percent * period_us) // 100} {period_us}"

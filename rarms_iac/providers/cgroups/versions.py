@@ -4,8 +4,7 @@ import errno
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.providers.cgroups import kernel
-from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues
+from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupTree, GroupValues, entry_of, numbers, whole_pages
 
 CONTROLLERS_V2 = ("cpuset", "memory", "cpu")
 _MOST_SHARES_V1, MOST_WEIGHT_V2 = 262_144, 10_000
@@ -22,28 +21,25 @@ class GroupTreeV1(GroupTree):
 
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
-        kernel.write(self._file("cpu", name, "cpu.shares"), str(_shares(values)))
+        self._write("cpu", name, "cpu.shares", str(_shares(values)))
         self._write_quota(name, values.quota_percent, values.period_us)
-        processors = self._file("cpuset", name, "cpuset.cpus")
-        kernel.write(
-            processors, kernel.read(self._slices["cpuset"] / "cpuset.cpus") if not values.processors else _list(values)
-        )
+        self._write("cpuset", name, "cpuset.cpus", _list(values) or self._read("cpuset", "", "cpuset.cpus"))
         limit = -1 if values.memory is None else values.memory
-        kernel.write(self._file("memory", name, "memory.limit_in_bytes"), str(limit))
+        self._write("memory", name, "memory.limit_in_bytes", str(limit))
 
     def read(self, name: str) -> GroupValues:
         """See `GroupTree.read`."""
-        quota = int(kernel.read(self._file("cpu", name, "cpu.cfs_quota_us")))
-        period = int(kernel.read(self._file("cpu", name, "cpu.cfs_period_us")))
-        all_processors = kernel.read_if_there(self._slices["cpuset"] / "cpuset.cpus")
+        quota = int(self._read("cpu", name, "cpu.cfs_quota_us"))
+        period = int(self._read("cpu", name, "cpu.cfs_period_us"))
+        all_processors = self._read_if_there(self._slices["cpuset"] / "cpuset.cpus")
         # Who makes a group by hand may leave out a controller, or the processors of its set.
-        memory = int(kernel.read_if_there(self._file("memory", name, "memory.limit_in_bytes")) or _NO_MEMORY_LIMIT_V1)
-        processors = kernel.read_if_there(self._file("cpuset", name, "cpuset.cpus"))
+        memory = int(self._read_if_there(self._file("memory", name, "memory.limit_in_bytes")) or _NO_MEMORY_LIMIT_V1)
+        processors = self._read_if_there(self._file("cpuset", name, "cpuset.cpus"))
         return GroupValues(
-            shares_percent=int(kernel.read(self._file("cpu", name, "cpu.shares"))) / 10,
+            shares_percent=int(self._read("cpu", name, "cpu.shares")) / 10,
             quota_percent=None if quota < 0 else quota * 100 / period,
             period_us=USUAL_PERIOD_US if quota < 0 else period,
-            processors=None if processors in {"", all_processors} else kernel.numbers(processors),
+            processors=None if processors in {"", all_processors} else numbers(processors),
             memory=None if memory >= _NO_MEMORY_LIMIT_V1 else memory,
         )
 
@@ -54,37 +50,43 @@ class GroupTreeV1(GroupTree):
             shares_percent=_shares(values) / 10,
             quota_percent=_rounded_quota(values),
             period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
-            memory=self._whole_pages(values.memory),
+            memory=whole_pages(values.memory),
         )
 
     def cpu_ms(self, name: str) -> float:
         """See `GroupTree.cpu_ms`."""
-        return int(kernel.read(self._file("cpuacct", name, "cpuacct.usage"))) / 1e6
+        return int(self._read("cpuacct", name, "cpuacct.usage")) / 1e6
 
     def throttled_ms(self, name: str) -> float:
         """See `GroupTree.throttled_ms`."""
-        return kernel.entry_of(self._file("cpu", name, "cpu.stat"), "throttled_time") / 1e6
+        return entry_of(self._read("cpu", name, "cpu.stat"), "throttled_time") / 1e6
 
     def usable_processors(self) -> int:
         """See `GroupTree.usable_processors`."""
         folder = self._slices["cpuset"]
-        return len(kernel.numbers(kernel.read((folder if folder.is_dir() else folder.parent) / "cpuset.cpus")))
+        there = folder if self._effects.has_folder(folder) else folder.parent
+        return len(numbers(self._effects.read(there / "cpuset.cpus")))
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
-        quota = self._file("cpu", name, "cpu.cfs_quota_us")
-        kernel.write(quota, "-1")  # the old quota may be more than the new period allows
+        self._write("cpu", name, "cpu.cfs_quota_us", "-1")  # the old quota may be more than the new period allows
         if percent is not None:
-            kernel.write(self._file("cpu", name, "cpu.cfs_period_us"), str(period_us))
-            kernel.write(quota, str(round(percent * period_us / 100)))
+            self._write("cpu", name, "cpu.cfs_period_us", str(period_us))
+            self._write("cpu", name, "cpu.cfs_quota_us", str(round(percent * period_us / 100)))
 
     def _prepare_slice(self) -> None:
         for folder in self._folders:
-            kernel.make_folder(folder)
-        _fill_cpuset(self._slices["cpuset"])
-        kernel.write(self._slices["cpu"] / "cpu.shares", str(_MOST_SHARES_V1))
+            self._effects.make(folder)
+        self._fill_cpuset(self._slices["cpuset"])
+        self._effects.write(self._slices["cpu"] / "cpu.shares", str(_MOST_SHARES_V1))
 
     def _prepare_group(self, name: str) -> None:
-        _fill_cpuset(self._slices["cpuset"] / name)
+        self._fill_cpuset(self._slices["cpuset"] / name)
+
+    def _fill_cpuset(self, group: Path) -> None:
+        """Give a group its parent's processors and memory nodes, without which no process may join."""
+        for file in ("cpuset.cpus", "cpuset.mems"):
+            if not self._read_if_there(group / file):
+                self._effects.write(group / file, self._effects.read(group.parent / file))
 
 
 class GroupTreeV2(GroupTree):
@@ -98,21 +100,21 @@ class GroupTreeV2(GroupTree):
     def write(self, name: str, values: GroupValues) -> None:
         """See `GroupTree.write`."""
         self._refuse_used_memory(name, values.memory)
-        kernel.write(self._file("cpu", name, "cpu.weight"), str(weight_v2(values)))
+        self._write("cpu", name, "cpu.weight", str(weight_v2(values)))
         self._write_quota(name, values.quota_percent, values.period_us)
-        kernel.write(self._file("cpuset", name, "cpuset.cpus"), _list(values) if values.processors else "\n")
-        kernel.write(self._file("memory", name, "memory.max"), "max" if values.memory is None else str(values.memory))
+        self._write("cpuset", name, "cpuset.cpus", _list(values) or "\n")
+        self._write("memory", name, "memory.max", "max" if values.memory is None else str(values.memory))
 
     def read(self, name: str) -> GroupValues:
         """See `GroupTree.read`."""
-        quota, period = kernel.read(self._file("cpu", name, "cpu.max")).split()
-        memory = kernel.read(self._file("memory", name, "memory.max"))
-        processors = kernel.read_if_there(self._file("cpuset", name, "cpuset.cpus"))
+        quota, period = self._read("cpu", name, "cpu.max").split()
+        memory = self._read("memory", name, "memory.max")
+        processors = self._read_if_there(self._file("cpuset", name, "cpuset.cpus"))
         return GroupValues(
-            shares_percent=float(kernel.read(self._file("cpu", name, "cpu.weight"))),
+            shares_percent=float(self._read("cpu", name, "cpu.weight")),
             quota_percent=None if quota == "max" else int(quota) * 100 / int(period),
             period_us=USUAL_PERIOD_US if quota == "max" else int(period),
-            processors=kernel.numbers(processors) or None,
+            processors=numbers(processors) or None,
             memory=None if memory == "max" else int(memory),
         )
 
@@ -123,38 +125,38 @@ class GroupTreeV2(GroupTree):
             shares_percent=float(weight_v2(values)),
             quota_percent=_rounded_quota(values),
             period_us=USUAL_PERIOD_US if values.quota_percent is None else values.period_us,
-            memory=self._whole_pages(values.memory),
+            memory=whole_pages(values.memory),
         )
 
     def _refuse_used_memory(self, name: str, memory: int | None) -> None:
-        used = kernel.entry_of(self._file("memory", name, "memory.stat"), "anon")
+        used = entry_of(self._read_if_there(self._file("memory", name, "memory.stat")), "anon")
         if memory is not None and used > memory:
             raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
 
     def cpu_ms(self, name: str) -> float:
         """See `GroupTree.cpu_ms`."""
-        return kernel.entry_of(self._file("cpu", name, "cpu.stat"), "usage_usec") / 1e3
+        return entry_of(self._read("cpu", name, "cpu.stat"), "usage_usec") / 1e3
 
     def throttled_ms(self, name: str) -> float:
         """See `GroupTree.throttled_ms`."""
-        return kernel.entry_of(self._file("cpu", name, "cpu.stat"), "throttled_usec") / 1e3
+        return entry_of(self._read("cpu", name, "cpu.stat"), "throttled_usec") / 1e3
 
     def usable_processors(self) -> int:
         """See `GroupTree.usable_processors`."""
         folder = self._slices["cpu"]
         files = (group / "cpuset.cpus.effective" for group in (folder, folder.parent))
-        return len(kernel.numbers(next(filter(None, map(kernel.read_if_there, files)))))
+        return len(numbers(next(filter(None, map(self._read_if_there, files)))))
 
     def _write_quota(self, name: str, percent: float | None, period_us: int) -> None:
         quota = "max" if percent is None else str(round(percent * period_us / 100))
-        kernel.write(self._file("cpu", name, "cpu.max"), f"{quota} {period_us}")
+        self._write("cpu", name, "cpu.max", f"{quota} {period_us}")
 
     def _prepare_slice(self) -> None:
         folder = self._slices["cpu"]
         for parent in (folder.parent, folder):
-            kernel.make_folder(parent)
-            kernel.write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in CONTROLLERS_V2))
-        kernel.write(folder / "cpu.weight", str(MOST_WEIGHT_V2))
+            self._effects.make(parent)
+            self._effects.write(parent / "cgroup.subtree_control", " ".join(f"+{name}" for name in CONTROLLERS_V2))
+        self._effects.write(folder / "cpu.weight", str(MOST_WEIGHT_V2))
 
     def _prepare_group(self, name: str) -> None:
         """Nothing: in version 2 a group without processors of its own has those of the slice."""
@@ -173,13 +175,6 @@ def _rounded_quota(values: GroupValues) -> float | None:
     if values.quota_percent is None:
         return None
     return round(values.quota_percent * values.period_us / 100) * 100 / values.period_us
-
-
-def _fill_cpuset(group: Path) -> None:
-    """Give a group of version 1 its parent's processors and memory nodes, without which no process may join."""
-    for file in ("cpuset.cpus", "cpuset.mems"):
-        if not kernel.read(group / file):
-            kernel.write(group / file, kernel.read(group.parent / file))
 
 
 def _list(values: GroupValues) -> str:

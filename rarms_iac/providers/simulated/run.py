@@ -13,7 +13,7 @@ from rarms_iac.model.operations import CreatePartition, MachineOperation, Operat
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.journaled import JournaledHost, fetch
+from rarms_iac.providers.journaled import JournaledHost, LocalFiles
 from rarms_iac.providers.simulated.content import (
     Content,
     SimulatedMachine,
@@ -40,9 +40,7 @@ from rarms_iac.providers.simulated.operations import (
     with_new_machine,
 )
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
-from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.replace import remove_leftovers
-from rarms_iac.storage.replace import replace as replace_file
 
 PARTITION_AGAIN = prose("Look at the host again: ", PLAN, ".")
 
@@ -55,7 +53,8 @@ class SimulatedHostProvider(JournaledHost):
     """
 
     def __init__(self, host: Host, path: Path, sleep: Callable[[float], None] = time.sleep) -> None:
-        super().__init__(host.name, path.with_name(f"{path.stem}.journal.jsonl"), path.with_name(f"{path.stem}.lock"))
+        journal, lock = (path.with_name(f"{path.stem}.{ending}") for ending in ("journal.jsonl", "lock"))
+        super().__init__(host.name, journal, lock, LocalFiles())
         self._host = host
         self._path = path
         self._sleep = sleep
@@ -67,7 +66,8 @@ class SimulatedHostProvider(JournaledHost):
         return to_state(self.load(), self._host, self._serials())
 
     def _recover(self) -> None:
-        remove_leftovers(self._path)
+        for path in (self._path, self._journal_path):
+            remove_leftovers(path)
 
     def read(self, address: Address, scope: Scope) -> Readings:
         """See the interface."""
@@ -106,7 +106,7 @@ class SimulatedHostProvider(JournaledHost):
             HostDamaged: the file cannot be read, or is not as it was written.
         """
         with self._report_damage(self._path):
-            data = fetch(self._path)
+            data = self._files.content(self._path)
             if data is None:
                 return empty(self.name)
             if self._last_content is None or self._last_content[0] != data:
@@ -123,8 +123,7 @@ class SimulatedHostProvider(JournaledHost):
         """
         data = write_content(content)
         try:
-            make_room(self._path)
-            replace_file(self._path, data)
+            self._files.replace(self._path, data)
         except OSError as problem:
             raise HostFailed(
                 self.name,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.cgroups import kernel
+from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import CONTROL_GROUPS, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from tests.needs import require
@@ -124,7 +124,7 @@ def test_a_group_that_goes_after_its_file_was_opened_is_one_that_is_gone(tree: G
     opened = os.open(tree.place("vision").join[0], os.O_RDWR)
     tree.remove("vision")
 
-    for touch in (kernel.read, lambda file: kernel.write(file, "0")):
+    for touch in (LocalEffects().read, lambda file: LocalEffects().write(file, "0")):
         with pytest.raises(FileNotFoundError):
             touch(Path(f"/proc/self/fd/{opened}"))
     os.close(opened)
@@ -159,7 +159,7 @@ def _plain_v2(root: Path, controllers: str = "cpuset cpu io memory pids") -> Pat
 
 
 def test_version_2_writes_its_own_files(tmp_path: Path) -> None:
-    tree = find_tree("rarms", "v2", _plain_v2(tmp_path))
+    tree = find_tree("rarms", "v2", root=_plain_v2(tmp_path))
     assert isinstance(tree, GroupTree)
 
     tree.make("vision")
@@ -176,7 +176,7 @@ def test_version_2_writes_its_own_files(tmp_path: Path) -> None:
 
 
 def test_version_2_reads_the_kernel_s_words_for_no_limit(tmp_path: Path) -> None:
-    tree = find_tree("rarms", "automatic", _plain_v2(tmp_path))
+    tree = find_tree("rarms", "automatic", root=_plain_v2(tmp_path))
     assert isinstance(tree, GroupTree)
     group = tmp_path / "rarms" / "vision"
     for file, text in {"cpu.weight": "100", "cpu.max": "max 100000", "cpuset.cpus": "", "memory.max": "max"}.items():
@@ -189,7 +189,7 @@ def test_version_2_reads_the_kernel_s_words_for_no_limit(tmp_path: Path) -> None
 
 
 def test_version_2_takes_no_memory_from_under_its_processes(tmp_path: Path) -> None:
-    tree = find_tree("rarms", "v2", _plain_v2(tmp_path))
+    tree = find_tree("rarms", "v2", root=_plain_v2(tmp_path))
     assert isinstance(tree, GroupTree)
     (tmp_path / "rarms" / "vision" / "memory.stat").write_text(f"anon {65 * MIB}\nfile 4096\n")
 
@@ -200,7 +200,7 @@ def test_version_2_takes_no_memory_from_under_its_processes(tmp_path: Path) -> N
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
-    found = find_tree("rarms", "v2", _plain_v2(tmp_path, controllers="io pids cpu"))
+    found = find_tree("rarms", "v2", root=_plain_v2(tmp_path, controllers="io pids cpu"))
 
     assert isinstance(found, MissingFeatures)
     assert [name.split(" of ")[0] for name in found.names] == ["the controller cpuset", "the controller memory"]
@@ -209,7 +209,7 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
 def test_a_kernel_without_quotas_is_named(tmp_path: Path) -> None:
     (_plain_v2(tmp_path) / "rarms" / "cpu.max").unlink()
 
-    found = find_tree("rarms", "v2", tmp_path)
+    found = find_tree("rarms", "v2", root=tmp_path)
 
     assert found == MissingFeatures(names=("quotas of processor time (CONFIG_CFS_BANDWIDTH)",))
 
@@ -230,7 +230,7 @@ def test_where_both_versions_lack_something_that_of_the_machine_is_named(
         (tmp_path / name).mkdir()
         (tmp_path / name / "cgroup.procs").touch()
 
-    found = find_tree("rarms", "automatic", tmp_path)
+    found = find_tree("rarms", "automatic", root=tmp_path)
 
     assert isinstance(found, MissingFeatures)
     assert [name.startswith(missing) for name in found.names] == [True]

@@ -9,10 +9,11 @@ import pytest
 from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActions, SetCpu, StartPartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
-from rarms_iac.providers.cgroups import systemd
+from rarms_iac.providers.cgroups import effects, run, systemd
+from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
-from rarms_iac.providers.cgroups.machine import this_machine
+from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
 from rarms_iac.providers.interface import HostRefused
@@ -70,7 +71,8 @@ class Lab:
         (folder / "units").mkdir()
         (folder / "kernel").mkdir()
         (folder / "kernel" / "cpuset.cpus.effective").write_text("0-1\n")
-        self.tree = GroupTreeSystemd(dict.fromkeys(("cpu", "cpuset", "memory"), folder / "kernel" / "rarms.slice"))
+        slices = dict.fromkeys(("cpu", "cpuset", "memory"), folder / "kernel" / "rarms.slice")
+        self.tree = GroupTreeSystemd(LocalEffects(), slices)
 
     def asked(self) -> list[str]:
         """What systemctl was asked for since the last call."""
@@ -144,14 +146,14 @@ def test_what_systemd_refuses_is_said_in_its_own_words(lab: Lab) -> None:
 
 def test_a_controller_that_is_not_on_yet_is_waited_for(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     lab.tree.make(VISION)
-    read, looks = type(lab.tree).read, [FileNotFoundError(), FileNotFoundError()]
+    read, looks = LocalEffects.read, [FileNotFoundError(), FileNotFoundError()]
 
-    def read_later(tree: GroupTreeSystemd, name: str) -> GroupValues:
-        if looks:
+    def read_later(effects: LocalEffects, path: Path) -> str:
+        if looks and path.name == "cpu.weight":
             raise looks.pop()
-        return read(tree, name)
+        return read(effects, path)
 
-    monkeypatch.setattr(GroupTreeSystemd, "read", read_later)
+    monkeypatch.setattr(LocalEffects, "read", read_later)
 
     lab.tree.write(VISION, GroupValues(shares_percent=80))
 
@@ -160,7 +162,7 @@ def test_a_controller_that_is_not_on_yet_is_waited_for(lab: Lab, monkeypatch: py
 
 def test_a_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     (lab.folder / "systemctl").write_text("#!/bin/sh\nexec sleep 60\n")
-    monkeypatch.setattr(systemd, "_SYSTEMCTL_SECONDS", 0.1)
+    monkeypatch.setattr(effects, "_RUN_SECONDS", 0.1)
 
     with pytest.raises(TimeoutError, match=f"start.*{VISION}"):
         lab.tree.make(VISION)
@@ -169,7 +171,7 @@ def test_a_systemctl_that_does_not_end_is_given_up(lab: Lab, monkeypatch: pytest
 def test_a_machine_that_could_not_be_read_whole_is_read_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     host = LinuxHostProvider(on_linux(builders.a_host()), lab.folder / "state")
     found = iter([MissingFeatures(names=("cpu",)), lab.tree])
-    monkeypatch.setattr(host, "_find_tree", lambda: next(found))
+    monkeypatch.setattr(run, "find_tree", lambda *_: next(found))
     with pytest.raises(HostRefused):
         host.machine  # noqa: B018 - reading it is what fails
 
@@ -195,7 +197,7 @@ def test_below_systemd_only_version_2_is_used_unless_the_manifest_asks_for_versi
 
 
 def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> None:
-    machine, host = this_machine(), lab.host()
+    machine, host = read_machine(LocalEffects()), lab.host()
     for name in ("vision", "speech"):
         host.execute(CreatePartition(partition=name, generation=2, memory=64 * MIB), SCOPE)
         host.execute(SetCpu(partition=name, reserve=20, limit=50, weight=100), SCOPE)
