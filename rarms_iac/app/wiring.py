@@ -171,7 +171,7 @@ def bootstrap_script() -> str:
     Returns:
         ASCII text with LF; over the wire it has CRLF.
     """
-    from rarms_iac.providers.hyperv.transport import render_bootstrap
+    from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
 
     return render_bootstrap().decode("ascii").replace("\r\n", "\n")
 

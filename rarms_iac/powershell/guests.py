@@ -8,8 +8,8 @@ from rarms_iac.model.claims import Claim
 from rarms_iac.model.operations import WriteTaskClass
 from rarms_iac.model.plan import GuestTask, Reading, Step, Undo, UndoLevel
 from rarms_iac.model.system import Disruption
-from rarms_iac.powershell.calls import NO_EMPTY_KEYS, VALUE, ScriptPiece, call, task_value_calls
 from rarms_iac.powershell.literals import literal
+from rarms_iac.powershell.pieces import NO_EMPTY_KEYS, VALUE, ScriptPiece, call, task_value_calls
 
 LOST = "what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms"
 

@@ -13,8 +13,8 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.wording import remark
-from rarms_iac.powershell.calls import call
 from rarms_iac.powershell.literals import Scalar, literal
+from rarms_iac.powershell.pieces import call
 from rarms_iac.powershell.templates import MEASURING_ENTRY, fill, part_text, parts_for, runtime
 from rarms_iac.storage.json_text import canonical
 

@@ -24,9 +24,17 @@ from rarms_iac.model.plan import (
     partition_summaries,
 )
 from rarms_iac.model.wording import remark
-from rarms_iac.powershell.calls import DEVICE_READER, READER, ScriptPiece, creation_undo_pieces, fits, joined, pieces_of
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
+from rarms_iac.powershell.pieces import (
+    DEVICE_READER,
+    READER,
+    ScriptPiece,
+    creation_undo_pieces,
+    fits,
+    joined,
+    pieces_of,
+)
 from rarms_iac.powershell.templates import (
     ENTRY,
     StepText,

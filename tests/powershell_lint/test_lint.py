@@ -16,7 +16,7 @@ from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.statements import calls_of, plan_statements
 from rarms_iac.powershell.templates import MEASURING_ENTRY, PARTS, STEP_CALL, TARGET, part_text, runtime
 from rarms_iac.powershell.tree import sound
-from rarms_iac.providers.hyperv.transport import render_bootstrap
+from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
 from tests import builders_plan as build
 from tests.powershell_lint.lint import problems
 from tests.unit.powershell.plans import rendered_plan

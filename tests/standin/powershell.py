@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.providers.hyperv.transport import FAILED, FAILED_CODE, READY, command
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command
 from rarms_iac.storage.codec import decode
 from rarms_iac.storage.lock import Locked, hold
 from tests.twin.guests import drop_sessions

@@ -23,9 +23,10 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
 from rarms_iac.powershell.templates import MEASURING_ENTRY
 from rarms_iac.providers.channel import SilenceTimeout
+from rarms_iac.providers.hyperv.bootstrap import STOP, arguments_of
 from rarms_iac.providers.hyperv.guest_samples import TICKS_MS, GuestRun
 from rarms_iac.providers.hyperv.run import LiveHypervHost, read_event
-from rarms_iac.providers.hyperv.transport import STOP, ScriptSession, Transport, arguments_of
+from rarms_iac.providers.hyperv.transport import ScriptSession, Transport
 from rarms_iac.providers.interface import (
     NO_WAITING,
     EventKind,

@@ -11,11 +11,12 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.powershell.templates import without_signature
+from rarms_iac.providers.hyperv.bootstrap import arguments_of
 from rarms_iac.providers.hyperv.condition import condition_of, findings_of, unread_error
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_unread, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
-from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, SshTransport, Transport, arguments_of
+from rarms_iac.providers.hyperv.transport import Listener, LocalTransport, SshTransport, Transport
 from rarms_iac.providers.interface import (
     EventListener,
     HostDamaged,

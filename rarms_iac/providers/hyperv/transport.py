@@ -1,26 +1,19 @@
 """Running scripts on a Hyper-V host: here through its PowerShell, elsewhere through the system's ssh.
 
 Both are given the same bytes and say the same: lines, and an exit code. Over ssh there is one fixed command, and
-scripts on its standard input; `templates/powershell/bootstrap.ps1` says how the input is read there. The command's
-words are plain ASCII without spaces or quotes, so that it means the same to cmd.exe, PowerShell and every other shell
-that sshd may start.
+scripts on its standard input (`bootstrap`).
 """
 
-import hashlib
-import re
 import shutil
 import sys
 import tempfile
-from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from functools import cache
 from pathlib import Path
 from typing import Protocol
 
-from rarms_iac.model.commands import prose
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.host import Connect
-from rarms_iac.powershell.templates import as_script, read
 from rarms_iac.providers.channel import (
     SSH_FAILED,
     Channel,
@@ -30,20 +23,21 @@ from rarms_iac.providers.channel import (
     open_channel,
     ssh_words,
 )
-from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost, WaitLimits
+from rarms_iac.providers.hyperv.bootstrap import (
+    FAILED,
+    FAILED_CODE,
+    READY,
+    SHELLS,
+    STOP,
+    frame,
+    program_of,
+    remote_words,
+)
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
 STOPPING_SECONDS = 120.0  # for a script to remove what it made
-SHELLS = ("pwsh", "powershell")
 OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """Nobody but the owner, Administrators and SYSTEM, wherever `TEMP` points."""
-
-READY = "rarms-bootstrap/1 ready"
-FAILED = "rarms-bootstrap/1 failed"
-FAILED_CODE = 90
-STOP = b"s"
-
-_PROGRAMS = {"pwsh": "pwsh", "powershell": "powershell.exe"}
-_NAME = re.compile(r"[a-z0-9][a-z0-9.-]*\.ps1")
 
 
 class Listener(Protocol):
@@ -294,49 +288,3 @@ def _follow(
     if code is None:
         return ScriptLost(why="it closed its output and did not end")
     return ScriptExited(code=code, last_lines=channel.error_lines)
-
-
-def render_bootstrap() -> bytes:
-    """The bootstrap as a reader sees it."""
-    return as_script(read("bootstrap.ps1"))
-
-
-@cache
-def command() -> str:
-    """The same without remarks and indentation: what really travels, before it is encoded."""
-    lines = [line.strip() for line in read("bootstrap.ps1").splitlines()]
-    return "\n".join(line for line in lines if line and not line.startswith("#"))
-
-
-def program_of(shell: str) -> str:
-    """The program behind `connect.shell`."""
-    return _PROGRAMS[shell]
-
-
-def remote_words(shell: str) -> tuple[str, ...]:
-    """The command that ssh starts at the other end; `-InputFormat None` leaves its standard input to the bootstrap."""
-    encoded = b64encode(command().encode("utf-16-le")).decode("ascii")
-    options = ("-NoProfile", "-NonInteractive", "-InputFormat", "None", "-OutputFormat", "Text")
-    return (program_of(shell), *options, "-EncodedCommand", encoded)
-
-
-def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
-    """The arguments of a script that changes something."""
-    lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
-    return ("-AsJson", *lock, *(("-Abandon",) if abandoning else ()))
-
-
-def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
-    """The bytes for the bootstrap's standard input: lengths and digests first, then the scripts as they are.
-
-    Raises:
-        ValueError: a file has a name that the bootstrap would refuse.
-    """
-    names = [script.runs, *sorted(name for name in script.files if name != script.runs)]
-    bodies = [script.files[name].encode("ascii") for name in names]
-    for name in names:
-        if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} cannot be a script's name")
-    rows = [f"{name} {len(body)} {hashlib.sha256(body).hexdigest()}" for name, body in zip(names, bodies, strict=True)]
-    table = "\n".join([" ".join(arguments), *rows]).encode("ascii")
-    return b"".join([b"%08d" % len(table), table, *bodies])

@@ -1,8 +1,8 @@
 import pytest
 
 from rarms_iac.model.plan import Readings
-from rarms_iac.powershell.calls import pieces_of
 from rarms_iac.powershell.outline import MachineVariable, ScriptCall, outline
+from rarms_iac.powershell.pieces import pieces_of
 from rarms_iac.powershell.render import insides, render_apply, render_observe, render_scripts, render_undo
 from tests.unit.powershell.plans import rendered_plan
 

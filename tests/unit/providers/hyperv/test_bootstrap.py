@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.channel import ssh_words
-from rarms_iac.providers.hyperv.transport import arguments_of, command, frame, remote_words, render_bootstrap
+from rarms_iac.providers.hyperv.bootstrap import arguments_of, command, frame, remote_words, render_bootstrap
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
