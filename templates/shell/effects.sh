@@ -64,7 +64,7 @@ hold() { # take|keep OWNER TOKEN SECONDS ENDED: by the run of this token; `ended
     fi
     printf '%s\n%s\n' "$2" "$3" >"$FOLDER/lease"
     printf '%s\n' "$2" >"$FOLDER/lock"
-    trap ': >"$FOLDER/lock"' EXIT
+    trap ': >"$FOLDER/lock"; touch -c "$FOLDER/lease"' EXIT # a batch may have taken longer than a lease
     rm -f "$FOLDER"/.*.new
 }
 
