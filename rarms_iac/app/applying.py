@@ -16,6 +16,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.manifest.load import manifest_digest
+from rarms_iac.model.commands import PLAN, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunStarted, ScriptRun, ScriptStarted
@@ -66,7 +67,11 @@ def _refuse_elsewhere(plan: Plan) -> None:
     if simulated and plan.manifest != STANDARD_INPUT and not Path(plan.manifest).exists():
         names = ", ".join(sorted(simulated))
         message = f"The plan was made from {plan.manifest}, which is not here, and {names} is simulated beside it."
-        advice = "Apply the plan in the folder where it was made, or name the manifest: `rarms apply PLAN -f MANIFEST`."
+        advice = prose(
+            "Apply the plan in the folder where it was made, or name the manifest: ",
+            command("apply", "PLAN", f="MANIFEST"),
+            ".",
+        )
         raise UseCaseError(Outcome.REFUSED, [ELSEWHERE.at(None, message, advice)])
 
 
@@ -150,7 +155,7 @@ def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
     return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
 
 
-def describe_changed_manifest(plan: Plan, source: ManifestSource) -> str | None:
+def describe_changed_manifest(plan: Plan, source: ManifestSource) -> Wording | None:
     """Say that a plan's manifest reads differently now; the plan is applied as it was reviewed all the same.
 
     Args:
@@ -165,9 +170,11 @@ def describe_changed_manifest(plan: Plan, source: ManifestSource) -> str | None:
     if manifest_digest(source.manifest, source.overlays) in {None, plan.manifest_digest}:
         return None
     overlays = "" if source.overlays else ", or the plan was made with overlays"
-    return (
-        f"{source.manifest} has changed since plan {plan.id} was made{overlays}. The plan is applied as it was "
-        "reviewed; `rarms plan` shows what the manifest asks for now."
+    return prose(
+        f"{source.manifest} has changed since plan {plan.id} was made{overlays}. The plan is applied as it "
+        "was reviewed; ",
+        PLAN,
+        " shows what the manifest asks for now.",
     )
 
 

@@ -9,8 +9,8 @@ from functools import cache
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.requests import DEFAULT_MANIFEST
 from rarms_iac.measuring.setup import experiment_of, interference_of
+from rarms_iac.model.commands import RecommendedCommand, Wording, command, prose
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
@@ -44,23 +44,18 @@ class Measurements:
 
     system: System
     folder: Path  # the manifest's
-    options: str = ""  # of a command that is about this manifest: ` -f robot.yaml`
 
 
 def measurements_of(manifest: Manifest) -> Measurements:
     """Return where the measurements beside a manifest are; nothing is read yet.
 
     Args:
-        manifest: its folder has the data logs; its path and overlays go into commands that messages advise.
+        manifest: its folder has the data logs.
 
     Returns:
         The folder with the manifest's system.
     """
-    source = manifest.source
-    named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
-    laid = [word for overlay in source.overlays for word in ("--overlay", overlay)]
-    words = "".join(f" {_shell_word(word)}" for word in (*named, *laid))
-    return Measurements(system=manifest.system, folder=Path(manifest.folder), options=words)
+    return Measurements(system=manifest.system, folder=Path(manifest.folder))
 
 
 def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> LogSubject:
@@ -202,17 +197,17 @@ def _measured_together(
     subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
     path = path_of(measurements.folder, subject)
     path_shown = path.relative_to(measurements.folder).as_posix()
-    again = f"rarms measure {' '.join(members)}{' --together' if len(members) > 1 else ''}{measurements.options}"
+    again = command("measure", *members, together=len(members) > 1)
     log = read(path)
     if log is None:
         message = (
             f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
             f"against {subject.setup.interference} ({path_shown})."
         )
-        advice = f"Measure it: `{again}`. Or fix it for now: `cpu: {{ reserve: 20 % }}`."
+        advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 20 % }`.")
         return NotMeasured(components=to_be_measured(group.members), message=message, advice=advice)
     if isinstance(log, LogUnreadable):
-        advice = f"Bring it back from git, or remove it and measure again: `{again}`."
+        advice = prose("Bring it back from git, or remove it and measure again: ", again, ".")
         return _not_measured(group, findings.UNREADABLE.code, f"{path_shown}, line {log.line}: {log.message}.", advice)
     own = group.request.hyperv.image
     now = replace(bench, guest_image=own) if own is not None else bench
@@ -221,7 +216,8 @@ def _measured_together(
         message = (
             f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(comparison.changed)}."
         )
-        return _not_measured(group, findings.STALE.code, message, f"Measure again: `{again}`. Or take the change back.")
+        advice = prose("Measure again: ", again, ". Or take the change back.")
+        return _not_measured(group, findings.STALE.code, message, advice)
     return MeasuredTogether(
         path=path_shown,
         processors=log.header.setup.processors,
@@ -265,11 +261,13 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _not_measured(group: Group, code: str, message: str, advice: str) -> NotMeasured:
+def _not_measured(group: Group, code: str, message: str, advice: Wording) -> NotMeasured:
     return NotMeasured(components=to_be_measured(group.members), code=code, message=message, advice=advice)
 
 
-def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, again: str) -> Iterator[Cause]:
+def _remarks(
+    log: DataLog, comparison: Comparison, group: Group, path: str, again: RecommendedCommand
+) -> Iterator[Cause]:
     address = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
@@ -291,7 +289,9 @@ def _remarks(log: DataLog, comparison: Comparison, group: Group, path: str, agai
             address=address,
             message=f"{path} was measured while {_list_some(beside)} ran on the host.",
             code=findings.BUSY.code,
-            advice=f"Measure it once more with the host to itself, and this no longer counts: `{again} --again`.",
+            advice=prose(
+                "Measure it once more with the host to itself, and this no longer counts: ", again.also(again=True), "."
+            ),
         )
 
 
@@ -316,9 +316,3 @@ def _read(path: Path) -> DataLog | LogUnreadable | None:
         return read_log(path)
     except LogUnreadable as problem:
         return problem
-
-
-def _shell_word(word: str) -> str:
-    import shlex
-
-    return shlex.quote(word)

@@ -13,6 +13,7 @@ from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.manifest.checks import partitions, processors
 from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.commands import MEASURE, PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause, Infeasible
@@ -41,7 +42,9 @@ _TOO_LARGE = frozenset(
         partitions.MEMORY_OVER_HOST,
     )
 )
-_ADVICE = "Lower one of them, or let components share a partition; `rarms plan` tries which change would be enough."
+_ADVICE = prose(
+    "Lower one of them, or let components share a partition; ", PLAN, " tries which change would be enough."
+)
 
 
 def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
@@ -133,7 +136,7 @@ def _about_logs(
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")
             message = f"There is no data log of {in_a_row(answer.components)} on {host.platform} yet."
-            yield NOT_YET_MEASURED.at(place, message, "`rarms measure` finds what it needs.", address=cause.address)
+            yield NOT_YET_MEASURED.at(place, message, prose(MEASURE, " finds what it needs."), address=cause.address)
 
 
 def _excesses(problem: Problem, too_large: Collection[str]) -> list[Cause]:

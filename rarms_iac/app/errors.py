@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from enum import Enum
 
+from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources, first_of_each_kind
 
 IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
@@ -149,5 +150,5 @@ def declined() -> Diagnostic:
     return DECLINED.at(
         None,
         "The answer was not `yes`.",
-        "Run it again to be asked again; `rarms plan` shows the changes and asks nothing.",
+        prose("Run it again to be asked again; ", PLAN, " shows the changes and asks nothing."),
     )

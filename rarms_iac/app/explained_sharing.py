@@ -11,6 +11,7 @@ from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of
 from rarms_iac.app.decision_logs import outdated_compounds
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
 from rarms_iac.measuring.setup import interference_of
+from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_lp_percent, show_processors
@@ -199,7 +200,7 @@ def describe_apart(partition: ExplainedPartition, place: ExplainedPlace) -> str:
 MOST_PARTNERS = 3
 
 
-def describe_partners(partition: ExplainedPartition, host: Host) -> tuple[str, ...]:
+def describe_partners(partition: ExplainedPartition, host: Host) -> tuple[Wording, ...]:
     """Say which pairs would save most, if what their members do alone is a guide.
 
     Args:
@@ -219,12 +220,13 @@ def describe_partners(partition: ExplainedPartition, host: Host) -> tuple[str, .
     ]
     predictor = predictor_of(alone_in(groups, reservations, host))
     savings = [_saving(group, other, host, reservations, predictor) for other in others]
-    return tuple(message for _, message in sorted(saving for saving in savings if saving is not None)[:MOST_PARTNERS])
+    found = sorted((saving for saving in savings if saving is not None), key=lambda saving: (saving[0], str(saving[1])))
+    return tuple(message for _, message in found[:MOST_PARTNERS])
 
 
 def _saving(
     group: Group, other: Group, host: Host, reservations: MeasuredReservations, predictor: Predictor
-) -> tuple[int, str] | None:
+) -> tuple[int, Wording] | None:
     """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
     sizes = [size(part, host, reservations) for part in (group, other)]
     claims = [answer.claim for answer in sizes if isinstance(answer, PlacedPartition)]
@@ -235,7 +237,9 @@ def _saving(
     if together is None or together * processors >= sum(costs):
         return None
     apart, now = map(show_lp_percent, (sum(costs), together * processors))
-    message = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
+    message = prose(
+        f"sharing with {other.name}: predicted {now} instead of {apart} apart; ", command("tune"), " measures it"
+    )
     return together * processors - sum(costs), message
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from rarms_iac.model.commands import RecommendedCommand, Wording
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.layout import PlacedPartition, Placement
 from rarms_iac.model.quantities import LogicalProcessors
@@ -27,7 +28,7 @@ class DataLogSummary:
     smt: bool
     scheduler: SchedulerType
     os_build: int
-    again: str  # the command that measures it
+    again: RecommendedCommand  # what measures it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +72,7 @@ class Explanation:
     why_together: tuple[str, ...]
     apart: str  # what its members would need in partitions of their own; empty: it cannot be told, or is alone
     shared: tuple[str, ...]  # compounds that were measured and not taken, or why there are none
-    partners: tuple[str, ...]  # with whom it would probably save something; predicted
+    partners: tuple[Wording, ...]  # with whom it would probably save something; predicted
     on_host: HostPromises | None  # None: there is no layout
     current_host: str  # that it runs already, and what that means; empty: it does not, as far as was seen
     not_observed: tuple[str, ...]  # hosts that could not be looked at

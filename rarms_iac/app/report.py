@@ -19,6 +19,7 @@ from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatu
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
@@ -100,9 +101,7 @@ def _candidates(manifest: Manifest) -> tuple[Node, ...]:
 def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
     message = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
-    return NOTHING_MEASURED.at(
-        None, message, f"Measure first: `rarms measure{''.join(f' {component}' for component in components)}`."
-    )
+    return NOTHING_MEASURED.at(None, message, prose("Measure first: ", command("measure", *components), "."))
 
 
 def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[LogBesideManifest, ...]:

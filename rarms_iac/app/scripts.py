@@ -8,6 +8,7 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
 from rarms_iac.applying.scripts import scripts_of
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import HostPlan, Plan
@@ -297,5 +298,11 @@ def _no_script(path: str) -> Diagnostic:
     return NO_SCRIPT.at(
         None,
         f"{path} does not say in its head that it is an apply, undo or observe script of rarms.",
-        "Give a script that `rarms show --script --out FOLDER` or `rarms snapshot --script` wrote.",
+        prose(
+            "Give a script that ",
+            command("show", script=True, out="FOLDER"),
+            " or ",
+            command("snapshot", script=True),
+            " wrote.",
+        ),
     )

@@ -13,7 +13,7 @@ from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.commands import prose
+from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
@@ -96,16 +96,17 @@ FAR = 10
 """So many times worse than the worst that was measured is no level that somebody wants."""
 
 
-def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> str:
+def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> Wording:
     """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
     highest, limit = log.measured[-1], _limit(log, host)
     safe = curve.safe_value_at(highest)
     holds = "" if safe is None or not isfinite(safe) else f": {_show_level(index, safe)} holds at {highest} %"
     if highest >= limit:
         return f"Choose an easier level{holds}, and {limit} % is the most that there is."
-    return (
-        f"Choose an easier level{holds}. Or measure higher settings, and select again: "
-        f"`{log.again} --from {highest + 1}% --to {limit}%`."
+    return prose(
+        f"Choose an easier level{holds}. Or measure higher settings, and select again: ",
+        log.again.also(from_=f"{highest + 1}%", to=f"{limit}%"),
+        ".",
     )
 
 

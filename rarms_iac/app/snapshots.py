@@ -8,6 +8,7 @@ from rarms_iac.app.files import read_input_file
 from rarms_iac.app.requests import SnapshotFile
 from rarms_iac.app.wiring import ScriptObservation, read_script_output
 from rarms_iac.diff.readings import is_marked
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
@@ -175,7 +176,12 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
     finding = SnapshotUnreadable.finding.at(
         None,
         f"{file}: {reason}.",
-        "Make one with `rarms snapshot --host NAME --out FILE`, or run the script of `rarms snapshot --script` there, "
-        "and name its host where there are several: `--snapshot NAME=FILE`.",
+        prose(
+            "Make one with ",
+            command("snapshot", host="NAME", out="FILE"),
+            ", or run the script of ",
+            command("snapshot", script=True),
+            " there, and name its host where there are several: `--snapshot NAME=FILE`.",
+        ),
     )
     return UseCaseError(Outcome.FAILED, [finding])

@@ -25,6 +25,7 @@ from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Adopt, Change, Delete, Release
 from rarms_iac.model.claims import load_of
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors, in_order
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, Totals
 from rarms_iac.model.state import Partition, State, StoppedBy
@@ -203,7 +204,11 @@ def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[D
         NO_SUCH_TARGET.at(
             None,
             f"`--target {target}`: no change has this address or lies below it.{_suggestion(target, addresses)}",
-            "Give an address such as partition/vision (`rarms plan --verbose` lists them), or leave the option out.",
+            prose(
+                "Give an address such as partition/vision (",
+                command("plan", verbose=True),
+                " lists them), or leave the option out.",
+            ),
             address=target,
         )
         for target in targets

@@ -10,6 +10,7 @@ from dataclasses import replace
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.diff.compare_partitions import neither_off_nor_running
 from rarms_iac.model.changes import Address, Adopt, Reason, Release, Update
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Mark, Partition, RunState, StartAction, State, StoppedBy
 from rarms_iac.model.system import Disruption
@@ -144,14 +145,18 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
         mark = before.mark
         problem = f"Machine {machine} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
         manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
-        return TAKEN.at(place, problem, f"Release it first: `rarms release {mark.name}`{manifest}.", address=address)
+        return TAKEN.at(
+            place, problem, prose("Release it first: ", command("release", mark.name), f"{manifest}."), address=address
+        )
     holder = next(
         (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
         None,
     )
     if holder is not None:
         problem = f"Partition {quoted(name)} is machine {holder.id} already."
-        return TAKEN.at(place, problem, f"Release that one first: `rarms release {name}`.", address=address)
+        return TAKEN.at(
+            place, problem, prose("Release that one first: ", command("release", name), "."), address=address
+        )
     mark = Mark(
         application=application,
         name=name,

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import groupby
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan
@@ -54,9 +55,13 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
             locate(Address(partition=inside)),
             f"The task classes of {inside} lie in its guest, which {how}. The plan holds the script that writes them, "
             f"{name}; applying the plan does not run it.",
-            f"Write it out (`rarms show --script PLAN --guest {inside} --out FOLDER`), take it and its undo script "
-            "into the guest, and run it there as administrator. The next plan compares what observe.ps1 printed "
-            f"inside: `--snapshot {host_plan.host.name}.guest.{inside}=FILE`.",
+            prose(
+                "Write it out (",
+                command("show", "PLAN", script=True, guest=inside, out="FOLDER"),
+                "), take it and its undo script into the guest, and run it there as administrator. The next "
+                f"plan compares what observe.ps1 printed inside: `--snapshot {host_plan.host.name}.guest.{inside}"
+                "=FILE`.",
+            ),
             address=f"partition/{inside}",
         )
 

@@ -13,6 +13,7 @@ from rarms_iac.diff.disruption import (
     why_memory_needs_off,
 )
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
@@ -170,7 +171,11 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
                 f"Machine {quoted(partition.settings.name)} ({partition.id}) carries a line that looks "
                 "like a mark of rarms, but "
                 f"{partition.foreign_mark}. It counts as unmanaged.",
-                "Take the line out of its notes, or adopt the right machine with `rarms import PARTITION --id ID`.",
+                prose(
+                    "Take the line out of its notes, or adopt the right machine with ",
+                    command("import", "PARTITION", id="ID"),
+                    ".",
+                ),
                 address=f"machine/{partition.id}",
             )
 
@@ -209,7 +214,7 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
     return FOREIGN_AT_NAME.at(
         place,
         f"The host has a machine {quoted(name)} (id {machine.id}) that {owner}.",
-        f"Run `rarms import {name} --id {machine.id}` to take it over, or give the partition another name.",
+        prose("Run ", command("import", name, id=machine.id), " to take it over, or give the partition another name."),
         address=f"partition/{name}",
     )
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.names import renaming
 from rarms_iac.model.state import Partition, State
@@ -79,7 +80,11 @@ def managed_machines(
                 rules.locate(Address(partition=old)),
                 f"`moved` calls {quoted(old)} now {quoted(rules.moved[old])}, "
                 "but the host has a partition of each name.",
-                f"Remove one of them (`rarms destroy --target partition/{old}`), or take the line out of `moved`.",
+                prose(
+                    "Remove one of them (",
+                    command("destroy", target=f"partition/{old}"),
+                    "), or take the line out of `moved`.",
+                ),
                 address=f"partition/{old}",
             )
             for old in names.impossible

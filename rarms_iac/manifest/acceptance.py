@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from datetime import date
 
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
 from rarms_iac.model.wording import suggestion
@@ -31,7 +32,9 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
                 places.key(*path),
                 f"{acceptance.code} has the severity {severity_line(page)}: only warnings can be accepted, "
                 "and errors whose page says so.",
-                f"Remove the acceptance; `rarms explain {acceptance.code}` shows how to correct its cause.",
+                prose(
+                    "Remove the acceptance; ", command("explain", acceptance.code), " shows how to correct its cause."
+                ),
             )
         elif has_expired(acceptance, today):
             yield EXPIRED.at(

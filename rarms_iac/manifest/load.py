@@ -11,6 +11,7 @@ from rarms_iac.manifest.overlays import combine
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import ParsedText, read
+from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
@@ -88,9 +89,9 @@ def load(
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
-    advice = "Write a manifest, or move the file away and let `rarms init` write one."
+    advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
     if overlay:
-        advice = "Write the keys that differ from the manifest, or do not use the overlay."
+        advice = prose("Write the keys that differ from the manifest, or do not use the overlay.")
     return EMPTY.at(Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice)
 
 

@@ -8,6 +8,7 @@ from typing import assert_never
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.commands import RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Setting
@@ -115,9 +116,9 @@ def _not_achievable(
 ) -> Iterator[Diagnostic]:
     last = [setting for setting in settings if setting.reserve == reserve][-1:]
     most = "" if reserve == 100 else f" {reserve} % is the most that {experiment.host.name} can give it now."
-    advice = "Relax the threshold{}, make the component cheaper, or use a faster platform."
+    first, last_resort = "Relax the threshold (", "make the component cheaper, or use a faster platform."
     if most:
-        advice = "Free the host, where something else holds its processors; else relax the threshold{}."
+        first = "Free the host, where something else holds its processors; else relax the threshold ("
     for setting in last:
         indexes = measured_indexes(setting, experiment)
         # What is on the right side, and not for sure, is not met either.
@@ -126,7 +127,11 @@ def _not_achievable(
                 places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
                 f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
-                advice.format(f" (`rarms select {measured.component} --at LEVEL` says which level holds)"),
+                prose(
+                    first,
+                    command("select", measured.component, at="LEVEL"),
+                    f" says which level holds){'.' if most else f', {last_resort}'}",
+                ),
                 address=f"component/{measured.component}",
             )
 
@@ -137,23 +142,27 @@ def _not_resolved(
     first = experiment.members[0].name
     unsteady = _unsteady(settings[-1:])
     for reserve, component, why in unsteady:
-        longer = "" if _is_long(settings[-1]) else f", or give it more samples: `--again --samples {LONG}`"
+        longer = prose(", or give it more samples: ", _again(experiment))
         yield NO_STEADY_STATE.at(
             places.key("components", component),
             f"{component} at {reserve} %: {why}.",
-            f"Look for what grows while it runs{longer}.",
+            prose("Look for what grows while it runs", "" if _is_long(settings[-1]) else longer, "."),
             address=f"component/{component}",
         )
     if not unsteady:
         move = "Move the threshold away from what the component just reaches"
-        again = f"`rarms measure {_arguments(experiment)} --again --samples {LONG}`"
+        again = _again(experiment)
         was_long = bool(settings) and _is_long(settings[-1])
         unbounded = [] if was_long else [show_index(index) for index in _without_bound(settings[-1:], experiment)]
-        advice = f"{move}: more samples were not enough." if was_long else f"{move}, or allow more samples: {again}."
+        advice = (
+            prose(move, ": more samples were not enough.")
+            if was_long
+            else prose(move, ", or allow more samples: ", again, ".")
+        )
         yield NOT_RESOLVED.at(
             places.value("components", first, "apt"),
             f"{experiment.name}: {'; '.join((reason, *unbounded))}.",
-            f"That takes more samples: {again}." if unbounded else advice,
+            prose("That takes more samples: ", again, ".") if unbounded else advice,
             address=f"component/{first}",
         )
 
@@ -188,12 +197,11 @@ def _less_unknown(
         return
     highest = [setting for setting in settings if setting.reserve == end.inconclusive[-1]]
     reserve, component, reason = _unsteady(highest)[-1]
-    advice = (
-        f"To find out whether less is enough, measure longer: `rarms measure {_arguments(experiment)} --again "
-        f"--samples {LONG}`."
-    )
+    advice = prose("To find out whether less is enough, measure longer: ", _again(experiment), ".")
     if _is_long(highest[-1]):
-        advice = f"A longer series changes as well, so look for what grows in {component} while it runs. Or leave it."
+        advice = prose(
+            f"A longer series changes as well, so look for what grows in {component} while it runs. Or leave it."
+        )
     pronoun = "it" if len(end.inconclusive) == 1 else "they"
     lowest = f"; {end.failed} % is not shown to be" if end.failed else ""
     yield LESS_UNKNOWN.at(
@@ -210,9 +218,10 @@ def _is_long(setting: Setting) -> bool:
     return max(len(series.samples) for series in setting.series) >= LONG
 
 
-def _arguments(experiment: Experiment) -> str:
-    names = " ".join(member.name for member in experiment.members)
-    return f"{names} --together" if len(experiment.members) > 1 else names
+def _again(experiment: Experiment) -> RecommendedCommand:
+    """The same once more, with so many samples that a steady state shows."""
+    names = [member.name for member in experiment.members]
+    return command("measure", *names, together=len(names) > 1, again=True, samples=LONG)
 
 
 def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:
@@ -243,6 +252,9 @@ def _unusable_processors(
             places.key("components", member.name),
             f"It uses {usable} of its {processors} virtual processors at most: a CR of {reserve} % is {now} with "
             f"{processors}, and about {then} with {usable}.",
-            f"`rarms measure {member.name} --write-processors` writes `processors: {usable}` and measures again.",
+            prose(
+                command("measure", member.name, write_processors=True),
+                f" writes `processors: {usable}` and measures again.",
+            ),
             address=f"component/{member.name}",
         )

@@ -1,7 +1,8 @@
 """Commands of rarms that a message recommends, as data, and text with commands in it; views write both out."""
 
 import shlex
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from rarms_iac.model.output import OutputText, output
@@ -32,6 +33,10 @@ class RecommendedCommand:
         options = [word for option in self.options for word in (option.name, option.value) if word is not None]
         return shlex.join(["rarms", self.verb, *self.arguments, *options])
 
+    def also(self, **options: str | int | bool) -> "RecommendedCommand":
+        """The same with these options more, as `command` takes them."""
+        return replace(self, options=(*self.options, *_given(options)))
+
     @property
     def takes_manifest(self) -> bool:
         """Whether `-f` says which manifest it is about, and it names none."""
@@ -48,14 +53,14 @@ def command(verb: str, *arguments: str, **options: str | int | bool) -> Recommen
         arguments: what stands behind it.
         options: by their names with `_` for `-`, and one more behind a word of Python (`from_`); False: not given.
     """
-    given = []
+    return RecommendedCommand(verb, arguments, tuple(_given(options)))
+
+
+def _given(options: Mapping[str, str | int | bool]) -> Iterator[CommandOption]:
     for key, value in options.items():
+        name = key.strip("_").replace("_", "-")
         if value is not False:
-            name = key.strip("_").replace("_", "-")
-            given.append(
-                CommandOption(f"--{name}" if len(name) > 1 else f"-{name}", None if value is True else str(value))
-            )
-    return RecommendedCommand(verb, arguments, tuple(given))
+            yield CommandOption(f"--{name}" if len(name) > 1 else f"-{name}", None if value is True else str(value))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """What the planner answers: a Layout, or why there is none."""
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
@@ -89,16 +90,21 @@ class Cause:
     advice: Wording = ""  # what to do; empty: as the finding always says
 
 
-TOGETHER = "all of these:"
-"""What stands above changes that are needed together."""
+class RelaxationKind(Enum):
+    """Whether a relaxation is enough, or what was taken for granted where it is not sure."""
+
+    CERTAIN = "certain"
+    FEWER_PROCESSORS = "fewer_processors"  # components need no more in each that stays
+    COMBINING = "combining"  # components need together the least that they could
+    MORE_PROCESSORS = "more_processors"  # what was measured holds on a larger host
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
-    """A change of the manifest with which it would fit; each was tried."""
+    """What to change in the manifest, so that it would fit; it was tried. What is not certain has to be measured."""
 
-    message: str  # one change, or `TOGETHER` and a list
-    may: bool = False  # it was tried with the least that could be needed; a measurement has to tell
+    changes: tuple[str, ...]  # needed together
+    kind: RelaxationKind = RelaxationKind.CERTAIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,11 +8,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import takewhile
+from typing import assert_never
 
+from rarms_iac.model.commands import MEASURE, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.host import Host, Mechanism
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
+from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, Disruption, Measured, System, Threshold
@@ -100,21 +102,59 @@ def causes_as_findings(answer: Infeasible, system: System, places: Places) -> It
         )
 
 
-def _advice(ways: Sequence[Relaxation]) -> str:
+def _advice(ways: Sequence[Relaxation]) -> Wording:
     if not ways:
         return "No change that was tried makes it fit: remove a component, or add a host."
-    sure = [way.message for way in ways if not way.may]
-    lines = [f"- {way}" for way in sure]
-    if len(sure) == 1:
-        together = sure[0].removeprefix(f"{TOGETHER}\n")
-        head = "This would fit: " if together == sure[0] else "All of these together would fit:\n"
-        lines = [f"{head}{together}."]
-    elif sure:
+    certain = [way for way in ways if way.kind is RelaxationKind.CERTAIN]
+    lines: list[Wording] = [f"- {in_a_list(way.changes)}" for way in certain]
+    if len(certain) == 1:
+        head = "This would fit: " if len(certain[0].changes) == 1 else "All of these together would fit:\n  - "
+        lines = [head + "\n  - ".join(certain[0].changes) + "."]
+    elif certain:
         lines.insert(0, "Each of these alone would fit:")
-    first = list(takewhile(lambda way: way.may, ways))
-    last = [way for way in ways if way.may and way not in first]
-    before, after = ([f"{way.message[0].upper()}{way.message[1:]}." for way in perhaps] for perhaps in (first, last))
-    return "\n".join([*before, *lines, *after])
+    first = list(takewhile(lambda way: way.kind is not RelaxationKind.CERTAIN, ways))
+    last = [way for way in ways if way.kind is not RelaxationKind.CERTAIN and way not in first]
+    lines = [*map(describe_possibility, first), *lines, *map(describe_possibility, last)]
+    return prose(lines[0], *(prose("\n", line) for line in lines[1:]))
+
+
+def in_a_list(changes: Sequence[str]) -> str:
+    """Write changes that are needed together.
+
+    Args:
+        changes: at least one.
+
+    Returns:
+        A single one as it is, or a heading and a list, one line each.
+    """
+    return changes[0] if len(changes) == 1 else "\n  - ".join(["all of these:", *changes])
+
+
+def describe_possibility(way: Relaxation) -> Wording:
+    """Say what may be enough, and which measurement tells.
+
+    Args:
+        way: one that is not certain.
+
+    Returns:
+        A sentence.
+    """
+    changes = in_a_list(way.changes)
+    match way.kind:
+        case RelaxationKind.FEWER_PROCESSORS:
+            return prose("Fewer virtual processors may be enough, and ", MEASURE, f" tells: {changes}.")
+        case RelaxationKind.COMBINING:
+            return prose("Combining may be enough, and ", command("tune"), f" measures it: {changes}.")
+        case RelaxationKind.MORE_PROCESSORS:
+            return prose(
+                f"{changes[:1].upper()}{changes[1:]}, may be enough: what partitions need there has to be measured (",
+                MEASURE,
+                ").",
+            )
+        case RelaxationKind.CERTAIN:
+            return f"{changes}."
+        case _:
+            assert_never(way.kind)
 
 
 def _place(cause: Cause, system: System, places: Places) -> Place:
@@ -210,9 +250,12 @@ def _late_finding(member: Component, late: Sequence[str], host: Host, others: in
         f"A reservation promises a share over {SCHEDULER_WINDOW_MS} ms, not when in them it comes: beside "
         f"{counted(others, 'other partition')} on {host.name}, {in_a_row(late)} of {member.name} may be exceeded "
         "although the mean stays as measured.",
-        f"Set a mean, or a threshold of at least {SCHEDULER_WINDOW_MS} ms, or place {member.name} alone on a host. To "
-        "apply it all the same, accept the finding; afterwards `rarms prove --interference busy-loop` shows whether it "
-        "holds.",
+        prose(
+            f"Set a mean, or a threshold of at least {SCHEDULER_WINDOW_MS} ms, or place {member.name} alone "
+            "on a host. To apply it all the same, accept the finding; afterwards ",
+            command("prove", interference="busy-loop"),
+            " shows whether it holds.",
+        ),
         address=f"component/{member.name}",
     )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Protocol
 
+from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
@@ -24,7 +25,7 @@ class NotMeasured:
     components: Names
     code: str = findings.UNMEASURED.code
     message: str = ""  # empty: that no data log has it
-    advice: str = "Fix it with `cpu: { reserve: ... }`, or measure it first."
+    advice: Wording = "Fix it with `cpu: { reserve: ... }`, or measure it first."
 
 
 class ReservationSource(Protocol):
@@ -153,7 +154,7 @@ class MeasuredTogether:
     measured: tuple[int, ...]  # the CRs that were measured, ascending
     curves: Callable[[str, str], Curve]  # by component and index
     remarks: tuple[Cause, ...] = ()
-    again: str = ""  # the command that measures it
+    again: RecommendedCommand = MEASURE  # what measures it
     cpu_ms: Callable[[str], float | None] = _no_cpu_ms  # processor time of a component's job, on average
     usable: Callable[[str], int | None] = _no_cpu_ms  # fewer processors than these that a component can use at most
 
@@ -289,15 +290,15 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
     ]
     indexes = " and ".join(f"{index} of {component}" for index, component in missing)
     component = missing[0][1] if missing else names[0]
-    relax = f"Relax the APT (`rarms select {component} --at LEVEL` says which level holds)"
+    relax = prose("Relax the APT (", command("select", component, at="LEVEL"), " says which level holds), ")
     if not log.measured:
-        message, advice = f"{log.path} holds no setting yet.", f"Measure it: `{log.again}`."
+        message, advice = f"{log.path} holds no setting yet.", prose("Measure it: ", log.again, ".")
     elif highest < 100:
         message = f"No setting of {log.path} meets {indexes}: the highest is {highest} %."
-        advice = f"{relax}, or measure higher settings, as far as the host can give them: `{log.again}`."
+        advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
     else:
         message = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {indexes}."
-        advice = f"{relax}, make the component cheaper, or use a faster platform: 100 % is measured already."
+        advice = prose(relax, "make the component cheaper, or use a faster platform: 100 % is measured already.")
     return NotMeasured(
         components=names,
         code=findings.NOT_MET.code,
@@ -314,5 +315,5 @@ def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: Meas
         message=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "
         f"and not measured itself ({log.path}).",
         code=findings.INTERPOLATED.code,
-        advice=f"Measure it: `{log.again} --verify`.",
+        advice=prose("Measure it: ", log.again.also(verify=True), "."),
     )

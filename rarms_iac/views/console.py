@@ -104,7 +104,9 @@ def stack(*parts: "RenderableType | None") -> "RenderableType":
     return Group(*(part for part in parts if part is not None))
 
 
-def paragraph(content: Content | Prose, *, indent: int = 0, more: int = 0, start: Content = "") -> "RenderableType":
+def paragraph(
+    content: Content | Prose, *, indent: int = 0, more: int = 0, start: Content = "", lead: Content = ""
+) -> "RenderableType":
     """Running text, wrapped between words; a word longer than a line keeps a line of its own.
 
     Its own line ends stay. The further lines of an item (`- so`) stand below the item's first word.
@@ -114,11 +116,12 @@ def paragraph(content: Content | Prose, *, indent: int = 0, more: int = 0, start
         indent: columns before every line.
         more: further columns before every line but the first.
         start: what stands before the first line; the other lines stand below what follows it.
+        lead: what the text begins with, in a style of its own.
     """
     if isinstance(content, Prose):
-        return _Recommendation(content=content, indent=indent, more=more, start=start)
+        return _Recommendation(content=content, indent=indent, more=more, start=start, lead=lead)
     head = styled(" " * indent, start)
-    lines = [_item(line) for line in styled(content).split("\n", allow_blank=True)]
+    lines = [_item(line) for line in styled(lead, content).split("\n", allow_blank=True)]
     below = styled(" " * head.cell_len)
     return stack(
         *(_HangingIndent(head=below if number else head, more=more, content=line) for number, line in enumerate(lines))
@@ -138,10 +141,11 @@ class _Recommendation:
     indent: int
     more: int
     start: Content
+    lead: Content
 
     def __rich__(self) -> "RenderableType":
         text = plain_text(self.content, _MANIFEST.get())
-        return paragraph(text, indent=self.indent, more=self.more, start=self.start)
+        return paragraph(text, indent=self.indent, more=self.more, start=self.start, lead=self.lead)
 
 
 def indented(content: "RenderableType", indent: int) -> "RenderableType":

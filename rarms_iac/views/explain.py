@@ -74,7 +74,7 @@ def explanation_text(explanation: Explanation | HostExplanation, *, without_erro
         if without_errors and step.topic == NO_LAYOUT:
             continue
         first, *others = step.sentences
-        parts.append(paragraph(styled((f"{step.topic}: ", STRONG), first), more=2))
+        parts.append(paragraph(first, lead=styled((f"{step.topic}: ", STRONG)), more=2))
         parts += [paragraph(sentence, indent=2) for sentence in others]
     return stack(*parts)
 

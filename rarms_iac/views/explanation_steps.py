@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, MemberCurve
+from rarms_iac.model.commands import PLAN, Prose, Wording, prose
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
@@ -17,7 +18,7 @@ NO_LAYOUT = "no layout"
 """The topic of the step that says why not everything fits."""
 
 
-def verdicts(explanation: Explanation) -> Iterator[str]:
+def verdicts(explanation: Explanation) -> Iterator[Wording]:
     """What was measured at the reservation, or why nothing was."""
     if explanation.measured is None:
         yield _why_not_measured(explanation)
@@ -34,9 +35,10 @@ def verdicts(explanation: Explanation) -> Iterator[str]:
         reserves, least = explanation.measured.reserves, explanation.least.reserve
         below = max((reserve for reserve in reserves if reserve < least), default=None)
         above = min((reserve for reserve in reserves if reserve > least), default=None)
-        yield (
-            f"looked up on the curve between the settings at {below} % and {above} %, not measured itself: "
-            f"`{explanation.measured.again} --verify` measures it"
+        yield prose(
+            f"looked up on the curve between the settings at {below} % and {above} %, not measured itself: ",
+            explanation.measured.again.also(verify=True),
+            " measures it",
         )
     yield from explanation.remarks
 
@@ -141,17 +143,17 @@ class ExplanationStep:
     """A step of an explanation: what it is about, and its sentences."""
 
     topic: str
-    sentences: tuple[str, ...]
+    sentences: tuple[Prose, ...]
 
 
 def steps_of(explanation: Explanation | HostExplanation) -> tuple[ExplanationStep, ...]:
     """The steps in order."""
     topics = _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
-    steps = ((topic, tuple(sentences)) for topic, sentences in topics)
+    steps = ((topic, tuple(map(prose, sentences))) for topic, sentences in topics)
     return tuple(ExplanationStep(topic=topic, sentences=sentences) for topic, sentences in steps if sentences)
 
 
-def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[str]]]:
+def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[Wording]]]:
     yield "APT", _apt(explanation)
     yield "data log", _data_log(explanation)
     yield "setting and verdict", verdicts(explanation)
@@ -164,11 +166,11 @@ def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[st
     yield NO_LAYOUT, iter(explanation.infeasibility)
 
 
-def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[str]]]:
+def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[Wording]]]:
     component, name = explanation.component, explanation.component.name
     hosts = ", ".join(host.name for host in explanation.hosts) or "no host of the manifest"
     task = (
-        f"robotic task class {component.task}: `rarms plan` shows its values"
+        prose(f"robotic task class {component.task}: ", PLAN, " shows its values")
         if component.task
         else "no robotic task class"
     )
@@ -326,7 +328,7 @@ def _limit_and_weight(explanation: Explanation) -> Iterator[str]:
         yield explanation.placed.mechanism
 
 
-def _rejected(explanation: Explanation) -> Iterator[str]:
+def _rejected(explanation: Explanation) -> Iterator[Wording]:
     yield from _other_reserves(explanation)
     if explanation.apart:
         yield explanation.apart

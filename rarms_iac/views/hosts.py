@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.doctor import Examinations, ExaminedHost
 from rarms_iac.app.drift import DriftReport, HostDrift
 from rarms_iac.diff.drift import DriftKind
+from rarms_iac.model.commands import APPLY, PLAN, prose
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
@@ -100,12 +101,12 @@ def drift_text(report: DriftReport) -> "RenderableType":
     problems = report.problems
     if report.unfinished:
         names = ", ".join(sorted(report.unfinished))
-        parts.append(paragraph(f"A run is unfinished on {names}: `rarms apply` finishes it."))
+        parts.append(paragraph(prose(f"A run is unfinished on {names}: ", APPLY, " finishes it.")))
     elif not problems and any(host.host_changed or host.not_applied for host in report.hosts):
-        parts.append(paragraph("`rarms plan` shows what would make it as the manifest wants it."))
+        parts.append(paragraph(prose(PLAN, " shows what would make it as the manifest wants it.")))
     if problems:
         codes = ", ".join(dict.fromkeys(f"{problem.code} ({problem.summary.lower()})" for problem in problems))
-        parts.append(paragraph(f"The manifest was not compared: {codes}. `rarms plan` tells more."))
+        parts.append(paragraph(prose(f"The manifest was not compared: {codes}. ", PLAN, " tells more.")))
     return stack(*parts, paragraph(styled((_summary(report), STRONG))))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
 from rarms_iac.model.changes import Change, Create, Delete, Update
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
@@ -123,13 +124,17 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
     yield from _held_back(part, plan)
     for name in part.unused:
         yield paragraph(
-            f"partition/{name} is unused and stopped: the manifest no longer wants it. "
-            f"Remove it with `rarms destroy --target partition/{name}`.",
+            prose(
+                f"partition/{name} is unused and stopped: the manifest no longer wants it. Remove it with ",
+                command("destroy", target=f"partition/{name}"),
+                ".",
+            ),
             indent=2,
         )
     for name in part.stopped:
         yield paragraph(
-            f"partition/{name} stays stopped, as somebody asked for. `rarms start {name}` starts it.", indent=2
+            prose(f"partition/{name} stays stopped, as somebody asked for. ", command("start", name), " starts it."),
+            indent=2,
         )
     yield from _not_undone(part)
     if verbose:

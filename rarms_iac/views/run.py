@@ -9,9 +9,10 @@ from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from rarms_iac.applying.refusals import UNDO_PARTIAL
+from rarms_iac.applying.refusals import GO_ON, UNDO_PARTIAL
 from rarms_iac.applying.run_report import NO_COMPONENTS, HostReport, ReportedStep, RunEnding, RunReport, RunReporter
 from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.model.commands import APPLY, UNDO, Wording, prose
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress, TaskID
 
-GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
 LONGEST = 500
 """Characters that are shown of a line that a host says beside its steps."""
 
@@ -199,14 +199,14 @@ def run_text(report: RunReport) -> "RenderableType":
     return stack(*map(paragraph, _sentences(report)))
 
 
-def _sentences(report: RunReport) -> Iterator[str]:
+def _sentences(report: RunReport) -> Iterator[Wording]:
     for host in report.hosts:
         yield f"{host.host}: {_host(host, partial=_undo_is_partial(report))}"
     match report.ending:
         case RunEnding.NOTHING:
             yield "Nothing to do."
         case RunEnding.INTERRUPTED:
-            yield f"Stopped after the running step. {GO_ON}"
+            yield prose("Stopped after the running step. ", GO_ON)
         case RunEnding.DONE | RunEnding.REFUSED | RunEnding.FAILED:
             pass
 
@@ -309,13 +309,13 @@ def _partition_outputs(part: HostPlan) -> Iterator[PartitionRunOutput]:
 
 def interruption_text(ending: str, command: str) -> "RenderableType":
     """Say that a command was interrupted or terminated, and how to go on; an empty line stands before it."""
-    return stack("", paragraph(f"rarms was {ending}.{_advice_to_resume(command)}"))
+    return stack("", paragraph(prose(f"rarms was {ending}.", _advice_to_resume(command))))
 
 
-def _advice_to_resume(command: str) -> str:
+def _advice_to_resume(command: str) -> Wording:
     """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
     if command in {"measure", "prove", "tune"}:
         return " What is recorded stays. The same command goes on where it stopped."
     if command in {"apply", "destroy", "import", "release", "start", "stop", "undo"}:
-        return " If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
+        return prose(" If it was changing a host, run ", APPLY, " to finish that, or ", UNDO, " to take it back.")
     return ""

@@ -5,6 +5,7 @@ from io import StringIO
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.scripts import PlanScript
+from rarms_iac.model.commands import APPLY, Wording, prose
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
@@ -57,12 +58,14 @@ def _highlighted(text: str) -> str:
     return file.getvalue().removesuffix("\n")
 
 
-def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[str]:
+def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> Iterator[Wording]:
     """Yield what is to be said of the scripts of a plan that are not shown."""
     guests = sorted({script.guest for script in scripts if script.guest} - {script.guest for script in selected})
     linux = [part.host.name for part in plan.hosts if part.facts.provider is ProviderKind.LINUX and part.steps]
     if linux:
-        yield f"A Linux host has no script, so {', '.join(linux)} has none: `rarms apply` does the plan's steps itself."
+        yield prose(
+            f"A Linux host has no script, so {', '.join(linux)} has none: ", APPLY, " does the plan's steps itself."
+        )
     elif not selected:
         yield "The plan changes nothing on the hosts themselves."
     if guests:

@@ -11,7 +11,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
 
-from rarms_iac.model.commands import Wording, plain_text
+from rarms_iac.model.commands import Prose, Wording, plain_text
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -77,13 +77,14 @@ class Terminal:
         """Write what a person asked for, laid out for standard output."""
         self.data(self._render(content, piped=self.piped, colour=self.colour))
 
-    def talk(self, content: "RenderableType") -> None:
-        """Write what is said beside it, with a line end; a `str` as it is, anything else laid out by rich."""
+    def talk(self, content: "RenderableType | Wording") -> None:
+        """Write what is said beside it, with a line end; text as it is, anything else laid out by rich."""
         self.out = flush_stream(self.out)
-        if not isinstance(content, str):
-            self.err = write_text(self.err, self._render(content, piped=self.talk_piped, colour=self.talk_colour))
+        if isinstance(content, str | Prose):
+            text = plain_text(content, self.manifest_options) + "\n"
         else:
-            self.err = write_text(self.err, content + "\n")
+            text = self._render(content, piped=self.talk_piped, colour=self.talk_colour)
+        self.err = write_text(self.err, text)
 
     def _render(self, content: "RenderableType", *, piped: bool, colour: bool) -> str:
         from rarms_iac.views.console import UNLIMITED, render

@@ -30,6 +30,7 @@ from rarms_iac.measuring.prove import (
     prove,
     with_samples,
 )
+from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
@@ -251,7 +252,7 @@ def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
     )
     if stopped:
         message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
-        advice = f"Start them, and prove again: `rarms start {' '.join(stopped)}`."
+        advice = prose("Start them, and prove again: ", command("start", *stopped), ".")
         finding = findings.NOT_APPLIED.at(None, message, advice, address=f"partition/{stopped[0]}")
         raise UseCaseError(Outcome.REFUSED, [finding])
 
@@ -288,7 +289,7 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
 
 
 def _not_applied(message: str, address: str) -> Diagnostic:
-    advice = "See what is missing with `rarms plan`, and bring it there with `rarms apply`."
+    advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
     return findings.NOT_APPLIED.at(None, message, advice, address=address)
 
 
@@ -338,7 +339,7 @@ def _not_met(hosts: Hosts, proofs: list[LayoutProof]) -> Iterator[Diagnostic]:
             )
 
 
-def _finding_of(verdict: IndexVerdict) -> tuple[Finding, str]:
+def _finding_of(verdict: IndexVerdict) -> tuple[Finding, Wording]:
     """Return the finding for a verdict that is not met, and the advice with it."""
     match verdict.verdict:
         case Unsteady():
@@ -346,8 +347,8 @@ def _finding_of(verdict: IndexVerdict) -> tuple[Finding, str]:
         case WithinNoise() | TooFewSamples() | TooManyFailures():
             return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
-            again = f"`rarms measure {verdict.measured.component} --again --stop-partitions`"
-            return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
+            again = command("measure", verdict.measured.component, again=True, stop_partitions=True)
+            return findings.MISSED, prose("Raise its reservation, relax its APT, or measure it again: ", again, ".")
         case _:
             assert_never(verdict.verdict)
 

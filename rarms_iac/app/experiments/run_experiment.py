@@ -28,6 +28,7 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import apts_of
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import show_duration
@@ -142,7 +143,11 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
         if not member.apt:
             place = hosts.manifest.places.key("components", member.name)
             message = f"{member.name} has no `apt`."
-            advice = f"Give it one, or measure chosen settings: `rarms measure {member.name} --from 10% --to 100%`."
+            advice = prose(
+                "Give it one, or measure chosen settings: ",
+                command("measure", member.name, from_="10%", to="100%"),
+                ".",
+            )
             raise UseCaseError(
                 Outcome.NEGATIVE,
                 [findings.NO_THRESHOLD.at(place, message, advice, address=f"component/{member.name}")],
@@ -187,9 +192,14 @@ def _make_room(session: MeasuringSession, experiment: Experiment, method: Method
     host = session.host_of(experiment)
     if still_running := stop_partitions(session, host):
         message = f"On {host.name} these run, and would change what is measured: {', '.join(still_running)}."
-        advice = (
-            f"Let `rarms {session.command} --stop-partitions` stop them and start them again afterwards, or do it "
-            "yourself: `rarms stop`, later `rarms start`."
+        advice = prose(
+            "Let ",
+            command(session.command, stop_partitions=True),
+            " stop them and start them again afterwards, or do it yourself: ",
+            command("stop"),
+            ", later ",
+            command("start"),
+            ".",
         )
         address = f"host/{host.name}"
         raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=address)])

@@ -15,6 +15,7 @@ from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.measuring import findings
 from rarms_iac.model.changes import Update
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import Partition, State, StoppedBy
@@ -54,7 +55,7 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
             _run(hosts, host, Purpose.START, names)
         except UseCaseError as error:
             message = f"On {host.name} these were stopped to measure, and could not be started: {', '.join(names)}."
-            advice = f"Mend what keeps them from it, then start them: `rarms start {' '.join(names)}`."
+            advice = prose("Mend what keeps them from it, then start them: ", command("start", *names), ".")
             finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{host.name}")
             raise UseCaseError(error.outcome, (finding, *error.diagnostics)) from None
     return names

@@ -17,6 +17,7 @@ from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.options import busy_host_option, flag, lock_timeout_option, option, samples_option
+from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
@@ -183,18 +184,21 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
     """
     yield from end.still_stopped
     if end.unanswered:
-        advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
-        yield findings.NO_ANSWER.at(None, end.unanswered, advice)
+        mend = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
+        yield findings.NO_ANSWER.at(None, end.unanswered, mend)
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."
-        advice = (
-            "Relax an APT (`rarms select COMPONENT --at LEVEL`), lift an `apart`, `dedicated` or `protect`, or add a "
-            "logical processor."
+        advice = prose(
+            "Relax an APT (",
+            command("select", "COMPONENT", at="LEVEL"),
+            "), lift an `apart`, `dedicated` or `protect`, or add a logical processor.",
         )
         if not end.subject.cois:
             message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
-            advice = "Lower a reserve (`rarms plan` names ways out), or have it measured: `cpu: { reserve: measured }`."
+            advice = prose(
+                "Lower a reserve (", PLAN, " names ways out), or have it measured: `cpu: { reserve: measured }`."
+            )
         yield findings.UNABLE.at(
             places.key("hosts", end.subject.bench.name), message, advice, address=f"host/{end.subject.bench.name}"
         )
@@ -202,8 +206,11 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
         yield findings.CONTRADICTION.at(
             None,
             f"{contradiction.message}. So nothing is proved: what was found holds, and another layout may be better.",
-            f"Measure the parts again (`rarms measure {' '.join(contradiction.members)} --again`), or tune with more "
-            "samples: `--samples 2000`, after removing the compound's data log.",
+            prose(
+                "Measure the parts again (",
+                command("measure", *contradiction.members, again=True),
+                "), or tune with more samples: `--samples 2000`, after removing the compound's data log.",
+            ),
             address=f"component/{contradiction.members[0]}",
         )
     for compound in end.compounds:
@@ -230,8 +237,16 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
     yield findings.STILL_TOO_MUCH.at(
         None,
-        f"{now} are reserved now, and {capacity} are there; `rarms plan` tells more.",
-        "Go on: `rarms tune --strategy paper --repeat`, or `rarms tune`.",
+        f"{now} are reserved now, and {capacity} are there.",
+        prose(
+            "Go on: ",
+            command("tune", strategy="paper", repeat=True),
+            ", or ",
+            command("tune"),
+            ". ",
+            PLAN,
+            " tells more.",
+        ),
         address=f"host/{end.subject.bench.name}",
     )
 

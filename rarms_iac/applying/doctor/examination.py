@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from rarms_iac.model.commands import Wording
 from rarms_iac.model.condition import HostCondition, MachineCondition
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Partition, State
@@ -28,11 +29,11 @@ class Examination:
         for machine in self.state.partitions:
             yield machine, conditions.get(machine.id.lower(), MachineCondition(id=machine.id))
 
-    def host_finding(self, finding: Finding, detail: str, advice: str) -> Diagnostic:
+    def host_finding(self, finding: Finding, detail: str, advice: Wording) -> Diagnostic:
         """A finding about the host itself."""
         return finding.at(self.place, detail, advice, address=f"host/{self.name}")
 
-    def machine_finding(self, finding: Finding, machine: Partition, detail: str, advice: str) -> Diagnostic:
+    def machine_finding(self, finding: Finding, machine: Partition, detail: str, advice: Wording) -> Diagnostic:
         """A finding about a machine: a partition of ours at its name in the manifest, any other machine at its id."""
         address = f"partition/{machine.mark.name}" if machine.mark else f"machine/{machine.id}"
         return finding.at(self.place, detail, advice, address=address)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.applying.preconditions import no_rights, scheduler_findings
+from rarms_iac.model.commands import APPLY, prose
 from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind, SchedulerType
@@ -81,8 +82,12 @@ def check_elevation(host: Examination) -> Iterator[Diagnostic]:
             NOT_ELEVATED,
             f"{host.name} was looked at{group} without elevation: that is enough to plan, and scripts that change the "
             "host also write HKLM and %ProgramData%\\rarms, which only administrators may.",
-            'Run `rarms apply` from a prompt that was opened with "Run as administrator", or over ssh as an '
-            "administrator of the host.",
+            prose(
+                "Run ",
+                APPLY,
+                ' from a prompt that was opened with "Run as administrator", or over ssh as an administrator '
+                "of the host.",
+            ),
         )
 
 

@@ -8,6 +8,7 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.review.partitions_after import partition_after_change
 from rarms_iac.diff.drift import drift_of_marks
 from rarms_iac.model.changes import Delete, Update
+from rarms_iac.model.commands import DRIFT, HISTORY, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
@@ -45,7 +46,7 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
             yield CHANGED_OUTSIDE.at(
                 addresses[address].reason.place,
                 f"{drift.address} on {desired.host}: {drift.message}. This plan makes it as the manifest wants it.",
-                "Find out who did it: `rarms drift` shows what differs, `rarms history` what rarms itself did.",
+                prose("Find out who did it: ", DRIFT, " shows what differs, ", HISTORY, " what rarms itself did."),
                 address=str(drift.address),
             )
 
@@ -217,7 +218,11 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
                 step.place,
                 f'"{step.address.partition}" is removed from {desired.host}, and its virtual disks stay: '
                 f"{', '.join(disks)}.",
-                "Delete by hand what nobody needs, or let `rarms destroy --remove-disks` delete what rarms made.",
+                prose(
+                    "Delete by hand what nobody needs, or let ",
+                    command("destroy", remove_disks=True),
+                    " delete what rarms made.",
+                ),
                 address=str(step.address),
             )
 

@@ -7,6 +7,7 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.review.partitions_after import partitions_after
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
 from rarms_iac.model.claims import WHOLE
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
@@ -96,7 +97,11 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
             None,
             f"Machines on {desired.host} that {request.application} does not manage stay as they are, and get less "
             f"while all are busy: {'; '.join(losers)}.",
-            "If one has to answer in time, give it a reserve first, or take it in: `rarms import PARTITION --id ID`.",
+            prose(
+                "If one has to answer in time, give it a reserve first, or take it in: ",
+                command("import", "PARTITION", id="ID"),
+                ".",
+            ),
             address=f"host/{desired.host}",
         )
 

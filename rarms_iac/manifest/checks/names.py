@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
@@ -212,7 +213,7 @@ def no_components(system: System) -> Iterator[Violation]:
         yield Violation(
             path=("components",),
             detail="The manifest describes no component. A plan would stop every partition that rarms created before.",
-            advice="Add a component. To remove everything, use `rarms destroy`.",
+            advice=prose("Add a component. To remove everything, use ", command("destroy"), "."),
             address=f"application/{system.application.name}",
         )
 

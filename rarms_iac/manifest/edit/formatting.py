@@ -12,6 +12,7 @@ from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.reading import ParsedText, read_text
 from rarms_iac.manifest.text.tree import build_tree, place_of_node, unified
+from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
 
 
@@ -56,7 +57,7 @@ def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
     if not parsed.readable or isinstance(parsed.value, dict):
         return []
     if parsed.value is None:
-        advice = "Write a manifest, or move the file away and let `rarms init` write one."
+        advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
         return [EMPTY.at(place, "The file has only comments.", advice)]
     return [WRONG_KIND.at(place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.")]
 

@@ -3,6 +3,7 @@
 import re
 import unicodedata
 
+from rarms_iac.model.commands import INIT, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 
 NOT_UTF8 = Finding.error("RARMS004", "The file is not UTF-8 text")
@@ -55,14 +56,14 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
     data = data.removeprefix(_BOM)
     if not data.strip():
         raise UnreadableText(
-            EMPTY.at(start, "The file has no content.", "Write a manifest, or let `rarms init` write one.")
+            EMPTY.at(start, "The file has no content.", prose("Write a manifest, or let ", INIT, " write one."))
         )
     _check_utf8(data, file)
     _check_hidden(data, file)
     note = BYTE_ORDER_MARK.at(
         start,
         "The three bytes EF BB BF at the start mean nothing in UTF-8. rarms reads the file without them.",
-        "Save it as UTF-8 without a byte order mark, or let `rarms fmt` do it.",
+        prose("Save it as UTF-8 without a byte order mark, or let ", command("fmt"), " do it."),
     )
     return data, (note,) if marked else ()
 

@@ -11,6 +11,7 @@ from rarms_iac.manifest.text.characters import UnreadableText, check_text
 from rarms_iac.manifest.text.events import SAME_KEY, DuplicateKey, read_events
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.tree import Node, build_positions
+from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import STANDARD_INPUT, NotRegular, TooLarge, read_input
@@ -141,10 +142,10 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
             advice = "Check that it is the manifest, or move what differs between machines into overlays."
             return TOO_LARGE.at(place, f"{file} has more than 8 MiB, the largest size of a manifest.", advice)
         case FileNotFoundError():
-            advice = "Name the manifest or its folder with `-f PATH`, or create one with `rarms init`."
+            missing = prose("Name the manifest or its folder with `-f PATH`, or create one with ", INIT, ".")
             if overlay:
-                advice = "Check the path. An overlay is a file with the keys that differ from the manifest."
-            return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", advice)
+                missing = prose("Check the path. An overlay is a file with the keys that differ from the manifest.")
+            return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", missing)
         case PermissionError():
             return NOT_READABLE.at(
                 place, f"rarms has no permission to read {quoted(file)}.", "Check the file's permissions."

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
-from rarms_iac.model.layout import TOGETHER
 from rarms_iac.model.system import System
 from rarms_iac.planner.problem import HostView, has_layout, problem_of
 from rarms_iac.planner.reservations import ReservationSource
@@ -123,17 +122,3 @@ def smallest_edits(levers: Sequence[Lever], trials: Trials) -> Edits:
 
 def _flat(chosen: Iterable[Edits]) -> Edits:
     return tuple(edit for edits in chosen for edit in edits)
-
-
-def describe(edits: Sequence[Edit]) -> str:
-    """One change as it is, several as a list.
-
-    Args:
-        edits: at least one; they are made together.
-
-    Returns:
-        The message of a single edit, or a heading and a list, one line each.
-    """
-    if len(edits) == 1:
-        return edits[0].message
-    return "\n  - ".join([TOGETHER, *(edit.message for edit in edits)])

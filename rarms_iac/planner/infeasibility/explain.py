@@ -6,13 +6,13 @@ from fractions import Fraction
 from itertools import chain, islice, zip_longest
 
 from rarms_iac.model.claims import WHOLE
-from rarms_iac.model.layout import Cause, Infeasible, Relaxation
+from rarms_iac.model.layout import Cause, Infeasible, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import LogicalProcessors, show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
-from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Trials, Variant, describe, smallest_edits
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Trials, Variant, smallest_edits
 from rarms_iac.planner.infeasibility.levers import (
     apt_levers,
     memory_levers,
@@ -192,14 +192,14 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
         _of_kind((lever for lever in processors if not lever.to_be_measured), memory, conflict, trials),
         _of_kind(chain.from_iterable(map(reserve_levers, groups)), memory, conflict, trials),
     )
-    in_turns = (describe(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
+    in_turns = (_relaxation(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
     sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
     perhaps = (*_combining(problem, conflict, trials), *_ways_with_more_processors(processors, trials))
-    return (
-        *(Relaxation(message=way, may=True) for way in _narrowing(groups, problem, conflict, trials)),
-        *(Relaxation(message=way) for way in sure),
-        *(Relaxation(message=way, may=True) for way in perhaps),
-    )
+    return (*_narrowing(groups, problem, conflict, trials), *sure, *perhaps)
+
+
+def _relaxation(edits: Edits, kind: RelaxationKind = RelaxationKind.CERTAIN) -> Relaxation:
+    return Relaxation(changes=tuple(edit.message for edit in edits), kind=kind)
 
 
 def _moving(problem: Problem, trials: Trials) -> Iterator[Edits]:
@@ -225,13 +225,15 @@ def _of_kind(
     return ()
 
 
-def _narrowing(groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[str]:
+def _narrowing(
+    groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials
+) -> Iterator[Relaxation]:
     levers = chain.from_iterable(narrowing_levers(group, problem) for group in groups)
     for edits in islice(_of_kind(levers, (), conflict, trials), 1):
-        yield f"fewer virtual processors may be enough, and `rarms measure` tells: {describe(edits)}"
+        yield _relaxation(edits, RelaxationKind.FEWER_PROCESSORS)
 
 
-def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[str]:
+def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[Relaxation]:
     """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
     pairs = islice(pair_levers(problem, conflict), PAIRS)
     edits = next(filter(None, (smallest_edits([pair], trials) for pair in pairs)), ())
@@ -242,10 +244,10 @@ def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Ite
                 apart.append(pair)
         edits = smallest_edits(apart, trials)
     if edits:
-        yield f"combining may be enough, and `rarms tune` measures it: {describe(edits)}"
+        yield _relaxation(edits, RelaxationKind.COMBINING)
 
 
-def _ways_with_more_processors(levers: Sequence[Lever], trials: Trials) -> Iterator[str]:
+def _ways_with_more_processors(levers: Sequence[Lever], trials: Trials) -> Iterator[Relaxation]:
     ways = (smallest_edits([lever], trials) for lever in levers if lever.to_be_measured)
     for edits in islice(filter(None, ways), 1):
-        yield f"{describe(edits)}, may be enough: what partitions need there has to be measured (`rarms measure`)"
+        yield _relaxation(edits, RelaxationKind.MORE_PROCESSORS)

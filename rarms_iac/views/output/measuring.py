@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from rarms_iac.model.commands import Prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.output.common import Output
 
@@ -123,7 +124,7 @@ class ExplanationStepOutput:
     """A step from the APT to the per cent: what it is about, and its sentences."""
 
     topic: str
-    sentences: tuple[str, ...]
+    sentences: tuple[Prose, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

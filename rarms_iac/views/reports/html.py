@@ -12,7 +12,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import PlatformCapacity, Report
-from rarms_iac.model.commands import plain_text
+from rarms_iac.model.commands import command, plain_text, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.statistics.errors import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
@@ -43,7 +43,7 @@ MEGABYTE = 1_000_000
 def size_warning(file: str, size: int, measurements: int) -> Diagnostic:
     """Say that a page of so many bytes is large, and what makes it smaller."""
     message = f"{file} has {size:,} bytes: a plot of each of {measurements} data logs."
-    return LARGE.at(None, message, "Name the components that matter: `rarms report COMPONENT...`.")
+    return LARGE.at(None, message, prose("Name the components that matter: ", command("report", "COMPONENT..."), "."))
 
 
 def as_html(report: Report) -> bytes:

@@ -194,7 +194,7 @@ SITUATIONS = {
     "an APT is missed in the layout": Situation(
         steps=(write(ALONE.replace("45 %", "10 %")), APPLY),
         words=("prove", "--interference", "busy-loop"),
-        messages=("--again --stop-partitions`",),
+        messages=("relax its APT, or measure it again",),
         recommends=("rarms measure vision --again --stop-partitions",),
     ),
     "an apply was killed": Situation(
@@ -525,7 +525,7 @@ SITUATIONS = {
             write(READ_OFF),
         ),
         words=("explain", "vision"),
-        messages=("--verify` measures it",),
+        messages=("not measured itself: ",),
         recommends=("rarms measure vision --verify",),
     ),
     "somebody plays an intruder": Situation(
@@ -674,7 +674,7 @@ SITUATIONS = {
     "the paper's procedure combined, and it is still too much": Situation(
         steps=(write(PAIR.replace("reserve: measured", "reserve: 95 %", 1) + THIRD), logs(speech=60, video=60)),
         words=("tune", "--strategy", "paper", "--auto-approve"),
-        messages=("are there; `rarms plan` tells more", "Go on: "),
+        messages=("`rarms plan` tells more", "Go on: "),
         recommends=("rarms tune --strategy paper --repeat", "rarms tune", "rarms plan"),
         may_answer=ExitCode.NO,
     ),
@@ -752,7 +752,7 @@ OTHER_TESTS = {
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
     "Run the script there by hand and look": "tests/unit/cli/test_hyperv_snapshots.py",
     "Say how the host is reached": "tests/unit/cli/test_hyperv_snapshots.py",
-    "(`rarms show --script PLAN --guest {inside}": "tests/unit/cli/test_show_scripts.py",
+    "(`rarms show PLAN --script --guest {inside}": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "Somebody changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
@@ -760,6 +760,8 @@ OTHER_TESTS = {
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     # On Linux, or at another moment, what a situation says:
+    "or give it more samples: ": "settings below have no steady state",
+    "That takes more samples: ": "settings below have no steady state",
     "See what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Look at the host again: `rarms plan`": "somebody changed a partition",
@@ -817,12 +819,16 @@ def texts_of(path: Path) -> Iterator[str]:
             case _:
                 continue
     for node in ast.walk(tree):
-        if node not in skipped and isinstance(node, ast.JoinedStr | ast.Constant | ast.Call):
-            yield text_of(node)
+        match node:
+            case ast.Constant(value=str()) | ast.JoinedStr() | ast.Call(func=ast.Name(id="prose")):
+                if node not in skipped:
+                    yield text_of(node)
+            case _:
+                continue
 
 
 def text_of(node: ast.AST) -> str:
-    """A text as a reader of the code sees it, its commands written out; empty: it is none."""
+    """A text as a reader of the code sees it, its commands written out; what is no text in braces."""
     match node:
         case ast.Constant(value=str(text)):
             return text
@@ -833,17 +839,22 @@ def text_of(node: ast.AST) -> str:
         case ast.Name(id=name) if isinstance(known := getattr(commands, name, None), commands.RecommendedCommand):
             return f"`{known.text}`"
         case ast.Call(func=ast.Name(id="command"), args=arguments, keywords=options):
-            words = [text_of(argument) or ast.unparse(argument) for argument in arguments]
+            words = [text_of(argument) for argument in arguments]
             for option in options:
-                words += [f"--{(option.arg or '').strip('_').replace('_', '-')}", text_of(option.value)]
-            return f"`rarms {' '.join(word for word in words if word)}`"
+                words.append(f"--{(option.arg or '').strip('_').replace('_', '-')}")
+                words += (
+                    []
+                    if isinstance(option.value, ast.Constant) and option.value.value is True
+                    else [text_of(option.value)]
+                )
+            return f"`rarms {' '.join(words)}`"
         case _:
-            return ""
+            return f"{{{ast.unparse(node)}}}"
 
 
 def recommending_texts() -> list[str]:
     """The texts of the package that name a command of rarms between backticks."""
-    named = re.compile(r"`rarms [a-z]|`\{[^`]*\b(again|origin|_writing)\b[^`]*\}[^`]*`|\} --help`")
+    named = re.compile(r"`rarms [a-z{]|\{(?:[a-z]+\.)*_?again\b|\} --help`")
     modules = sorted({*Path(rarms_iac.__file__).parent.rglob("*.py")} - {Path(commands.__file__)})
     return [text for module in modules for text in texts_of(module) if named.search(text)]
 

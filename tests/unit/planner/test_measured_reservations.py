@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import pytest
 
+from rarms_iac.model.commands import command
 from rarms_iac.model.layout import Cause, Infeasible, Layout
 from rarms_iac.model.system import PartitionRequest, System, run_of
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -37,7 +38,7 @@ def a_log(
         measured=tuple(sorted(means)),
         curves=lambda component, _index: curves[component],
         remarks=remarks,
-        again="rarms measure vision",
+        again=command("measure", "vision"),
     )
 
 

@@ -78,15 +78,15 @@ def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "advice"),
+    ("changes", "advice"),
     [
-        ("arm reserves 20 % instead of 30 %", "This would fit: arm reserves 20 % instead of 30 %."),
-        ("all of these:\n  - one\n  - two", "All of these together would fit:\n  - one\n  - two."),
+        (("arm reserves 20 % instead of 30 %",), "This would fit: arm reserves 20 % instead of 30 %."),
+        (("one", "two"), "All of these together would fit:\n  - one\n  - two."),
     ],
 )
-def test_the_only_way_out_is_a_sentence_or_a_list(way: str, advice: str) -> None:
+def test_the_only_way_out_is_a_sentence_or_a_list(changes: tuple[str, ...], advice: str) -> None:
     cause = Cause(address="application", message="Nothing fits.", code=findings.PLACEMENT.code)
-    answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(message=way),))
+    answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(changes=changes),))
 
     assert [str(finding.advice) for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [advice]
 

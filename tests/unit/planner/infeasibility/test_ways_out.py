@@ -5,8 +5,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.model.layout import Infeasible, Layout, Relaxation
+from rarms_iac.model.layout import Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.system import AtMost, PartitionRequest, System
+from rarms_iac.planner.layout import describe_possibility, in_a_list
 from tests.builders import a_component, a_cpu, a_host, a_system, at_most
 from tests.unit.planner.test_measured_reservations import Logs, a_log, planned
 
@@ -53,11 +54,11 @@ LOGS: Logs = {
 def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
     system = a_robot()  # 20, 40 and 50 per cent, less what the slopes give back
 
-    offered = [way for way in ways(system, LOGS) if LINE.search(way.message)]
+    offered = [way for way in ways(system, LOGS) if LINE.search(in_a_list(way.changes))]
 
     assert offered
     for way in offered:
-        changed, found = relaxed(system, way.message)
+        changed, found = relaxed(system, in_a_list(way.changes))
         ((name, value),) = found.items()
         assert fits(changed, LOGS)
         tighter = AtMost(value=Fraction(value) - 4)
@@ -73,10 +74,10 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
         ("vision",): a_log({39: 110, 44: 90}, "vision"),
     }
 
-    (offered,) = [way for way in ways(system, logs) if LINE.search(way.message)]
+    (offered,) = [way for way in ways(system, logs) if LINE.search(in_a_list(way.changes))]
 
-    changed, found = relaxed(system, offered.message)
-    assert offered.message.startswith("all of these:\n  - ")
+    changed, found = relaxed(system, in_a_list(offered.changes))
+    assert in_a_list(offered.changes).startswith("all of these:\n  - ")
     assert len(found) > 1
     assert fits(changed, logs)
     for name in found:
@@ -87,11 +88,12 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
 def test_nothing_is_offered_below_what_was_measured() -> None:
     logs: Logs = {(name,): a_log({60: 90}, name) for name in ("path", "vision")}
 
-    assert not [way for way in ways(a_robot(("path", "vision")), logs) if LINE.search(way.message)]
+    assert not [way for way in ways(a_robot(("path", "vision")), logs) if LINE.search(in_a_list(way.changes))]
 
 
 def pair_in(system: System, logs: Logs) -> str | None:
-    return next((way.message for way in ways(system, logs) if way.message.startswith("combining")), None)
+    pairs = (way for way in ways(system, logs) if way.kind is RelaxationKind.COMBINING)
+    return next((str(describe_possibility(way)) for way in pairs), None)
 
 
 def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
@@ -99,8 +101,8 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
     logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
     assert pair_in(system, logs) == (
-        "combining may be enough, and `rarms tune` measures it: path and speech together need 38 % to 79 % of onboard, "
-        "and up to 60 % fits"
+        "Combining may be enough, and `rarms tune` measures it: path and speech together need 38 % to 79 % of onboard, "
+        "and up to 60 % fits."
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
@@ -137,23 +139,23 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
 def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:
     fixed = a_system(components=[a_component(name, reserve="0.9 LP") for name in ("arm", "base", "camera")])
     more = "one more logical processor on onboard"
-    assert more in [way.message for way in ways(fixed, {}) if not way.may]
+    assert more in [in_a_list(way.changes) for way in ways(fixed, {}) if way.kind is RelaxationKind.CERTAIN]
 
     mixed = a_system(components=[*fixed.components.values(), a_component("path", reserve="measured", apt=APT)])
     found = ways(mixed, {("path",): a_log({5: 200, 10: 90}, "path")})
 
-    assert not [way.message for way in found if more in way.message and not way.may]
-    (perhaps,) = [way.message for way in found if more in way.message]
-    assert perhaps == (
-        f"{more}, with `processors: 2` for path as now, may be enough: what partitions need there has to be measured "
-        f"(`rarms measure`)"
+    (perhaps,) = [way for way in found if more in in_a_list(way.changes)]
+    assert perhaps.kind is RelaxationKind.MORE_PROCESSORS
+    assert str(describe_possibility(perhaps)) == (
+        f"O{more[1:]}, with `processors: 2` for path as now, may be enough: what partitions need there has to be "
+        f"measured (`rarms measure`)."
     )
 
 
 def test_where_partitions_grow_with_their_host_a_larger_one_is_no_way_out() -> None:
     system = a_system(components=[a_component(name, reserve="40 %") for name in ("arm", "base", "camera")])
 
-    assert not [way for way in ways(system, {}) if "logical processor" in way.message]
+    assert not [way for way in ways(system, {}) if "logical processor" in in_a_list(way.changes)]
 
 
 def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
@@ -164,7 +166,7 @@ def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
         ]
     )
 
-    offered = [way.message for way in ways(system, {})]
+    offered = [in_a_list(way.changes) for way in ways(system, {})]
 
     assert "arm reserves 0.4 LP instead of 0.9 LP" in offered, "0.41 LP would find 40 % on either processor"
 
@@ -177,7 +179,7 @@ def test_several_reserves_are_lowered_together_the_least_critical_first() -> Non
         ]
     )
 
-    (offered,) = [way.message for way in ways(system, {})]
+    (offered,) = [in_a_list(way.changes) for way in ways(system, {})]
 
     assert offered.splitlines() == [
         "all of these:",
@@ -196,7 +198,7 @@ def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> No
         ],
     )
 
-    assert [way.message.splitlines()[1:] for way in ways(system, {})] == [
+    assert [in_a_list(way.changes).splitlines()[1:] for way in ways(system, {})] == [
         ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % instead of 70 %"],
         ["  - 1 GiB more memory on onboard", "  - base reserves 30 % instead of 50 %"],
     ]
@@ -211,7 +213,7 @@ def test_memory_and_processors_are_added_together_where_that_is_enough() -> None
         ],
     )
 
-    first = ways(system, {})[0].message.splitlines()
+    first = in_a_list(ways(system, {})[0].changes).splitlines()
 
     assert first == ["all of these:", "  - 1 GiB more memory on onboard", "  - one more logical processor on onboard"]
 
@@ -220,7 +222,7 @@ def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
     both = PartitionRequest(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
     components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
 
-    offered = [way.message for way in ways(a_system(components=components, partitions=[both]), {})]
+    offered = [in_a_list(way.changes) for way in ways(a_system(components=components, partitions=[both]), {})]
 
     assert "partition arm reserves 60 % instead of 70 %" in offered
 
@@ -229,7 +231,7 @@ def test_hosts_of_one_platform_stay_alike() -> None:
     hosts = [a_host(name, platform="alike") for name in ("front", "rear")]
     components = [a_component(name, reserve="1.1 LP") for name in ("arm", "base", "camera", "dock")]
 
-    offered = [way.message for way in ways(a_system(hosts=hosts, components=components), {})]
+    offered = [in_a_list(way.changes) for way in ways(a_system(hosts=hosts, components=components), {})]
 
     assert "one more logical processor on each of front and rear" in offered
 
