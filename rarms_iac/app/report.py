@@ -201,7 +201,7 @@ def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
         lower=proven.lower,
         upper=proven.upper,
         met=proven.met,
-        verdict=proven.verdict or ("met" if proven.met else "missed"),
+        verdict=proven.verdict,
         error=proven.error,
         note=note,
     )

@@ -1,7 +1,7 @@
 """Data logs beside the manifest -> report model. Reads no file: whoever calls hands the logs down."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import assert_never
 
@@ -17,7 +17,16 @@ from rarms_iac.app.report_model import (
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
+from rarms_iac.model.outcomes import (
+    Met,
+    Missed,
+    TooFewSamples,
+    TooManyFailures,
+    Unsteady,
+    Verdict,
+    WithinNoise,
+    verdict_word,
+)
 from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
@@ -241,50 +250,37 @@ def points_of(
 def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge_look(series, apt, run)
-    words, error, remark = _verdict_words(verdict)
+    point = MeasuredPoint(
+        reserve=setting.reserve,
+        samples=len(series.samples),
+        failed=len(failures(series)),
+        verdict=verdict_word(verdict) if apt else None,
+        remark=_remark(verdict),
+    )
     if not estimates:
-        return MeasuredPoint(
-            reserve=setting.reserve,
-            value=None,
-            low=0.0,
-            high=0.0,
-            samples=len(series.samples),
-            failed=len(failures(series)),
-            effective=0.0,
-            verdict=words,
-            remark=remark,
-        )
+        return point
     [estimate] = estimates
     beyond = "" if estimate.beyond is None else describe_extreme(estimate.beyond)
-    return MeasuredPoint(
-        reserve=setting.reserve,
+    return replace(
+        point,
         value=estimate.value,
         low=estimate.lower,
         high=estimate.upper,
-        samples=len(series.samples),
-        failed=len(failures(series)),
         effective=estimate.effective_samples,
-        verdict=words if apt else "",
-        error=error if apt else None,
-        remark="; ".join(text for text in (remark, beyond) if text),
+        error=ERROR if apt and isinstance(verdict, Met | Missed) else None,
+        remark="; ".join(text for text in (point.remark, beyond) if text),
     )
 
 
-def _verdict_words(verdict: Verdict) -> tuple[str, float | None, str]:
-    """A word, the probability that it is wrong, and what else is to be said."""
+def _remark(verdict: Verdict) -> str:
+    """What else is to be said of a verdict."""
     match verdict:
-        case Met(warm_up=warm_up):
-            return "meets the APT", ERROR, _warm_up(warm_up)
-        case Missed(warm_up=warm_up):
-            return "misses the APT", ERROR, _warm_up(warm_up)
-        case WithinNoise(warm_up=warm_up):
-            return "within the noise", None, _warm_up(warm_up)
-        case Unsteady(reason=why):
-            return "no steady state", None, why
+        case Met(warm_up=warm_up) | Missed(warm_up=warm_up) | WithinNoise(warm_up=warm_up):
+            return _warm_up(warm_up)
+        case Unsteady(reason=reason) | TooFewSamples(reason=reason):
+            return reason
         case TooManyFailures(failures=failed, allowed=allowed):
-            return "too many failed samples", None, f"{len(failed)} failed, {allowed} allowed"
-        case TooFewSamples(reason=why):
-            return "too few samples", None, why
+            return f"{len(failed)} failed, {allowed} allowed"
         case _:
             assert_never(verdict)
 

@@ -12,6 +12,7 @@ from typing import Literal
 from rarms_iac.model.changes import Address
 from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import Threshold
@@ -36,13 +37,13 @@ class MeasuredPoint:
     """What one setting showed of an index."""
 
     reserve: int
-    value: float | None  # None: the samples say nothing of it
-    low: OpenBound
-    high: OpenBound
     samples: int
     failed: int
-    effective: float  # samples that count as independent
-    verdict: str = ""  # empty: there is no threshold
+    value: float | None = None  # None: the samples say nothing of it
+    low: OpenBound = 0.0
+    high: OpenBound = 0.0
+    effective: float = 0.0  # samples that count as independent
+    verdict: VerdictWord | None = None  # None: there is no threshold
     error: float | None = None  # how probably the verdict is wrong
     remark: str = ""
 
@@ -181,7 +182,7 @@ class ComponentProof:
     lower: float | None  # None: the samples say nothing about this side
     upper: float | None
     met: bool
-    verdict: str  # met, missed, within the noise, no steady state, cannot be told
+    verdict: VerdictWord
     error: float | None  # that the verdict is wrong; None: there is none
     note: str = ""
     outdated: tuple[str, ...] = ()  # what is no longer as it was when this was proven

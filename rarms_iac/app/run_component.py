@@ -17,17 +17,19 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import place_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.system import AtLeast, AtMost, Component, System, Threshold
+from rarms_iac.model.system import Component, System
 from rarms_iac.model.wording import counted
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
-from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.estimates import estimate_steady
+from rarms_iac.statistics.verdicts import judge_each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,51 +50,16 @@ class ComponentRunResult:
     def estimates(self) -> Mapping[str, Estimate | NoEstimate]:
         """Every index of the APT; without one, how long its jobs took and how many succeeded."""
         indexes = tuple(self.component.apt) or ("mean_response_time", "success_rate")
-        return {index: estimate(index, self.series, self.run) for index in indexes}
+        return {index: estimate_steady(index, self._of_real_processes, self.run, error=ERROR) for index in indexes}
 
     @property
-    def missed(self) -> tuple[str, ...]:
-        """The indexes that are on the wrong side of their threshold beyond what is noise."""
-        estimates = self.estimates
-        return tuple(
-            index for index, threshold in self.component.apt.items() if _is_missed(estimates[index], threshold)
-        )
+    def verdicts(self) -> Mapping[str, Verdict]:
+        """On each index of the APT by itself, as it runs on this machine."""
+        return judge_each(self._of_real_processes, self.component.apt, self.run)
 
-
-def meets(value: float, threshold: Threshold) -> bool:
-    """Tell whether a value is good enough.
-
-    Args:
-        value: in the unit of the threshold's index.
-        threshold: at most or at least a value.
-
-    Returns:
-        True also where the value equals the threshold's.
-    """
-    match threshold:
-        case AtMost(value=most):
-            return value <= most
-        case AtLeast(value=least):
-            return value >= least
-
-
-def noise(estimate: Estimate, threshold: Threshold) -> bool:
-    """Tell whether the estimate's interval reaches over the threshold, so that the truth may lie on either side.
-
-    Args:
-        estimate: with its interval, in the unit of the threshold's index.
-        threshold: at most or at least a value.
-
-    Returns:
-        True where nobody can tell yet.
-    """
-    return meets(estimate.lower, threshold) is not meets(estimate.upper, threshold)
-
-
-def _is_missed(estimate: Estimate | NoEstimate, threshold: Threshold) -> bool:
-    if isinstance(estimate, NoEstimate):
-        return False
-    return not (meets(estimate.value, threshold) or noise(estimate, threshold))
+    @property
+    def _of_real_processes(self) -> Series:
+        return replace(self.series, wanders=True)
 
 
 CANNOT_START = Finding.error("RARMS285", "A component cannot be run")
@@ -244,7 +211,8 @@ def _findings(result: ComponentRunResult, manifest: Manifest, *, reserved: bool)
             address=address,
         )
         return
-    for index in () if reserved else result.missed:
+    missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
+    for index in () if reserved else missed:
         yield MISSED_UNRESERVED.at(
             places.key("components", name, "apt", index),
             f'"{name}" misses its {index} on this machine although nothing takes processor time from it but what '

@@ -2,18 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady
+from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.steady_state import find_steady_series
 from rarms_iac.statistics.verdicts import judge_look
-
-Shortfall = Literal["missed", "within the noise", "no steady state"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +66,7 @@ def indexes_of_series(components: tuple[Component, ...], seen: Mapping[str, Seri
     )
 
 
-def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> Shortfall:
+def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> Verdict | None:
     """Say why settings at this CR, where not every threshold was met for sure, did not meet them.
 
     Strict, and with the error of a verdict, as a report judges a setting.
@@ -80,7 +77,8 @@ def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experime
         experiment: its members say which thresholds.
 
     Returns:
-        "missed" where a threshold was shown to be missed; otherwise what kept the samples from telling.
+        `Missed` where a threshold was shown to be missed, else `Unsteady` where that kept samples from telling, else
+        another verdict; None: there are no such settings.
     """
     verdicts = [
         judge_look(series, member.apt, experiment.runs[member.name], members=len(experiment.members))
@@ -90,9 +88,8 @@ def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experime
         for series in setting.series
         if series.component == member.name and member.apt
     ]
-    if any(isinstance(verdict, Missed) for verdict in verdicts):
-        return "missed"
-    return "no steady state" if any(isinstance(verdict, Unsteady) for verdict in verdicts) else "within the noise"
+    most_telling = [verdict for kind in (Missed, Unsteady) for verdict in verdicts if isinstance(verdict, kind)]
+    return next(iter([*most_telling, *verdicts]), None)
 
 
 def why_unsteady(series: Series) -> str:

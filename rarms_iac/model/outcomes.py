@@ -5,6 +5,7 @@ conclusion, and views and program output show all of them.
 """
 
 from dataclasses import dataclass
+from typing import Literal, assert_never
 
 from rarms_iac.model.output import OpenBound
 from rarms_iac.model.system import Threshold
@@ -92,6 +93,29 @@ class TooManyFailures:
 
 Verdict = Met | Missed | WithinNoise | Unsteady | TooFewSamples | TooManyFailures
 """On the APT of one component at one setting."""
+
+VerdictWord = Literal[
+    "met", "missed", "within the noise", "no steady state", "too few samples", "too many failed samples"
+]
+
+
+def verdict_word(verdict: Verdict) -> VerdictWord:
+    """Return what a verdict is called: in tables, in JSON and in the configuration logs."""
+    match verdict:
+        case Met():
+            return "met"
+        case Missed():
+            return "missed"
+        case WithinNoise():
+            return "within the noise"
+        case Unsteady():
+            return "no steady state"
+        case TooFewSamples():
+            return "too few samples"
+        case TooManyFailures():
+            return "too many failed samples"
+        case _:
+            assert_never(verdict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

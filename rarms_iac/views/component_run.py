@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Protocol
 
-from rarms_iac.app.run_component import ComponentRunResult, SampleReporter, meets, noise
+from rarms_iac.app.run_component import ComponentRunResult, SampleReporter
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named
-from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.model.outcomes import Estimate, NoEstimate, Verdict, verdict_word
 from rarms_iac.model.quantities import show_number
 from rarms_iac.model.series import Sample
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
@@ -46,8 +46,10 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
 
 def summary_text(ran: ComponentRunResult) -> "RenderableType":
     """What the samples come to: a line, and a row an index of the APT."""
+    verdicts = {index: f"{verdict_word(verdict)} here" for index, verdict in ran.verdicts.items()}
+    bounds = {index: show_bound(index, threshold) for index, threshold in ran.component.apt.items()}
     rows = [
-        (index, _estimate(index, estimate), *_beside(ran.component.apt.get(index), index, estimate))
+        (index, _estimate(index, estimate), bounds.get(index, ""), verdicts.get(index, ""))
         for index, estimate in ran.estimates.items()
     ]
     return stack(paragraph(_head(ran)), table(rows, wrap=(1,), indent=2))
@@ -74,24 +76,13 @@ def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
             return show_estimate(index, estimate)
 
 
-def _beside(threshold: Threshold | None, index: str, estimate: Estimate | NoEstimate) -> tuple[str, str]:
-    """The threshold, and whether it was met on this machine."""
-    if threshold is None:
-        return "", ""
-    bound = show_bound(index, threshold)
-    if isinstance(estimate, NoEstimate):
-        return bound, ""
-    verdict = "met here" if meets(estimate.value, threshold) else "missed here"
-    return bound, verdict + (" within the noise" if noise(estimate, threshold) else "")
-
-
 def ran_json(ran: Sequence[ComponentRunResult], findings: Sequence[Diagnostic]) -> str:
     """The same for programs, samples included."""
     return json_of(ComponentRunOutput(components=tuple(map(_output, ran)), findings=tuple(findings)))
 
 
 def _output(ran: ComponentRunResult) -> ComponentResultOutput:
-    series = ran.series
+    series, verdicts = ran.series, ran.verdicts
     return ComponentResultOutput(
         component=ran.component.name,
         ending=ran.ending.value,
@@ -99,13 +90,16 @@ def _output(ran: ComponentRunResult) -> ComponentResultOutput:
         cpu_ms=series.cpu_ms,
         failed=ran.failed,
         indexes=tuple(
-            _index(index, estimate, ran.component.apt.get(index)) for index, estimate in ran.estimates.items()
+            _index(index, estimate, ran.component.apt.get(index), verdicts.get(index))
+            for index, estimate in ran.estimates.items()
         ),
         samples=tuple(output_of(SampleOutput, sample) for sample in series.samples),
     )
 
 
-def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> IndexResultOutput:
+def _index(
+    index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None, verdict: Verdict | None
+) -> IndexResultOutput:
     point = estimate if isinstance(estimate, Estimate) else None
     return IndexResultOutput(
         index=index,
@@ -115,7 +109,7 @@ def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | N
         upper=point.upper if point and isfinite(point.upper) else None,
         at_most=float(threshold.value) if isinstance(threshold, AtMost) else None,
         at_least=float(threshold.value) if isinstance(threshold, AtLeast) else None,
-        met=meets(point.value, threshold) if point and threshold else None,
+        verdict=verdict_word(verdict) if verdict else None,
     )
 
 

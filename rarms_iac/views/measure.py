@@ -19,12 +19,14 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
     Estimate,
+    Missed,
     NotAchievable,
     NotResolved,
     SettingFailed,
     Stopped,
     Sufficient,
     Swept,
+    Unsteady,
 )
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.run import Elapsed, SampleCount
@@ -117,12 +119,12 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
     if not failed:
         return ""
     match shortfall_at(failed, result.settings, result.experiment):
-        case "missed":
+        case Missed():
             return f"{failed} % too little"
-        case "within the noise":
-            return f"{failed} % unresolved"
-        case "no steady state":
+        case Unsteady():
             return f"{failed} % unsteady"
+        case _:
+            return f"{failed} % unresolved"
 
 
 def _inconclusive(reserves: Sequence[int]) -> str:
@@ -230,7 +232,7 @@ def _output(measured: ExperimentResult) -> ExperimentOutput:
         failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
-        and shortfall_at(conclusion.failed, measured.settings, experiment) != "missed",
+        and not isinstance(shortfall_at(conclusion.failed, measured.settings, experiment), Missed),
         inconclusive=conclusion.inconclusive if isinstance(conclusion, Sufficient) else (),
         error=ERROR if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=measured.planned.reserve if measured.planned else None,

@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.experiments.prove import verdict_of
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
+from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row
@@ -41,10 +41,10 @@ def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
     measured, index = verdict.measured, index_named(verdict.measured.index)
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
     threshold = f"{index.name} {show_bound(index.name, measured.threshold)}"
-    return measured.component, threshold, value, describe_verdict(index, verdict_of(verdict.verdict))
+    return measured.component, threshold, value, describe_verdict(index, verdict_word(verdict.verdict))
 
 
-def describe_verdict(index: PerformanceIndex, verdict: str) -> str:
+def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
     """`met`; of a maximum or minimum `met so far`, since nobody can say what the next job does."""
     return "met so far" if index.is_extreme and verdict == "met" else verdict
 
@@ -62,10 +62,10 @@ def _partitions(proof: LayoutProof) -> Mapping[str, str]:
 
 
 def _sentence(proof: LayoutProof, against: str) -> str:
-    counts = Counter(verdict_of(each.verdict) for each in proof.not_met)
+    counts = Counter(verdict_word(each.verdict) for each in proof.not_met)
     shortfalls = [
-        f"{count} {'without a steady state' if verdict == 'no steady state' else verdict}"
-        for verdict, count in sorted(counts.items())
+        f"{count} {'without a steady state' if word == 'no steady state' else word}"
+        for word, count in sorted(counts.items())
     ]
     message = ", ".join(shortfalls) or "all thresholds met"
     layout = proof.layout
@@ -117,7 +117,7 @@ def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
             index,
             host=proof.host,
             partition=partitions.get(verdict.measured.component),
-            verdict=verdict_of(verdict.verdict),
+            verdict=verdict_word(verdict.verdict),
             verdict_error=verdict.error,
             why=verdict.measured.reason,
         )

@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Literal, assert_never
+from typing import assert_never
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -33,7 +33,7 @@ from rarms_iac.measuring.prove import (
 from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
-from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise, verdict_word
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.series import Series
 from rarms_iac.model.state import State, StoppedBy
@@ -43,8 +43,6 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
-
-ProofVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +157,7 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
         lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
         upper=estimate.upper if estimate and isfinite(estimate.upper) else None,
         met=verdict.met,
-        verdict=verdict_of(verdict.verdict),
+        verdict=verdict_word(verdict.verdict),
         error=verdict.error,
     )
 
@@ -351,27 +349,3 @@ def _finding_of(verdict: IndexVerdict) -> tuple[Finding, Wording]:
             return findings.MISSED, prose("Raise its reservation, relax its APT, or measure it again: ", again, ".")
         case _:
             assert_never(verdict.verdict)
-
-
-def verdict_of(verdict: Verdict) -> ProofVerdict:
-    """Return what a verdict is called wherever it is shown.
-
-    Args:
-        verdict: of one index.
-
-    Returns:
-        A few words in lower case.
-    """
-    match verdict:
-        case Met():
-            return "met"
-        case Missed():
-            return "missed"
-        case WithinNoise():
-            return "within the noise"
-        case Unsteady():
-            return "no steady state"
-        case TooFewSamples() | TooManyFailures():
-            return "cannot be told"
-        case _:
-            assert_never(verdict)

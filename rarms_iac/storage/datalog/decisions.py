@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from rarms_iac.model.measurement import Bench, EnvironmentSetup
+from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.storage.codec import Json, decode, decode_union
 from rarms_iac.storage.datalog.files import FOLDER, append_to_log, decoded_records
@@ -48,7 +49,7 @@ class ProvenIndex:
     lower: float | None
     upper: float | None
     met: bool  # it was shown to be; not so: missed, or without a verdict
-    verdict: str = ""  # met, missed, within the noise, no steady state, cannot be told; empty: of an early rarms
+    verdict: VerdictWord
     error: float | None = None  # that the verdict is wrong; the truth is outside the bounds with twice as much
 
 

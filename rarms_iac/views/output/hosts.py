@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.views.output.common import Output
 
 
@@ -79,7 +80,7 @@ class IndexResultOutput:
     upper: float | None
     at_most: float | None
     at_least: float | None
-    met: bool | None
+    verdict: VerdictWord | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

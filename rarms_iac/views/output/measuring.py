@@ -5,6 +5,7 @@ from typing import Literal
 
 from rarms_iac.model.commands import Prose
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.views.output.common import Output
 
 
@@ -80,9 +81,6 @@ class MeasureOutput(Output):
     findings: tuple[Diagnostic, ...]
 
 
-ProvenVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProvenIndexOutput(IndexOutput):
     """A performance index that was seen in the layout, with the verdict on it.
@@ -92,7 +90,7 @@ class ProvenIndexOutput(IndexOutput):
 
     host: str
     partition: str | None  # null: it runs on the host itself
-    verdict: ProvenVerdict
+    verdict: VerdictWord
     verdict_error: float | None
     why: str
 

@@ -191,7 +191,7 @@ def _point_cells(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
         "no answer" if point.value is None else show_value(curve.index, point.value),
         inside,
         f"{point.samples} samples{failed}",
-        f"{point.verdict}{error_text(point)}",
+        f"{point.verdict or ''}{error_text(point)}",
         point.remark,
     )
 

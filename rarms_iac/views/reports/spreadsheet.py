@@ -102,7 +102,7 @@ def _setting(measurement: Measurement, index: IndexCurve, point: MeasuredPoint) 
         point.failed,
         index.index.direction,
         None if threshold is None else float(threshold.value),
-        point.verdict,
+        point.verdict or "",
         None if point.error is None else finite(100 * point.error),
         point.remark,
         measurement.log,

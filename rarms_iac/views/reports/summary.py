@@ -81,7 +81,11 @@ def verdict_of(curve: IndexCurve, reserve: int | None) -> str:
     if reserve is None:
         return "not achieved at any reserve that was measured"
     points = [point for point in curve.points if point.reserve == reserve]
-    return f"measured: {points[-1].verdict}{error_text(points[-1])}" if points else "interpolated: not itself measured"
+    return (
+        f"measured: {points[-1].verdict or ''}{error_text(points[-1])}"
+        if points
+        else "interpolated: not itself measured"
+    )
 
 
 def error_text(point: MeasuredPoint) -> str:

@@ -187,7 +187,13 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     for value in (98.7, 113.0):
         missed = value > 100
         seen = ProvenIndex(
-            index="mean_response_time", threshold="at most 100 ms", value=value, lower=None, upper=None, met=not missed
+            index="mean_response_time",
+            threshold="at most 100 ms",
+            value=value,
+            lower=None,
+            upper=None,
+            met=not missed,
+            verdict="missed" if missed else "met",
         )
         append_entry(path, a_proof(seen))
 
@@ -200,7 +206,13 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
 
 def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
     seen = ProvenIndex(
-        index="mean_response_time", threshold="at most 120 ms", value=99.0, lower=None, upper=None, met=True
+        index="mean_response_time",
+        threshold="at most 120 ms",
+        value=99.0,
+        lower=None,
+        upper=None,
+        met=True,
+        verdict="met",
     )
     path = configuration_path(robot.parent, "onboard", "vision")
     append_entry(path, a_proof(seen))

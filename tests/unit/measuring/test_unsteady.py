@@ -16,7 +16,7 @@ from rarms_iac.measuring.loop import LoopResult
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import Sufficient
+from rarms_iac.model.outcomes import Missed, Sufficient, Unsteady
 from rarms_iac.model.run import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
@@ -87,7 +87,7 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
     assert needed <= ended.conclusion.reserve <= needed + 2
     assert ended.conclusion.failed is not None
     assert ended.conclusion.reserve - ended.conclusion.failed <= 3
-    assert shortfall_at(ended.conclusion.failed, ended.settings, experiment) != "no steady state"
+    assert not isinstance(shortfall_at(ended.conclusion.failed, ended.settings, experiment), Unsteady)
     assert ended.conclusion.inconclusive == ()
     assert len(ended.settings) <= 9
     assert list(findings_of(experiment, ended.conclusion, ended.settings, FirstLine(""))) == []
@@ -129,7 +129,7 @@ def test_quick_jobs_that_have_a_processor_for_themselves_at_first_are_not_believ
     assert isinstance(ended.conclusion, Sufficient)
     assert ended.conclusion.reserve >= 35
     lower = [setting for setting in ended.settings if setting.reserve < 30]
-    assert all(shortfall_at(setting.reserve, ended.settings, experiment) == "missed" for setting in lower)
+    assert all(isinstance(shortfall_at(setting.reserve, ended.settings, experiment), Missed) for setting in lower)
 
 
 @pytest.mark.parametrize("limit", [28, 100])
