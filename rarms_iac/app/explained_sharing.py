@@ -16,9 +16,10 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_lp_percent, show_processors
 from rarms_iac.model.system import System
+from rarms_iac.planner.combining.candidates import at_least
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
+from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
 from rarms_iac.planner.reservations import MeasuredReservations, Names, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import TuningRun, read_runs, tuning_path
@@ -218,14 +219,14 @@ def describe_partners(partition: ExplainedPartition, host: Host) -> tuple[Wordin
         and may_share(group, other)
         and not _was_measured(partition.measurements, host, names_of((*group.members, *other.members)))
     ]
-    predictor = predictor_of(alone_in(groups, reservations, host))
-    savings = [_saving(group, other, host, reservations, predictor) for other in others]
+    predict = predictor_of(alone_in(groups, reservations, host))
+    savings = [_saving(group, other, host, reservations, predict) for other in others]
     found = sorted((saving for saving in savings if saving is not None), key=lambda saving: (saving[0], str(saving[1])))
     return tuple(message for _, message in found[:MOST_PARTNERS])
 
 
 def _saving(
-    group: Group, other: Group, host: Host, reservations: MeasuredReservations, predictor: Predictor
+    group: Group, other: Group, host: Host, reservations: MeasuredReservations, predict: Predict
 ) -> tuple[int, Wording] | None:
     """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
     sizes = [size(part, host, reservations) for part in (group, other)]
@@ -233,8 +234,9 @@ def _saving(
     if len(claims) < len(sizes):
         return None
     costs, processors = [claim.percent for claim in claims], max(claim.processors for claim in claims)
-    together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
-    if together is None or together * processors >= sum(costs):
+    predicted = predict(names_of((*group.members, *other.members)), processors)
+    together = 0 if predicted is None else max(predicted, at_least(max(costs), processors))
+    if not 0 < together * processors < sum(costs):
         return None
     apart, now = map(show_lp_percent, (sum(costs), together * processors))
     message = prose(

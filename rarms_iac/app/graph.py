@@ -15,11 +15,11 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import PartitionRequest, System, Threshold
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
-from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
+from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.prediction.members import alone_in, predictor_of
+from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
 from rarms_iac.statistics.curves import Curve, components_not_shown
@@ -151,13 +151,16 @@ def candidate_graph(manifest: Manifest, *, predict: bool) -> CandidateGraph:
     Raises:
         UseCaseError: A reservation is not known, or no host may have them all (negative).
     """
-    candidates, guide = _candidates(manifest)
-    masks = candidates.by_mask if predict else ()
-    predicted = {mask: reserve for mask in masks if (reserve := guide.predicted(mask)) is not None}
+    candidates, predict_need = _candidates(manifest)
+    predicted = {
+        mask: reserve
+        for mask, candidate in candidates.by_mask.items()
+        if predict and (reserve := expected(candidate, predict_need)) is not None
+    }
     return CandidateGraph(application=manifest.system.application.name, candidates=nodes_of(candidates, predicted))
 
 
-def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:
+def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
     measurements, system = measurements_of(manifest), manifest.system
     reservations = measured_reservations(measurements, {})
     problem = problem_of(system, reservations, {}, may_move=False)
@@ -175,7 +178,7 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
     informed_candidates = informed(candidates, recorded_answers(measurements, host, candidates, {}))
-    return informed_candidates, guide_of(informed_candidates, predictor_of(alone_in(groups, reservations, host)))
+    return informed_candidates, predictor_of(alone_in(groups, reservations, host))
 
 
 def _may_share(groups: Sequence[Group], names: Members) -> bool:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.model.quantities import plain, show_lp_percent
 from rarms_iac.model.wording import in_a_row
+from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
-from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.storage.datalog.decisions import TunedPartition
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 

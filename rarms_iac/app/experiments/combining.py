@@ -14,8 +14,8 @@ from rarms_iac.app.experiments.tune import TuneRequest, TuningPrompt, TuningResu
 from rarms_iac.app.experiments.tuning_subject import TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.planner.combining.candidates import candidates_of
-from rarms_iac.planner.combining.guiding import guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, total
+from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
 
 NO_SUBJECT = {finding.code for finding in (UNMEASURED, STALE, NOT_MET, PLATFORMS)}
@@ -108,12 +108,12 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
 
 def _predicted(subject: TuningSubject, need: int) -> int | None:
     candidates = candidates_of(subject.cois, subject.may_share, most=WHOLE)
-    guide = guide_of(candidates, subject.predictor)
-    savings: list[int] = []
-    for mask, candidate in candidates.by_mask.items():
-        reserve, members = guide.predicted(mask), set(candidate.coi.members)
-        if reserve is not None:
-            parts = total(coi for coi in subject.cois if set(coi.members) <= members)
-            savings.append(parts - candidate.coi.processors * reserve)
-    saved = max(savings, default=0)
+    saved = max(
+        (
+            total(candidates.members(mask)) - candidate.coi.processors * reserve
+            for mask, candidate in candidates.by_mask.items()
+            if (reserve := expected(candidate, subject.predict)) is not None
+        ),
+        default=0,
+    )
     return need - saved if saved > 0 else None

@@ -120,7 +120,7 @@ def _by_the_graph(start: TuningConclusion, inquiry: Inquiry) -> TuningConclusion
     layout_fit = LayoutFit(subject=subject)
     tuning = replace(
         tuning_of(subject.cois, subject.objective(layout_fit), inquiry.may_share, most=most),
-        predictor=subject.predictor,
+        predict=subject.predict,
     )
     measurements = measurements_of(subject.hosts.manifest)
     recorded = recorded_answers(measurements, subject.bench, tuning.candidates, {subject.bench.name: subject.state})

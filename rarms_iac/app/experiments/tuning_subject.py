@@ -26,7 +26,7 @@ from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_in, least_cost
-from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
+from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.statistics.curves import components_not_shown, curves_of
@@ -48,7 +48,7 @@ class TuningSubject:
     cois: tuple[Coi, ...]
     capacity: int  # of the chosen hosts, in per cent of one logical processor
     fixed: int  # what partitions reserve that are not tuned, in the same unit
-    predictor: Predictor = NOTHING
+    predict: Predict = unpredicted
 
     @property
     def system(self) -> System:
@@ -205,7 +205,7 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
         cois=cois,
         capacity=sum(free_in(host_bin).percent for host_bin in chosen),
         fixed=sum(least_cost(item) for item in problem.items if item.name not in tuned),
-        predictor=predictor_of(alone_in(groups, reservations, bench)),
+        predict=predictor_of(alone_in(groups, reservations, bench)),
     )
 
 

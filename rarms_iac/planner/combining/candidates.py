@@ -1,7 +1,7 @@
 """The candidate graph: every compound that could save something, with what is known of the reservation it needs.
 
-One assumption is made, that of `planner.prediction.belief`: a compound needs at least what any part of it needs, less a
-little on several processors. That a compound needs at most the sum of its parts is expected and never used: one that
+One assumption is made (`ASSUMED`): a compound needs at least what any part of it needs, less a little on several
+processors. That a compound needs at most the sum of its parts is expected and never used: one that
 fails just below that sum is no gain, and is dropped.
 """
 
@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, leader, total
 from rarms_iac.planner.combining.paper import Sharing
-from rarms_iac.planner.prediction.belief import at_least
 
 if TYPE_CHECKING:
     import networkx as nx
 
+
+SLACK = 2
+"""Points of CR by which a compound on several processors may need less than a part of it."""
+
+ASSUMED = f"a compound needs at least what any part of it needs (on several processors: at most {SLACK} points less)"
 
 EXACT_UP_TO = 12
 """CoIs of which every compound is considered; of more, the compounds of the least critical ones."""
@@ -32,9 +36,6 @@ class Candidate:
     mask: Mask
     coi: Coi  # what it would be; its reserve is the lower end
     highest: int  # the highest CR at which it still reserves less than its parts
-    neediest: int  # what that part costs alone, in per cent of one logical processor
-    together: int  # what all of them do
-    lowest: int  # the lower end before anything was asked
     passed: int | None = None  # the lowest CR at which it was seen to meet all APTs
     failed: int | None = None  # the highest CR at which it was seen to miss one
 
@@ -44,19 +45,14 @@ class Candidate:
         return self.coi.reserve
 
     @property
-    def slack(self) -> int:
-        """Points by which it may need less than its neediest part reserves."""
-        return max(0, -(-self.neediest // self.coi.processors) - self.lowest)
+    def highest_open(self) -> int:
+        """The highest CR of which it would be news whether it is enough."""
+        return self.highest if self.passed is None else self.passed - 1
 
     @property
     def is_known(self) -> bool:
         """Whether its least CR was measured."""
         return self.passed == self.low
-
-    @property
-    def was_asked(self) -> bool:
-        """Whether a setting of it was measured."""
-        return self.passed is not None or self.failed is not None
 
     @property
     def is_gain(self) -> bool:
@@ -91,6 +87,16 @@ class Candidates:
         """
         return tuple(coi for at, coi in enumerate(self.cois) if mask >> at & 1)
 
+    @property
+    def measured(self) -> "Candidates":
+        """The compounds that met all APTs at some CR, each at the least such CR."""
+        by_mask = {
+            mask: replace(each, coi=replace(each.coi, reserve=each.passed))
+            for mask, each in self.by_mask.items()
+            if each.passed is not None
+        }
+        return replace(self, by_mask=by_mask)
+
 
 def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest: int | None = None) -> Candidates:
     """Build every compound of these CoIs that could be a gain, before anything is measured.
@@ -114,16 +120,21 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
         coi = compound_of(members)
         highest = min(most, (total(members) - 1) // coi.processors)
         if coi.reserve <= highest:
-            neediest = max(member.cost for member in members)
-            found[mask] = Candidate(
-                mask=mask,
-                coi=coi,
-                highest=highest,
-                neediest=neediest,
-                together=total(members),
-                lowest=coi.reserve,
-            )
+            found[mask] = Candidate(mask=mask, coi=coi, highest=highest)
     return Candidates(cois=ordered, by_mask=dict(sorted(found.items())))
+
+
+def at_least(cost: int, processors: int) -> int:
+    """Return the CR that a compound needs at least, as the need of one of its parts shows.
+
+    Args:
+        cost: what that part needs, in per cent of one logical processor.
+        processors: virtual processors of the compound's partition.
+
+    Returns:
+        Whole per cent of each of these processors, at least 1; rounded up, on several processors less `SLACK`.
+    """
+    return max(1, -(-cost // processors) - (SLACK if processors > 1 else 0))
 
 
 def compound_of(members: Sequence[Coi]) -> Coi:

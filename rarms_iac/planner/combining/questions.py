@@ -1,6 +1,6 @@
 """The next threshold question: does this compound meet its APTs at this reservation? A pure function of the answers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.model.system import Minimise
@@ -9,15 +9,16 @@ from rarms_iac.planner.combining.candidates import (
     Candidate,
     Candidates,
     Contradiction,
-    Mask,
     candidates_of,
     informed,
 )
-from rarms_iac.planner.combining.guiding import Guide, guide_of, raises_most
-from rarms_iac.planner.combining.layouts import LayoutChoice, Layouts, Objective
+from rarms_iac.planner.combining.layouts import LayoutChoice, Objective, best_layout, cois_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, total
-from rarms_iac.planner.combining.paper import Inquiry, Sharing
-from rarms_iac.planner.prediction.members import NOTHING, Predictor
+from rarms_iac.planner.combining.paper import Inquiry, Sharing, ordered
+from rarms_iac.planner.prediction.members import Predict, unpredicted
+
+BELOW = 2
+"""Points below a prediction that is asked about: it is rounded up, and that a need is higher rules out the most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +27,7 @@ class Ask:
 
     members: Members
     reserve: int
-    predicted: int | None  # the CR with an even chance of being enough; None: no prediction. Only informs the reader
+    predicted: int | None  # the CR that will probably be enough; None: no prediction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class Best:
 
     @property
     def proved(self) -> bool:
-        """No other layout is better, under the assumption of `planner.prediction.belief`."""
+        """No other layout is better, under the assumption `ASSUMED`."""
         return self.complete and not self.contradictions
 
 
@@ -68,7 +69,7 @@ class Tuning:
     objective: Objective
     complete: bool  # whether these candidates are all that the objective could choose
     every_size: bool  # whether compounds may have any number of parts
-    predictor: Predictor = NOTHING
+    predict: Predict = unpredicted
 
 
 def tuning_of(
@@ -97,94 +98,65 @@ def tuning_of(
     return Tuning(candidates=candidates, objective=objective, complete=complete, every_size=every_size)
 
 
-@dataclass(slots=True, kw_only=True)
-class QuestionSearch:
-    """Finds the next question while answers come in.
+def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
+    """Say what to ask after these answers, or give the result.
 
-    It keeps what earlier answers settled; the result is the same as working everything out anew.
+    Take the layout that would be best if every compound needed as little as is still possible. If all its compounds are
+    measured, nothing can be better: it is the answer. Otherwise ask for that one of its unmeasured compounds of which
+    least is known.
+
+    Args:
+        tuning: the problem.
+        answers: all so far, in any order.
+
+    Returns:
+        `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`.
     """
-
-    tuning: Tuning
-    _layouts: Layouts | None = None
-    _seen: "_Holding | None" = None
-
-    def next_decision(self, answers: Sequence[Answer]) -> Decision:
-        """Say what to ask after these answers, or give the result.
-
-        Take the layout that would be best if every compound needed as little as is still possible. If all its compounds
-        are measured, nothing can be better: it is the answer. Otherwise ask for that one of its unmeasured compounds
-        whose least need will probably rise most. Predictions choose the question, and prove nothing.
-
-        Args:
-            answers: all so far, in any order; at each call at least those of the call before.
-
-        Returns:
-            `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`.
-        """
-        tuning = self.tuning
-        known = informed(tuning.candidates, answers)
-        layouts = self._looked_at(known)
-        best = layouts.best()
-        if best is None:
-            return NothingFits(contradictions=known.contradictions, complete=tuning.complete)
-        unknown = [candidate for mask in best.blocks if not (candidate := known.by_mask[mask]).is_known]
-        if not unknown:
-            return _best(tuning, layouts, best, known.contradictions)
-        seen, holds = self._holding(layouts)
-        if holds is not None and layouts.value(holds) == layouts.value(best):
-            return _best(tuning, seen, holds, known.contradictions)
-        guide = guide_of(known, tuning.predictor)
-        room = _room(tuning, best, holds)
-        candidate, reserve = raises_most(guide, unknown, room, holds=holds is not None)
-        return _question(guide, candidate, reserve)
-
-    def _looked_at(self, known: Candidates) -> Layouts:
-        last = self._layouts
-        layouts = Layouts(candidates=known, objective=self.tuning.objective) if last is None else last.after(known)
-        self._layouts = layouts
-        return layouts
-
-    def _holding(self, layouts: Layouts) -> tuple[Layouts, LayoutChoice | None]:
-        """The best of what was seen to hold; None: no compound was."""
-        passed = {
-            mask: candidate.passed
-            for mask, candidate in layouts.candidates.by_mask.items()
-            if candidate.passed is not None
-        }
-        if self._seen is None or self._seen.passed != passed:
-            seen = layouts.seen()
-            self._seen = _Holding(passed=passed, layouts=seen, best=seen.best() if passed else None)
-        return self._seen.layouts, self._seen.best
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Holding:
-    passed: Mapping[Mask, int]
-    layouts: Layouts
-    best: LayoutChoice | None
-
-
-def _room(tuning: Tuning, best: LayoutChoice, holds: LayoutChoice | None) -> int:
-    """How much more its compounds may need before this layout is out: too large, or no better than one that holds."""
-    room = tuning.objective.capacity - best.total
-    if holds is not None and (tuning.objective.minimise is Minimise.RESERVATION or holds.key == best.key):
-        room = min(room, holds.total - best.total - 1)
-    return max(0, room)
-
-
-def _question(guide: Guide, candidate: Candidate, reserve: int) -> Ask:
-    return Ask(
-        members=candidate.coi.members,
-        reserve=reserve,
-        predicted=guide.predicted(candidate.mask),
+    known = informed(tuning.candidates, answers)
+    best = best_layout(known, tuning.objective)
+    if best is None:
+        return NothingFits(contradictions=known.contradictions, complete=tuning.complete)
+    unknown = [candidate for mask in best.blocks if not (candidate := known.by_mask[mask]).is_known]
+    if not unknown:
+        return _best(tuning, known, best)
+    held = best_layout(known.measured, tuning.objective)
+    if held is not None and held.value == best.value:
+        return _best(tuning, known.measured, held)
+    return _question(
+        max(unknown, key=lambda each: (each.coi.processors * (each.highest_open - each.low), each.coi.members)),
+        tuning.predict,
     )
 
 
-def _best(tuning: Tuning, layouts: Layouts, best: LayoutChoice, contradictions: tuple[Contradiction, ...]) -> Best:
+def _question(candidate: Candidate, predict: Predict) -> Ask:
+    """Half-way between the bounds; until something was enough, just below the prediction where that is higher."""
+    reserve, predicted = (candidate.low + candidate.highest_open) // 2, expected(candidate, predict)
+    if predicted is not None and candidate.passed is None:
+        reserve = max(reserve, min(predicted - BELOW, candidate.highest_open))
+    return Ask(members=candidate.coi.members, reserve=reserve, predicted=predicted)
+
+
+def expected(candidate: Candidate, predict: Predict) -> int | None:
+    """Return the CR that a compound will probably need.
+
+    Args:
+        candidate: with what the answers so far say.
+        predict: what predicts it.
+
+    Returns:
+        Whole per cent of each of its processors, within what was measured; None: nothing predicts it.
+    """
+    predicted = predict(candidate.coi.members, candidate.coi.processors)
+    if predicted is None:
+        return None
+    return max(candidate.low, predicted if candidate.passed is None else min(predicted, candidate.passed))
+
+
+def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice) -> Best:
     return Best(
-        cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda coi: (-coi.criticality, coi.name))),
+        cois=ordered(cois_of(candidates, best.blocks)),
         total=best.total,
-        contradictions=contradictions,
+        contradictions=candidates.contradictions,
         complete=tuning.complete or _is_first(tuning, best),
     )
 
@@ -194,11 +166,11 @@ def _is_first(tuning: Tuning, best: LayoutChoice) -> bool:
 
     Any layout that touches more critical CoIs is then worse, so leaving those out loses nothing.
     """
-    least = (1 << EXACT_UP_TO) - 1
-    shares = 0
-    for mask in best.blocks:
-        shares |= mask
-    return tuning.every_size and tuning.objective.minimise is Minimise.COMBINING and shares & least == shares
+    return (
+        tuning.every_size
+        and tuning.objective.minimise is Minimise.COMBINING
+        and all(mask < 1 << EXACT_UP_TO for mask in best.blocks)
+    )
 
 
 def search(
@@ -224,9 +196,8 @@ def search(
     """
     trail = list(answers)
     consented: set[Members] = {answer.members for answer in trail}
-    question_search = QuestionSearch(tuning=tuning)
     while True:
-        decision = question_search.next_decision(trail)
+        decision = next_decision(tuning, trail)
         if not isinstance(decision, Ask):
             not_counted = _not_counted(recorded, trail)
             if not not_counted:
@@ -239,7 +210,6 @@ def search(
             if not _consent(tuning, inquiry, decision.members):
                 inquiry.reporter.declined(decision.members)
                 tuning = _without(tuning, decision.members)
-                question_search = QuestionSearch(tuning=tuning)
                 continue
             consented.add(decision.members)
         trail.append(inquiry.ask(decision.members, decision.reserve, decision.predicted))

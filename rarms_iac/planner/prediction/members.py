@@ -1,45 +1,24 @@
-"""What the data logs of components alone say of them together: one CR a way to predict."""
+"""What the data logs of components alone say of them together: periodic tasks on a periodic resource."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import ceil
+from dataclasses import dataclass
+from functools import cache
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.run import Periodic
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.prediction.belief import SELDOM, Outlook, at_least, belief_of, slack_on
-from rarms_iac.planner.prediction.periodic import (
-    WHOLE,
-    Meets,
-    MemberDemand,
-    Resource,
-    Task,
-    demand_of,
-    least_budget,
-    least_shared,
-    meets_by_deadline,
-    meets_by_priority,
-)
+from rarms_iac.planner.prediction.periodic import Resource, Task, least_budget, supplied
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource
 
-WAYS = (
-    "processor sharing",
-    "periodic resource of 1 ms, earliest deadline first",
-    "periodic resource of 10 ms, earliest deadline first",
-    "periodic resource of 10 ms, fixed priorities",
-)
-"""The ways to predict, in the order of what they say."""
-
-Predictions = tuple[float | None, ...]
-"""The CR that each way predicts for a compound, not rounded; None: it cannot tell."""
+Predict = Callable[[tuple[str, ...], int], int | None]
+"""The CR that a compound probably needs, by its components (sorted names) and virtual processors; None: not known."""
 
 TICKS = 100
-"""In a millisecond."""
+"""In a millisecond, the period of the resource: time comes evenly, as a task is fitted to what it needed alone."""
 
-EVENLY, IN_TURNS = 1 * TICKS, 10 * TICKS
-"""Periods of the resource that a partition is taken for: time that comes all along, or in turns of a hypervisor."""
+WHOLE = 100
 
 MOST = 90
 """Per cent: a threshold of at least this percentile of the response time is taken for a deadline."""
@@ -49,27 +28,8 @@ MOST = 90
 class Alone:
     """A component by itself."""
 
-    demand: MemberDemand
-    task: Task | None  # ticks; None: its jobs have no period or no deadline
+    task: Task  # in ticks of all its processors together; it needs the CR that was measured to be enough
     processors: int  # of the partition that it was measured in
-
-    def fitted(self, window: int, meets: Meets) -> Task | None:
-        """Scale the task's work so that alone it needs just the CR that it was measured to need.
-
-        Args:
-            window: the period of the resource, in ticks.
-            meets: the test for deadlines.
-
-        Returns:
-            The scaled task; None: the component has no task, or not even a whole processor is enough for it.
-        """
-        if self.task is None:
-            return None
-        budget = least_budget([self.task], window, meets)
-        if budget is None:
-            return None
-        part = self.demand.enough * window / (WHOLE * budget)
-        return replace(self.task, work=max(1, round(self.task.work * part)))
 
 
 def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Host) -> Mapping[str, Alone]:
@@ -88,45 +48,53 @@ def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Hos
         for group in groups:
             log, least = reservations.log(group.members, host), reservations.least(group.members, host)
             if len(group.members) == 1 and isinstance(log, MeasuredTogether) and least is not None:
-                found[group.members[0].name] = alone_of(group.members[0], log, least.reserve)
-    return {name: alone for name, alone in found.items() if alone is not None}
+                (member,) = group.members
+                points = log.curves(member.name, "mean_response_time").points
+                means = [(point.reserve, point.value) for point in points]
+                alone = alone_of(member, means, least.reserve, log.processors, log.cpu_ms(member.name))
+                if alone is not None:
+                    found[member.name] = alone
+    return found
 
 
-def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone | None:
-    """Derive a component's demand, and its task where it has a deadline, from its own data log.
+def alone_of(
+    component: Component, points: Sequence[tuple[float, float]], enough: int, processors: int, cpu_ms: float | None
+) -> Alone | None:
+    """Derive a component's task from what was measured of it alone.
+
+    A job is due at the earliest deadline of the component (`run.deadline`, or an APT on the maximum or a high
+    percentile of the response time), otherwise when it answers on average where its CR is enough. Where the next job
+    begins when the last one ended, that answer is the period, too.
 
     Args:
-        component: the component, with its APTs and its arrival.
-        log: the log of the component alone.
-        enough: the CR at which it meets its APTs, in per cent of each of the log's processors.
+        component: with its APTs and its arrival.
+        points: CR (per cent) and mean response time (ms) of each measured setting.
+        enough: the CR at which it meets its APTs.
+        processors: of the partition that it was measured in.
+        cpu_ms: processor time of a job; None: it is taken to use one processor at a time.
 
     Returns:
-        What is known of it; None: the log has no mean response time.
+        What is known of it; None: it never computes, or its deadline is over before it begins to.
     """
-    points = [(point.reserve, point.value) for point in log.curves(component.name, "mean_response_time").points]
-    arrival = None if component.run is None else component.run.arrival
-    period = float(arrival.period) if isinstance(arrival, Periodic) else None
-    demand = demand_of(points, enough, period_ms=period)
-    if demand is None:
-        return None
-    used = log.cpu_ms(component.name)
-    if used is not None and demand.work_ms > 0:
-        demand = replace(demand, parallel=min(float(log.processors), max(1.0, used / demand.work_ms)))
-    return Alone(demand=demand, task=_task(component, demand), processors=log.processors)
-
-
-def _task(component: Component, demand: MemberDemand) -> Task | None:
+    waits, work = waits_and_work(points)
+    answers = waits + WHOLE * work / enough
+    run = component.run
     deadlines = [
         float(most.value) for name, most in component.apt.items() if isinstance(most, AtMost) and _is_deadline(name)
     ]
-    if component.run is not None and component.run.deadline is not None:
-        deadlines.append(float(component.run.deadline))
-    if demand.period_ms is None or not deadlines or demand.work_ms <= 0:
+    if run is not None and run.deadline is not None:
+        deadlines.append(float(run.deadline))
+    deadline = min(deadlines, default=answers) - waits
+    if work <= 0 or deadline <= 0:
         return None
-    allowed_ms = min(deadlines) - demand.waits_ms
-    if allowed_ms <= 0:
-        return None
-    return task_of(demand.work_ms, demand.period_ms, allowed_ms)
+    arrival = None if run is None else run.arrival
+    period = float(arrival.period) if isinstance(arrival, Periodic) else answers
+    period_ticks, deadline_ticks = (max(1, round(TICKS * each)) for each in (period, deadline))
+    brings = supplied(Resource(budget=TICKS * enough // WHOLE, period=TICKS), deadline_ticks)
+    busy = 1.0 if cpu_ms is None else min(float(processors), max(1.0, cpu_ms / work))
+    share = busy / processors * min(brings, period_ticks * enough // WHOLE)
+    task = Task(work=max(1, round(share)), period=period_ticks, deadline=deadline_ticks)
+    return Alone(task=task, processors=processors)
 
 
 def _is_deadline(index: str) -> bool:
@@ -134,133 +102,69 @@ def _is_deadline(index: str) -> bool:
     return index == "maximum_response_time" or (percentile is not None and percentile >= MOST)
 
 
-def task_of(work_ms: float, period_ms: float, deadline_ms: float) -> Task:
-    """Turn milliseconds into a task of whole ticks, rounded to the safe side: more work, shorter period and deadline.
+def waits_and_work(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Fit how long a job waits whatever the reservation, and how long it computes with all of its processors.
+
+    At a CR of c per cent it answers after `waits + 100 * work / c`. The fit takes the least squares of the relative
+    errors; neither becomes negative.
 
     Args:
-        work_ms: processor time of each job.
-        period_ms: the least time between jobs.
-        deadline_ms: from a job's release to its latest answer.
+        points: CR (per cent) and mean response time (ms) of each measured setting; times of 0 or less are ignored.
 
     Returns:
-        The task; each value is at least one tick (`TICKS` a millisecond).
+        Both in ms; 0 where nothing was measured.
     """
-    return Task(
-        work=max(1, ceil(work_ms * TICKS)),
-        period=max(1, int(period_ms * TICKS)),
-        deadline=max(1, int(deadline_ms * TICKS)),
+    rows = [(1.0 / value, WHOLE / (reserve * value)) for reserve, value in points if value > 0]
+    if not rows:
+        return 0.0, 0.0
+    ones, works = sum(wait for wait, _ in rows), sum(work for _, work in rows)
+    square, mixed, worked = (
+        sum(wait * wait for wait, _ in rows),
+        sum(wait * work for wait, work in rows),
+        sum(work * work for _, work in rows),
     )
+    determinant = square * worked - mixed * mixed
+    if determinant <= 1e-7 * square * worked:
+        return 0.0, works / worked
+    waits, work = (ones * worked - works * mixed) / determinant, (square * works - mixed * ones) / determinant
+    if work < 0.0:
+        return ones / square, 0.0
+    return (0.0, works / worked) if waits < 0.0 else (waits, work)
 
 
-def predictions_of(members: Sequence[Alone], processors: int) -> Predictions:
-    """Predict, by each of `WAYS`, the CR that these components need together in one partition.
-
-    The periodic resource's bounds hold for one processor; several are taken as one that is as fast as all of them.
+def unpredicted(_members: tuple[str, ...], _processors: int) -> int | None:
+    """Predict nothing.
 
     Args:
-        members: what is known of each component alone.
-        processors: virtual processors of the partition.
+        _members: any.
+        _processors: any number.
 
     Returns:
-        A CR (per cent of each processor, not rounded) for each way, in the order of `WAYS`; None where it cannot say.
-            All are None where a member was measured on another number of processors.
+        None, always.
     """
-    if any(member.processors != processors for member in members):
-        return (None,) * len(WAYS)
-    return (
-        least_shared([member.demand for member in members], processors),
-        _periodic(members, EVENLY, meets_by_deadline),
-        _periodic(members, IN_TURNS, meets_by_deadline),
-        _periodic(members, IN_TURNS, _by_deadline_length),
-    )
+    return None
 
 
-def _periodic(members: Sequence[Alone], window: int, meets: Meets) -> float | None:
-    tasks = [member.fitted(window, meets) for member in members]
-    known = [task for task in tasks if task is not None]
-    budget = least_budget(known, window, meets) if len(known) == len(tasks) else None
-    return None if budget is None else budget * WHOLE / window
-
-
-def _by_deadline_length(tasks: Sequence[Task], resource: Resource) -> bool:
-    """Deadline monotonic: the shorter the deadline, the higher the priority; none may be longer than its period."""
-    if any(task.deadline > task.period for task in tasks):
-        return False
-    return meets_by_priority(sorted(tasks, key=lambda task: task.deadline), resource)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Predictor:
-    """Says what each of some ways predicts of a compound; each compound is worked out once."""
-
-    ways: tuple[str, ...]
-    predict: Callable[[tuple[str, ...], int], Predictions]  # members, virtual processors
-    _known: dict[tuple[tuple[str, ...], int], Predictions] = field(default_factory=dict, compare=False, repr=False)
-
-    def of(self, members: tuple[str, ...], processors: int) -> Predictions:
-        """Return the CR that each way predicts for a compound.
-
-        Args:
-            members: its components, by sorted names.
-            processors: virtual processors of its partition.
-
-        Returns:
-            A CR for each of `ways`, not rounded; None where a way cannot say. The same question is worked out once.
-        """
-        key = members, processors
-        if key not in self._known:
-            self._known[key] = self.predict(members, processors)
-        return self._known[key]
-
-
-def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int, costs: Sequence[int]) -> int | None:
-    """Predict the CR that a compound needs, before any of it was measured.
-
-    Args:
-        predictor: what each way to predict says of it.
-        members: its components, by sorted names.
-        processors: virtual processors of its partition.
-        costs: what each part of it reserves, in per cent of one logical processor; at least one.
-
-    Returns:
-        The whole CR with an even chance of being enough; None: no way to predict knows these members.
-    """
-    predictions = predictor.of(members, processors)
-    if all(prediction is None for prediction in predictions):
-        return None
-    neediest, together = max(costs) / processors, sum(costs) / processors
-    slack = slack_on(processors)
-    outlook = Outlook(
-        neediest=neediest,
-        together=together,
-        predictions=predictions,
-        low=at_least(max(costs), processors),
-        slack=slack,
-        less=SELDOM if slack else 0.0,
-    )
-    return belief_of(len(predictor.ways), []).of(outlook).quantile(0.5)
-
-
-def _nothing(_members: tuple[str, ...], _processors: int) -> Predictions:
-    return ()
-
-
-NOTHING = Predictor(ways=(), predict=_nothing)
-"""No way to predict."""
-
-
-def predictor_of(alone: Mapping[str, Alone]) -> Predictor:
+def predictor_of(alone: Mapping[str, Alone]) -> Predict:
     """Make a predictor from what is known of components alone.
+
+    The bounds hold for one processor; several are taken for one that is as fast as all of them, on which a job that
+    uses fewer leaves time to others.
 
     Args:
         alone: by component's name, as `alone_in` returns it.
 
     Returns:
-        A predictor by all of `WAYS`; of a compound with another component it says None for each way.
+        A predictor that knows a compound where each of its components was measured on as many processors, and all of
+            the host is enough for them.
     """
 
-    def predict(members: tuple[str, ...], processors: int) -> Predictions:
+    @cache
+    def predict(members: tuple[str, ...], processors: int) -> int | None:
         known = [alone[name] for name in members if name in alone]
-        return predictions_of(known, processors) if len(known) == len(members) else (None,) * len(WAYS)
+        if len(known) < len(members) or any(member.processors != processors for member in known):
+            return None
+        budget = least_budget([member.task for member in known], TICKS)
+        return None if budget is None else WHOLE * budget // TICKS
 
-    return Predictor(ways=WAYS, predict=predict)
+    return predict

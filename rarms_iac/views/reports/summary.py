@@ -17,8 +17,7 @@ from rarms_iac.app.report_model import (
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
 from rarms_iac.model.indexes import show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_lp_percent, show_percent, show_processors
-from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.planner.prediction.belief import ASSUMED
+from rarms_iac.planner.combining.candidates import ASSUMED, Node
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.prove import describe_verdict
 

@@ -1,16 +1,11 @@
 """Plans that rest on data logs, from files to exit codes."""
 
 from collections.abc import Mapping
-from dataclasses import replace
-from datetime import date
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.data_logs import Measurements, bench_now, measured_reservations
-from rarms_iac.manifest.load import load
-from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.prediction.members import alone_in
+from rarms_iac.app.data_logs import bench_now
 from tests.builders import a_host
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
@@ -131,18 +126,3 @@ def test_bench_facts_that_nobody_looked_at_are_not_compared() -> None:
     now = bench_now(a_host())
 
     assert (now.smt, now.scheduler, now.processor, now.os_build) == (None, None, None, None)
-
-
-def test_a_job_that_kept_two_processors_busy_is_predicted_as_one_that_does(here: Path) -> None:
-    settings = [
-        a_setting(reserve, replace(steady("vision", mean, jobs=200), cpu_ms=200 * 100.0))
-        for reserve, mean in {50: 100.0, 100: 50.0}.items()
-    ]
-    leave_log(here, ["vision"], settings)
-    system = load(str(here / "rarms.yaml"), today=date(2026, 1, 1)).system
-    assert system is not None
-
-    reservations = measured_reservations(Measurements(system=system, folder=here), {})
-    alone = alone_in(groups_of(system), reservations, system.hosts["onboard"])
-
-    assert pytest.approx(2.0, rel=0.01) == alone["vision"].demand.parallel

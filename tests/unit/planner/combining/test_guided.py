@@ -9,8 +9,7 @@ import pytest
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Ask, Best, QuestionSearch, Tuning, search, tuning_of
-from rarms_iac.planner.prediction.members import Predictor
+from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_decision, search, tuning_of
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 
 SEEDS = range(8)
@@ -25,10 +24,13 @@ def problem(seed: int, minimise: Minimise = Minimise.RESERVATION) -> tuple[Tunin
 
 
 def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int = 0) -> Tuning:
-    """With one way to predict, so far off (CR) on average; `off` below 0: it knows nothing at all."""
+    """With predictions that are so far off (CR) on average; `off` below 0: by chance."""
     chance = random.Random(seed)
-    said = {names: chance.uniform(5, 99) if off < 0 else least + chance.gauss(0, off) for names, least in needs.items()}
-    return replace(tuning, predictor=Predictor(ways=("one",), predict=lambda names, _processors: (said[names],)))
+    predicted = {
+        names: round(chance.uniform(5, 99) if off < 0 else least + chance.gauss(0, off))
+        for names, least in needs.items()
+    }
+    return replace(tuning, predict=lambda names, _processors: predicted[names])
 
 
 @pytest.mark.parametrize("minimise", list(Minimise))
@@ -79,7 +81,7 @@ class Hearing(SilentReporter):
 
 def test_what_is_expected_is_told_with_every_question() -> None:
     tuning, needs = problem(0)
-    step = QuestionSearch(tuning=guided(tuning, needs, 0.0)).next_decision(())
+    step = next_decision(guided(tuning, needs, 0.0), ())
 
     assert isinstance(step, Ask)
     heard = Hearing()

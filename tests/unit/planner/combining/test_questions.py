@@ -12,7 +12,7 @@ from rarms_iac.planner.combining.candidates import candidates_of, graph_of, info
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, QuestionSearch, search, tuning_of
+from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_decision, search, tuning_of
 
 
 @dataclass
@@ -127,7 +127,7 @@ def test_the_answer_is_the_best_of_all_layouts(seed: int, minimise: Minimise) ->
 
 def test_what_fits_already_is_not_asked_for() -> None:
     of = cois(a=40, b=30)
-    assert isinstance(QuestionSearch(tuning=tuning_of(of, objective(of, 70), anyone)).next_decision(()), Best)
+    assert isinstance(next_decision(tuning_of(of, objective(of, 70), anyone), ()), Best)
 
 
 def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
@@ -209,11 +209,11 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
         Answer(members=("a", "b"), reserve=45, worse=()),
         Answer(members=("a", "b"), reserve=50, worse=("a",)),
     ]
-    step = QuestionSearch(tuning=tuning).next_decision(answers)
+    step = next_decision(tuning, answers)
 
     assert isinstance(step, Ask)
     assert step.reserve > 50, "the safe side: what failed counts"
-    ended = QuestionSearch(tuning=tuning).next_decision([*answers, Answer(members=("a", "b"), reserve=51, worse=())])
+    ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
     assert ended.contradictions[0].message == "a+b meets its thresholds at 45 % and misses one at 50 %"
@@ -225,12 +225,12 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
         Answer(members=("b", "c"), reserve=60, worse=("b",)),
         Answer(members=("a", "b", "c"), reserve=50, worse=()),
     ]
-    step = QuestionSearch(tuning=tuning_of(of, objective(of, 61), anyone)).next_decision(answers)
+    step = next_decision(tuning_of(of, objective(of, 61), anyone), answers)
 
     assert isinstance(step, Ask), "50 % was seen to be enough for all three: their least is still asked for"
     assert step.members == ("a", "b", "c")
     done = [*answers, Answer(members=("a", "b", "c"), reserve=49, worse=("a",))]
-    ended = QuestionSearch(tuning=tuning_of(of, objective(of, 61), anyone)).next_decision(done)
+    ended = next_decision(tuning_of(of, objective(of, 61), anyone), done)
     assert isinstance(ended, Best)
     (contradiction,) = ended.contradictions
     assert contradiction.message == "a+b+c meets its thresholds with less than b+c needs"

@@ -1,86 +1,86 @@
-"""From data logs of components alone to what each way predicts of them together."""
+"""From data logs of components alone to what is predicted of them together."""
 
 from dataclasses import replace
 
 import pytest
 
-from rarms_iac.planner.prediction.members import (
-    WAYS,
-    Alone,
-    Predictor,
-    expected_of,
-    predictions_of,
-    predictor_of,
-    task_of,
-)
-from rarms_iac.planner.prediction.periodic import MemberDemand, least_budget, meets_by_deadline
+from rarms_iac.model.run import Periodic
+from rarms_iac.planner.prediction.members import Alone, alone_of, predictor_of, waits_and_work
+from rarms_iac.planner.prediction.periodic import Task, least_budget
+from tests.builders import a_component, a_run, at_most, milliseconds
 
-CAMERA = Alone(
-    demand=MemberDemand(waits_ms=0.0, work_ms=10.0, enough=30, period_ms=100.0),
-    task=task_of(10.0, 100.0, 60.0),
-    processors=1,
-)
-LASER = Alone(
-    demand=MemberDemand(waits_ms=5.0, work_ms=4.0, enough=25, period_ms=40.0),
-    task=task_of(4.0, 40.0, 40.0),
-    processors=1,
-)
+CAMERA = Alone(task=Task(work=1_770, period=10_000, deadline=6_000), processors=1)
+LASER = Alone(task=Task(work=975, period=4_000, deadline=4_000), processors=1)
 
 
-def test_each_way_says_at_least_what_the_neediest_needs_or_the_rate_takes() -> None:
-    sharing, evenly, by_deadline, by_priority = predictions_of([CAMERA, LASER], 1)
-
-    assert sharing is not None
-    assert by_deadline is not None
-    assert by_priority is not None
-    assert 30 <= sharing <= 55
-    assert evenly is not None
-    assert 20 <= evenly <= 100
-    assert 20 <= by_deadline <= by_priority <= 100, "no fixed priorities do with less than earliest deadline first"
+def answers(waits: float, work: float) -> list[tuple[float, float]]:
+    """The curve of a component that waits and computes so many ms."""
+    return [(float(reserve), waits + 100 * work / reserve) for reserve in (10, 20, 50, 90)]
 
 
-def test_without_deadlines_only_sharing_says_something() -> None:
-    sharing, *others = predictions_of([CAMERA, replace(LASER, task=None)], 1)
+def test_together_they_need_more_than_either_and_less_than_both() -> None:
+    assert [least_budget([alone.task], 100) for alone in (CAMERA, LASER)] == [30, 25]
 
-    assert sharing is not None
-    assert others == [None, None, None]
+    together = predictor_of({"camera": CAMERA, "laser": LASER})(("camera", "laser"), 1)
 
-
-def test_a_task_is_fitted_to_what_it_needs_alone() -> None:
-    fitted = CAMERA.fitted(100, meets_by_deadline)
-
-    assert CAMERA.task is not None
-    assert fitted is not None
-    assert fitted.work > CAMERA.task.work, "30 % were measured to be needed, more than its work takes"
-    assert least_budget([fitted], 100, meets_by_deadline) == pytest.approx(30, abs=1)
+    assert together is not None
+    assert 43 < together < 55, "the work of both takes 43 %"
 
 
-def test_what_was_measured_on_other_processors_predicts_nothing() -> None:
-    assert predictions_of([CAMERA, LASER], 2) == (None,) * len(WAYS)
+def test_components_without_a_log_or_of_other_processors_are_not_predicted() -> None:
+    predict = predictor_of({"camera": CAMERA, "laser": LASER})
+
+    assert predict(("camera", "radio"), 1) is None
+    assert predict(("camera", "laser"), 2) is None
 
 
-def test_compounds_with_an_unknown_member_are_not_predicted() -> None:
-    predictor = predictor_of({"camera": CAMERA, "laser": LASER})
+def test_what_all_of_the_host_is_not_enough_for_is_not_predicted() -> None:
+    busy = Alone(task=replace(LASER.task, work=3_900), processors=1)
 
-    assert predictor.of(("camera", "laser"), 1) == predictions_of([CAMERA, LASER], 1)
-    assert predictor.of(("camera", "radio"), 1) == (None,) * len(WAYS)
-    assert expected_of(predictor, ("camera", "radio"), 1, [30, 20]) is None
+    assert predictor_of({"camera": CAMERA, "laser": busy})(("camera", "laser"), 1) is None
 
 
-def test_what_is_expected_lies_from_the_neediest_upwards() -> None:
-    predictor = Predictor(ways=("one",), predict=lambda _members, _processors: (45.0,))
-    found = expected_of(predictor, ("a", "b"), 1, [40, 20])
+def test_a_task_needs_alone_what_was_measured_to_be_enough() -> None:
+    run = replace(a_run(), arrival=Periodic(period=milliseconds("100 ms")))
+    alone = alone_of(a_component(run=run, apt={"p95_response_time": at_most(60)}), answers(10.0, 5.0), 40, 1, None)
 
-    assert found is not None
-    assert 42 <= found <= 50
-
-
-def test_a_task_is_rounded_to_the_safe_side() -> None:
-    task = task_of(1.015, 9.999, 5.559)
-
-    assert (task.work, task.period, task.deadline) == (102, 999, 555)
+    assert alone is not None
+    task = alone.task
+    assert (task.period, task.deadline) == (10_000, 5_000), "due in 60 ms, of which it waits 10"
+    assert least_budget([task], 100) == 40
 
 
-@pytest.mark.parametrize("work", [0.0, 1e-9])
-def test_a_task_takes_some_time(work: float) -> None:
-    assert task_of(work, 10.0, 10.0).work == 1
+def test_without_a_deadline_a_job_is_due_when_it_answers_on_average_where_that_is_enough() -> None:
+    alone = alone_of(a_component(apt={"mean_response_time": at_most(95)}), answers(40.0, 10.0), 20, 1, None)
+
+    assert alone is not None
+    assert (alone.task.period, alone.task.deadline) == (9_000, 5_000)
+
+
+def test_a_job_leaves_the_processors_that_it_does_not_use_to_others() -> None:
+    component = a_component(apt={"mean_response_time": at_most(50)})
+    narrow, wide = (alone_of(component, answers(0.0, 10.0), 20, 2, cpu_ms) for cpu_ms in (10.0, 20.0))
+
+    assert narrow is not None
+    assert wide is not None
+    assert predictor_of({"a": narrow, "b": narrow})(("a", "b"), 2) == 20
+    assert predictor_of({"a": wide, "b": wide})(("a", "b"), 2) == 40
+
+
+def test_a_deadline_that_is_over_before_it_computes_predicts_nothing() -> None:
+    component = a_component(apt={"maximum_response_time": at_most(30)})
+
+    assert alone_of(component, answers(40.0, 10.0), 20, 1, None) is None
+    assert alone_of(component, [], 20, 1, None) is None
+
+
+@pytest.mark.parametrize(("waits", "work"), [(0.0, 12.0), (30.0, 12.0), (30.0, 0.0)])
+def test_waiting_and_work_are_read_off_the_curve(waits: float, work: float) -> None:
+    assert waits_and_work(answers(waits, work)) == pytest.approx((waits, work), abs=1e-6)
+
+
+def test_neither_is_below_nothing() -> None:
+    steeper, rising = waits_and_work([(10.0, 100.0), (20.0, 40.0)]), waits_and_work([(10.0, 40.0), (20.0, 50.0)])
+
+    assert steeper[0] == 0.0 < steeper[1]
+    assert rising[1] == 0.0 < rising[0]

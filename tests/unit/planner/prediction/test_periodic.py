@@ -5,19 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, lcm
 
-import pytest
-
-from rarms_iac.planner.prediction.periodic import (
-    Meets,
-    Resource,
-    Task,
-    demanded,
-    least_budget,
-    meets_by_deadline,
-    meets_by_priority,
-    supplied,
-    supplied_after,
-)
+from rarms_iac.planner.prediction.periodic import Resource, Task, demanded, least_budget, meets_by_deadline, supplied
 from tests.effort import examples
 
 SETS = 200  # random sets a policy; 10,000 in the long run
@@ -34,19 +22,8 @@ class Job:
     work: int  # ticks that are still to be done
 
 
-Order = Callable[[Job], tuple[int, int]]
-
-
-def by_deadline(job: Job) -> tuple[int, int]:
-    return job.due, job.rank
-
-
-def by_priority(job: Job) -> tuple[int, int]:
-    return job.rank, job.due
-
-
-def misses(tasks: Sequence[Task], supply: Supply, order: Order, first: Sequence[int], until: int) -> bool:
-    """Whether a job is late when task k releases its jobs from `first[k]` on, period by period."""
+def misses(tasks: Sequence[Task], supply: Supply, first: Sequence[int], until: int) -> bool:
+    """Whether a job is late, earliest deadline first, when task k releases its jobs from `first[k]` on."""
     ready: list[Job] = []
     for tick in range(until):
         for rank, (task, begins) in enumerate(zip(tasks, first, strict=True)):
@@ -55,7 +32,7 @@ def misses(tasks: Sequence[Task], supply: Supply, order: Order, first: Sequence[
         if any(job.due <= tick for job in ready):
             return True
         if ready and supply(tick):
-            runs = min(ready, key=order)
+            runs = min(ready, key=lambda job: (job.due, job.rank))
             runs.work -= 1
             if not runs.work:
                 ready.remove(runs)
@@ -85,12 +62,12 @@ def at_random(resource: Resource, chance: random.Random) -> Supply:
     return given
 
 
-def a_case(chance: random.Random, *, longer: bool) -> tuple[list[Task], Resource]:
-    """Up to four tasks and a resource of about the rate that they need; `longer`: deadlines beyond periods, too."""
+def a_case(chance: random.Random) -> tuple[list[Task], Resource]:
+    """Up to four tasks, some with deadlines beyond their periods, and a resource of about the rate that they need."""
     tasks = []
     for _ in range(chance.randint(1, 4)):
         period = chance.choice(PERIODS)
-        deadline = chance.randint(max(1, period // 2), period * 2 if longer and chance.random() < 0.3 else period)
+        deadline = chance.randint(max(1, period // 2), period * 2 if chance.random() < 0.3 else period)
         tasks.append(Task(work=chance.randint(1, max(1, period // 4)), period=period, deadline=deadline))
     period = chance.choice((2, 3, 4, 5, 6, 8, 10))
     rate = float(sum(task.rate for task in tasks))
@@ -107,35 +84,25 @@ def until(tasks: Sequence[Task], resource: Resource) -> int:
     return max(whole, ceil(late) + max(task.deadline for task in tasks))
 
 
-POLICIES = [
-    pytest.param(meets_by_deadline, by_deadline, True, id="earliest deadline first"),
-    pytest.param(meets_by_priority, by_priority, False, id="fixed priorities"),
-]
-
-
-@pytest.mark.parametrize(("meets", "order", "longer"), POLICIES)
-def test_the_bounds_say_what_the_schedule_at_worst_does(meets: Meets, order: Order, *, longer: bool) -> None:
+def test_the_bounds_say_what_the_schedule_at_worst_does() -> None:
     chance, said = random.Random("periodic"), {True: 0, False: 0}
     for _ in range(examples(SETS)):
-        tasks, resource = a_case(chance, longer=longer)
-        if not longer:
-            tasks.sort(key=lambda task: task.deadline)
-        found = meets(tasks, resource)
+        tasks, resource = a_case(chance)
+        found = meets_by_deadline(tasks, resource)
         said[found] += 1
-        late = misses(tasks, at_worst(resource), order, [0] * len(tasks), until(tasks, resource))
+        late = misses(tasks, at_worst(resource), [0] * len(tasks), until(tasks, resource))
         assert found is not late, f"{tasks} on {resource}"
     assert min(said.values()) > examples(SETS) // 10, "both answers are common"
 
 
-@pytest.mark.parametrize(("meets", "order", "longer"), POLICIES)
-def test_what_holds_at_worst_holds_whenever_the_budget_comes(meets: Meets, order: Order, *, longer: bool) -> None:
+def test_what_holds_at_worst_holds_whenever_the_budget_comes() -> None:
     chance, held = random.Random("any supply"), 0
     for _ in range(examples(SETS)):
-        tasks, resource = a_case(chance, longer=longer)
+        tasks, resource = a_case(chance)
         first = [chance.randrange(task.period) for task in tasks]
-        if meets(tasks, resource):
+        if meets_by_deadline(tasks, resource):
             held += 1
-            assert not misses(tasks, at_random(resource, chance), order, first, until(tasks, resource))
+            assert not misses(tasks, at_random(resource, chance), first, until(tasks, resource))
     assert held
 
 
@@ -147,8 +114,6 @@ def test_the_supply_bound_is_the_least_that_the_worst_supply_brings() -> None:
             for tick in range(5 * period):
                 assert supplied(resource, tick) == brought
                 brought += given(tick)
-                if given(tick):
-                    assert supplied_after(resource, brought) == tick + 1
 
 
 def test_the_demand_bound_counts_jobs_that_come_and_are_due() -> None:
@@ -159,18 +124,13 @@ def test_the_demand_bound_counts_jobs_that_come_and_are_due() -> None:
 
 def test_the_least_budget_does_and_one_less_does_not() -> None:
     tasks = [Task(work=2, period=20, deadline=15), Task(work=5, period=30, deadline=30)]
-    found = least_budget(tasks, 10, meets_by_deadline)
+    found = least_budget(tasks, 10)
 
     assert found is not None
     assert meets_by_deadline(tasks, Resource(budget=found, period=10))
     assert not meets_by_deadline(tasks, Resource(budget=found - 1, period=10))
-    assert least_budget([Task(work=5, period=5, deadline=4)], 10, meets_by_deadline) is None
-
-
-def test_who_may_answer_late_is_not_judged_by_priority() -> None:
-    with pytest.raises(ValueError, match="at most periods"):
-        meets_by_priority([Task(work=1, period=5, deadline=6)], Resource(budget=1, period=1))
+    assert least_budget([Task(work=5, period=5, deadline=4)], 10) is None
 
 
 def test_nothing_to_run_needs_nothing() -> None:
-    assert least_budget([], 10, meets_by_deadline) == 0
+    assert least_budget([], 10) == 0
