@@ -209,7 +209,7 @@ def test_a_machine_that_changed_since_rarms_looked_is_not_overwritten(remote: Re
     remote.ask()
 
     assert refused.code == 3, refused
-    assert "Nothing more was changed. Look with `rarms drift`; " in " ".join(refused.err.split())
+    assert "Nothing more was changed. Look with `rarms drift`. " in " ".join(refused.err.split())
     drifted = remote.rarms("drift")
     assert drifted.code == 2, drifted
     assert "vision" in drifted.out
