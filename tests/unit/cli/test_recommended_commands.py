@@ -747,6 +747,7 @@ OTHER_TESTS = {
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
     "See what this kernel lacks: `rarms doctor`": "tests/system/test_linux_advice.py",
+    "See what the other one did: `rarms history`": "tests/contracts/test_remote_linux.py",
     "or adopt the right machine with": "tests/system/test_remote_host.py",
     "No step was done. Look with": "tests/system/test_remote_host.py",  # a script's guard refused
     "it asks the host's own journal": "tests/system/test_remote_host.py",  # the connection broke
