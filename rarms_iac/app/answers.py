@@ -7,9 +7,13 @@ from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
 from rarms_iac.app.report_model import Report
+from rarms_iac.app.scripts import PlanScripts
 from rarms_iac.app.select import Selection
 from rarms_iac.app.status import History, Overview
+from rarms_iac.applying.run_report import RunReport, StepEnded
 from rarms_iac.model.diagnostics import Findings
+from rarms_iac.model.plan import Plan
+from rarms_iac.powershell.outline import ScriptDifference
 from rarms_iac.storage.finding_pages import FindingPage
 
 Answer = (
@@ -23,8 +27,13 @@ Answer = (
     | History
     | LayoutGraph
     | Overview
+    | Plan
+    | PlanScripts
     | Report
+    | RunReport
+    | ScriptDifference
     | Selection
+    | StepEnded
     | TuningResult
     | WrittenFiles
 )

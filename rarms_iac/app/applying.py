@@ -193,7 +193,7 @@ def combine_reports(reports: Sequence[RunReport]) -> RunReport:
     return RunReport(
         ending=next((ending for ending in order if ending in endings), RunEnding.NOTHING),
         hosts=tuple(host for report in reports for host in report.hosts),
-        diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
+        findings=tuple(problem for report in reports for problem in report.findings),
     )
 
 

@@ -2,8 +2,9 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, plan_in, read_input_file, write_file
@@ -11,6 +12,7 @@ from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.output import output
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.powershell.inspection.inspect import inspect
@@ -47,9 +49,19 @@ class PlanScript:
     text: str
 
     @property
+    @output
     def sha256(self) -> str:
         """The SHA-256 digest of the script's bytes, in hexadecimal."""
         return hashlib.sha256(self.text.encode("ascii")).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanScripts:
+    """Scripts of a plan that were asked for."""
+
+    kind: Literal["scripts"] = "scripts"
+    plan: str  # id
+    scripts: tuple[PlanScript, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,7 +239,7 @@ def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
         RequestError: the file is a plan without such a script.
         UseCaseError: it is neither, was edited, or does not pass the inspection.
     """
-    return difference(_outline_in(path, script), _outline_of(script))
+    return replace(difference(_outline_in(path, script), _outline_of(script)), old=path, new=script.name)
 
 
 def compare_scripts(old: PlanScript, new: PlanScript) -> ScriptDifference:
@@ -240,7 +252,7 @@ def compare_scripts(old: PlanScript, new: PlanScript) -> ScriptDifference:
     Returns:
         The steps that only one has, or that differ.
     """
-    return difference(_outline_of(old), _outline_of(new))
+    return replace(difference(_outline_of(old), _outline_of(new)), old=old.name, new=new.name)
 
 
 def observe_script() -> str:

@@ -78,7 +78,7 @@ def apply_plan(
     if not problems and plan.hosts and all(finished_by(plan, journals[part.host.name]) for part in plan.hosts):
         problems = [refusals.used(part.host.name, plan.id) for part in plan.hosts]
     if problems:
-        return RunReport(ending=RunEnding.REFUSED, diagnostics=tuple(problems))
+        return RunReport(ending=RunEnding.REFUSED, findings=tuple(problems))
 
     reports: list[RunReport] = []
     for part in plan.hosts:

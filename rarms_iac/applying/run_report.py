@@ -1,15 +1,16 @@
 """The report of a run, host by host, and how the whole of it ended."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Protocol
+from typing import Literal, Protocol
 
-from rarms_iac.model.changes import Address
+from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
-from rarms_iac.model.plan import HostPlan
+from rarms_iac.model.output import Internal, output
+from rarms_iac.model.plan import HostPlan, Totals
 
 
 class RunEnding(StrEnum):
@@ -34,16 +35,48 @@ class HostReport:
     unchanged: int
     total: int
     resumed: bool = False  # it finished a run that had been begun earlier
-    host_plan: HostPlan | None = None  # of an apply that rarms walked: what its plan does, and to whom
+    host_plan: Internal[HostPlan | None] = None  # of an apply that rarms walked: what its plan does, and to whom
+
+    @property
+    @output
+    def changes(self) -> tuple[Change, ...]:
+        """What an apply changes; nothing of an undo, or of a script's run."""
+        return self.host_plan.changes if self.host_plan else ()
+
+    @property
+    @output
+    def components(self) -> Mapping[str, tuple[str, ...]]:
+        """By partition of an apply's layout, the most critical first."""
+        return self.host_plan.components if self.host_plan else {}
+
+    @property
+    @output
+    def totals(self) -> Totals | None:
+        """What the host has promised once all of an apply is done."""
+        return self.host_plan.totals if self.host_plan else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepEnded:
+    """A step that ended, on a line of its own where programs read along."""
+
+    kind: Literal["step"] = "step"
+    host: str
+    number: int  # from 1
+    total: int
+    address: str
+    title: str
+    status: StepStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunReport:
     """All hosts in the order they were walked, and what went wrong."""
 
+    kind: Literal["run"] = "run"
     ending: RunEnding
     hosts: tuple[HostReport, ...] = ()
-    diagnostics: tuple[Diagnostic, ...] = field(default=())
+    findings: tuple[Diagnostic, ...] = ()
 
 
 class ReportedStep(Protocol):

@@ -203,7 +203,7 @@ class RunListener:
             total=max(self._total, len(self._statuses)),
             resumed=bool(self._job.earlier),
         )
-        return RunReport(ending=ending, hosts=(host_report,), diagnostics=tuple(problems))
+        return RunReport(ending=ending, hosts=(host_report,), findings=tuple(problems))
 
     def _ending(self, ended: ScriptExited | ScriptLost) -> "tuple[RunEnding, *tuple[Diagnostic, ...]]":
         last = self._last

@@ -53,7 +53,7 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
             resumed=resumed,
             host_plan=started.host_plan if started.run is RunKind.APPLY else None,
         )
-        return RunReport(ending=ending, hosts=(host_report,), diagnostics=problems)
+        return RunReport(ending=ending, hosts=(host_report,), findings=problems)
 
     total = len(started.steps)
     for number, step in enumerate(started.steps):
@@ -134,8 +134,8 @@ def hold(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator
 def failed_run(error: HostError) -> RunReport:
     """The report of a run that ended with this error."""
     if isinstance(error, HostLocked):
-        return RunReport(ending=RunEnding.REFUSED, diagnostics=(refusals.locked(error),))
-    return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
+        return RunReport(ending=RunEnding.REFUSED, findings=(refusals.locked(error),))
+    return RunReport(ending=RunEnding.FAILED, findings=(refusals.host_failed(error),))
 
 
 def combined_report(reports: "list[RunReport]") -> RunReport:
@@ -145,5 +145,5 @@ def combined_report(reports: "list[RunReport]") -> RunReport:
     return replace(
         reports[-1],
         hosts=tuple(host for report in reports for host in report.hosts),
-        diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
+        findings=tuple(problem for report in reports for problem in report.findings),
     )

@@ -41,7 +41,7 @@ def undo(
                     return _nothing_to_undo(host, run)
                 job = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
                 report = without_rights(host) or run_job(host, job, reporter, should_stop, waits)
-                return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, run)))
+                return replace(report, findings=(*report.findings, *not_undone_findings(host.name, run)))
             case _:
                 assert_never(host)
     except HostError as error:
@@ -58,7 +58,7 @@ def without_rights(host: LiveHost) -> RunReport | None:
     facts = host.observe().facts
     if facts.rights is Rights.PROVEN:
         return None
-    return RunReport(ending=RunEnding.FAILED, diagnostics=(no_rights(facts),))
+    return RunReport(ending=RunEnding.FAILED, findings=(no_rights(facts),))
 
 
 def _walk_back(
@@ -69,7 +69,7 @@ def _walk_back(
     started = undo_run(journal, origin)
     host.start_run(started)
     report = run_steps(host, Journal(started=started), reporter, should_stop)
-    return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, journal)))
+    return replace(report, findings=(*report.findings, *not_undone_findings(host.name, journal)))
 
 
 def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
@@ -177,4 +177,4 @@ def _nothing_to_undo(host: LiveHost, journal: Journal | ScriptRun | None) -> Run
         if journal is None
         else f"the last run there was the undo of plan {journal.started.plan}"
     )
-    return RunReport(ending=RunEnding.NOTHING, diagnostics=(refusals.nothing_to_undo(host.name, why),))
+    return RunReport(ending=RunEnding.NOTHING, findings=(refusals.nothing_to_undo(host.name, why),))

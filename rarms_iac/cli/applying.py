@@ -16,14 +16,14 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
-from rarms_iac.views.plan_json import plan_json
-from rarms_iac.views.run import run_json, run_text
+from rarms_iac.views.run import run_text
 
 
 def show_plan(session: Session, plan: Plan, sources: Sources | None = None, *, verbose: bool = False) -> None:
     """Show a plan as text, or as JSON for a program."""
-    session.answer(lambda: plan_json(plan), lambda: plan_text(plan, sources=sources, verbose=verbose))
+    session.answer(lambda: json_of(plan), lambda: plan_text(plan, sources=sources, verbose=verbose))
 
 
 def write_and_advise(session: Session, path: str, plan: Plan) -> None:
@@ -98,9 +98,9 @@ def ask(session: Session, question: str) -> None:
 
 def report_end(session: Session, report: RunReport, *, quiet: bool = False) -> ExitCode:
     """Say how a run ended, and give its exit code."""
-    tell(session.terminal, report.diagnostics)
+    tell(session.terminal, report.findings)
     if session.as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
-        session.terminal.data(run_json(report))
+        session.terminal.data(json_of(report, indent=None))
     elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
         session.terminal.talk(run_text(report))
     return code_of(session, report.ending)

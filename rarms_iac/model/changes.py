@@ -1,6 +1,7 @@
 """The difference between what is wanted and what is there."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
 from fractions import Fraction
@@ -207,3 +208,25 @@ class Release(_AnyChange):
 
 
 Change = Create | Update | Delete | Adopt | Release
+
+_COUNT_NAMES = {
+    "create": ("add",),
+    "update": ("change",),
+    "replace": ("add", "remove"),
+    "delete": ("remove",),
+    "adopt": ("adopt",),
+    "release": ("release",),
+}
+
+
+def count(changes: Iterable[Change]) -> dict[str, int]:
+    """Count changes: add, change, remove, adopt, release.
+
+    Args:
+        changes: of any hosts.
+
+    Returns:
+        All five numbers; a replacement counts as removed and as added.
+    """
+    numbers = Counter(name for change in changes for name in _COUNT_NAMES[change.action])
+    return {name: numbers[name] for name in ("add", "change", "remove", "adopt", "release")}

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.commands import Wording
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed
 from rarms_iac.model.state import PartitionSettings
 
@@ -55,8 +57,8 @@ class PlacedPartition:
 class Placement:
     """How good the choice of hosts is, where there was one."""
 
-    reserved: int  # in all, in per cent of one logical processor
-    reserved_bound: int  # no layout reserves less
+    reserved: Internal[int]  # in all, in per cent of one logical processor
+    reserved_bound: Internal[int]  # no layout reserves less
     moves: int
     moves_bound: int  # no layout that reserves at most as much moves fewer
 
@@ -66,6 +68,19 @@ class Placement:
         return (self.reserved, self.moves) == (self.reserved_bound, self.moves_bound)
 
     @property
+    @output
+    def reserved_lp(self) -> Fraction:
+        """LPs that are reserved in all."""
+        return Fraction(self.reserved, 100)
+
+    @property
+    @output
+    def reserved_bound_lp(self) -> Fraction:
+        """LPs that each layout reserves at least."""
+        return Fraction(self.reserved_bound, 100)
+
+    @property
+    @output
     def verdict(self) -> Literal["optimal", "within the bound"]:
         """What may be said of it."""
         return "optimal" if self.proven else "within the bound"

@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from fractions import Fraction
 from itertools import groupby
 from math import ceil
 from typing import Literal
 
-from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.changes import Address, Change, count
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.host import Host
@@ -20,6 +21,7 @@ from rarms_iac.model.operations import (
     StopPartition,
     WriteMark,
 )
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import SPARSE, HostFacts, RegistryValue
 from rarms_iac.model.system import Disruption
 
@@ -56,7 +58,7 @@ class Undo:
     """How a step is taken back, and what stays different afterwards."""
 
     level: UndoLevel
-    operation: Operation | None  # None where nothing can be done
+    operation: Internal[Operation | None]  # None where nothing can be done
     message: str = field(default="", metadata={"formerly": "says"})  # what it cannot bring back
 
 
@@ -67,12 +69,12 @@ class Step:
     address: Address
     title: str  # for a person: `reserve 70 -> 40 %`
     operation: Operation
-    before: Readings
-    after: Readings
+    before: Internal[Readings]
+    after: Internal[Readings]
     undo: Undo
     disruption: Disruption
-    claim_before: Claim  # of its partition
-    claim_after: Claim
+    claim_before: Internal[Claim]  # of its partition
+    claim_after: Internal[Claim]
     comment: str  # why it is done, and why here in the order
     place: Place | None = None  # the manifest line behind it
 
@@ -103,12 +105,30 @@ class HeldBack:
 class Totals:
     """The sums that a host has promised once the plan is done: to this application's partitions, and to all others."""
 
-    percent: int  # of one logical processor: 140 is 1.4 LP
+    percent: Internal[int]  # of one logical processor: 140 is 1.4 LP
     memory: int  # bytes
-    others_percent: int = 0
+    others_percent: Internal[int] = 0
     others_memory: int = 0
-    idle_percent: int = 0  # of `percent`: to partitions that do not run then
+    idle_percent: Internal[int] = 0  # of `percent`: to partitions that do not run then
     idle_memory: int = 0  # of `memory`
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction:
+        """LPs that are promised to this application's partitions."""
+        return Fraction(self.percent, 100)
+
+    @property
+    @output
+    def others_lp(self) -> Fraction:
+        """LPs that are promised to all others."""
+        return Fraction(self.others_percent, 100)
+
+    @property
+    @output
+    def idle_lp(self) -> Fraction:
+        """LPs of what is promised to this application's partitions that do not run then."""
+        return Fraction(self.idle_percent, 100)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,17 +164,17 @@ class GuestTask:
 class HostPlan:
     """The part of a plan for one host: changes, and steps in their order."""
 
-    host: Host
+    host: Internal[Host]
     facts: HostFacts
-    state_path: str  # simulated hosts: where their file lies, relative to the manifest's folder
+    state_path: Internal[str]  # simulated hosts: where their file lies, relative to the manifest's folder
     serial: int  # of the application on this host, when the plan was made
-    digests: Mapping[str, str]  # of each part of the observed state that must not have moved
+    digests: Internal[Mapping[str, str]]  # of each part of the observed state that must not have moved
     changes: tuple[Change, ...]  # by address
     steps: tuple[Step, ...]  # in the order in which they are done
     held_back: tuple[HeldBack, ...]
     unused: tuple[str, ...]  # partitions of ours that the manifest no longer wants, stopped already
     unchanged: int  # resources that are as wanted
-    scripts: Mapping[str, str]  # file name -> text, one an operating system
+    scripts: Internal[Mapping[str, str]]  # file name -> text, one an operating system
     totals: Totals | None = None  # for the reader; nothing is decided by it
     threads: tuple[ThreadClass, ...] = ()  # by operating system, highest priority first; for the reader, too
     components: Mapping[str, tuple[str, ...]] = field(
@@ -164,7 +184,13 @@ class HostPlan:
     # By partition of a Linux host: how its reservation is kept and why; for the reader.
     mechanisms: Mapping[str, str] | None = field(default=None, metadata=SPARSE)
     # By partition, then name: what the scripts write in guests that could not be looked into.
-    guest_tasks: tuple[GuestTask, ...] | None = field(default=None, metadata=SPARSE)
+    guest_tasks: Internal[tuple[GuestTask, ...] | None] = field(default=None, metadata=SPARSE)
+
+    @property
+    @output
+    def name(self) -> str:
+        """The host's, as the manifest calls it."""
+        return self.host.name
 
 
 class Purpose(StrEnum):
@@ -187,16 +213,30 @@ class Plan:
     application: str
     purpose: Purpose
     manifest: str  # path as given
-    manifest_digest: str
+    manifest_digest: Internal[str]
     today: str  # ISO date that acceptances were judged by
     max_disruption: Disruption
     hosts: tuple[HostPlan, ...]  # by name
     findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
     accepted: tuple[Diagnostic, ...]
     placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
-    format_version: Literal["rarms-plan/2"] = "rarms-plan/2"
+    format_version: Internal[Literal["rarms-plan/2"]] = "rarms-plan/2"
 
     @property
+    @output
+    def kind(self) -> Literal["plan"]:
+        """Which answer of a command it is."""
+        return "plan"
+
+    @property
+    @output
+    def counts(self) -> Mapping[str, int]:
+        """How many changes of each kind there are, as the last line of a plan has them, and how many are held back."""
+        held_back = sum(len(host.held_back) for host in self.hosts)
+        return {**count(change for host in self.hosts for change in host.changes), "held_back": held_back}
+
+    @property
+    @output
     def has_changes(self) -> bool:
         """Whether applying it would do anything, or something was held back."""
         return any(host.steps or host.held_back for host in self.hosts)

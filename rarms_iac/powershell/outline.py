@@ -9,7 +9,7 @@ something, so they are taken out before values are compared. Pure.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from rarms_iac.powershell.inspection.layout import without_fixed
 from rarms_iac.powershell.literals import Scalar, read_literal
@@ -151,7 +151,7 @@ class Detail:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepDifference:
-    """A step that only one of them has, or that differs; numbers count from 0."""
+    """A step that only one of them has, or that differs; numbers count from 1; None: it is not there."""
 
     address: str
     action: str
@@ -165,6 +165,9 @@ class StepDifference:
 class ScriptDifference:
     """All that differs: of the run as a whole, and of its steps in the new script's order, gone ones last."""
 
+    kind: Literal["script_difference"] = "script_difference"
+    old: str = ""  # where the old script comes from
+    new: str = ""  # the new script
     run: tuple[Detail, ...]
     steps: tuple[StepDifference, ...]
     same: int  # steps that both have
@@ -184,7 +187,7 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
     for key, step in keys_new.items():
         before = keys_old.get(key)
         if before is None:
-            differences.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number))
+            differences.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number + 1))
             continue
         details = tuple(_details(_facts(before, old), _facts(step, new)))
         moved = list(keys_old).index(key) not in stay
@@ -193,14 +196,14 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
                 StepDifference(
                     address=step.address,
                     action=step.action,
-                    old=before.number,
-                    new=step.number,
+                    old=before.number + 1,
+                    new=step.number + 1,
                     details=details,
                     moved=moved,
                 )
             )
     differences += [
-        StepDifference(address=step.address, action=step.action, old=step.number, new=None)
+        StepDifference(address=step.address, action=step.action, old=step.number + 1, new=None)
         for key, step in keys_old.items()
         if key not in keys_new
     ]

@@ -3,8 +3,7 @@
 Everything here is text in the words and units of the manifest; nothing is laid out.
 """
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import assert_never
@@ -27,23 +26,8 @@ FORCES_REPLACEMENT = "forces replacement"
 _FORCE_TEXTS = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
 
 
-_COUNT_NAMES = {
-    "create": ("add",),
-    "update": ("change",),
-    "replace": ("add", "remove"),
-    "delete": ("remove",),
-    "adopt": ("adopt",),
-    "release": ("release",),
-}
-
 SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt": ">", "release": "<"}
 """What stands before a change, by its action."""
-
-
-def count(changes: Iterable[Change]) -> dict[str, int]:
-    """How many of each: add, change, remove, adopt, release. A replacement counts as removed and as added."""
-    numbers = Counter(name for change in changes for name in _COUNT_NAMES[change.action])
-    return {name: numbers[name] for name in ("add", "change", "remove", "adopt", "release")}
 
 
 def describe_disruption(change: Change) -> str:

@@ -1,6 +1,6 @@
 """A plan as a person reviews it: a line a partition, what it disturbs and for how long, and a last line that counts.
 
-`plan_text` takes a Plan and returns a renderable; `plan_json` has the same for programs.
+`plan_text` takes a Plan and returns a renderable; `json_of` writes it for programs.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.applying.undo import is_removal
-from rarms_iac.model.changes import Change, Create, Delete, Update
+from rarms_iac.model.changes import Change, Create, Delete, Update, count
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import Placement
@@ -24,7 +24,7 @@ from rarms_iac.model.quantities import (
 )
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, count, describe_disruption, members_of
+from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
 from rarms_iac.views.findings import findings_text
 

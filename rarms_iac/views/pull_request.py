@@ -5,6 +5,7 @@ holds 65,536 characters; each part has its share of that, and says what it leave
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -22,9 +23,9 @@ from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import SYMBOLS, attributes_of, describe_disruption
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.finding_forms import OutputFormat, findings_as, in_repository
+from rarms_iac.views.json_output import json_of
 from rarms_iac.views.markdown import code, finding_parts, fitting, folded, plain_line, safe
 from rarms_iac.views.plan import plan_text, summary
-from rarms_iac.views.plan_json import plan_json
 from rarms_iac.views.scripts import difference_text
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def plan_as(
         case OutputFormat.TEXT:
             return plan_text(plan, sources=sources, verbose=verbose)
         case OutputFormat.JSON:
-            return plan_json(plan)
+            return json_of(plan)
         case OutputFormat.MARKDOWN:
             return comment(review())
         case _:
@@ -305,7 +306,7 @@ def _logs(review: PlanReview) -> Iterator[str]:
 def _scripts(review: PlanReview) -> Iterator[str]:
     lines: list[str] = []
     for name, change in review.scripts.items():
-        text = "" if change.is_empty else render(difference_text(change, "the base", name), UNLIMITED)
+        text = "" if change.is_empty else render(difference_text(replace(change, old="the base", new=name)), UNLIMITED)
         lines += [plain_line(line, indent=True) for line in text.splitlines()]
     lines += [f"{plain_line(name)}: the base has no such script" for name in review.new_scripts]
     if lines:

@@ -1,4 +1,4 @@
-"""Applying and undoing: what is going to be done, what goes on, and how it ended; `run_json` is for programs.
+"""Applying and undoing: what is going to be done, what goes on, and how it ended.
 
 `RunProgress` is a `RunReporter` that shows a line a partition: updated in place on a terminal, else whole lines.
 """
@@ -10,18 +10,25 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.applying.refusals import GO_ON, UNDO_PARTIAL
-from rarms_iac.applying.run_report import NO_COMPONENTS, HostReport, ReportedStep, RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_report import (
+    NO_COMPONENTS,
+    HostReport,
+    ReportedStep,
+    RunEnding,
+    RunReport,
+    RunReporter,
+    StepEnded,
+)
 from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.model.changes import count
 from rarms_iac.model.commands import APPLY, UNDO, Wording, prose
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import count, members_of
+from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput, StepEndedOutput
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -213,7 +220,7 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
 
 def _undo_is_partial(report: RunReport) -> bool:
     """Whether something of what an undo was to take back cannot be."""
-    return any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.diagnostics)
+    return any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.findings)
 
 
 def _host(report: HostReport, *, partial: bool) -> str:
@@ -258,53 +265,17 @@ class StepLines(RunReporter):
         """Write it at once."""
         self._write(
             json_of(
-                StepEndedOutput(
+                StepEnded(
                     host=host,
                     number=number,
                     total=total,
                     address=str(step.address),
                     title=step.title,
-                    status="unchanged" if status is StepStatus.UNCHANGED else "changed",
+                    status=status,
                 ),
                 indent=None,
             )
         )
-
-
-def run_json(report: RunReport) -> str:
-    """The same for programs: the last line, after those of the steps."""
-    return json_of(
-        RunOutput(
-            ending=report.ending.value,
-            hosts=tuple(map(_host_output, report.hosts)),
-            findings=report.diagnostics,
-        ),
-        indent=None,
-    )
-
-
-def _host_output(host: HostReport) -> HostRunOutput:
-    part = host.host_plan
-    changes = () if part is None else part.changes
-    return output_of(
-        HostRunOutput,
-        host,
-        run=host.run.value,
-        ending=host.ending.value,
-        addresses=tuple(str(change.address) for change in changes),
-        partitions=() if part is None else tuple(_partition_outputs(part)),
-        host_processors=None if part is None else part.facts.logical_processors,
-        reserved_processors=None if part is None or part.totals is None else part.totals.percent / 100,
-    )
-
-
-def _partition_outputs(part: HostPlan) -> Iterator[PartitionRunOutput]:
-    for change in part.changes:
-        reserved, name = change.reserved_lp, change.address.partition
-        if reserved is not None:
-            yield PartitionRunOutput(
-                name=name, components=part.components.get(name, ()), reserved_processors=float(reserved)
-            )
 
 
 def interruption_text(ending: str, command: str) -> "RenderableType":

@@ -1,4 +1,4 @@
-"""Scripts for a reader: one with line numbers, or two compared by their steps; `difference_json` is for programs."""
+"""Scripts for a reader: one with line numbers, or two compared by their steps."""
 
 from collections.abc import Iterator, Sequence
 from io import StringIO
@@ -11,15 +11,6 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.outline import Detail, ScriptDifference, StepDifference
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
-from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.plan import (
-    ScriptDetailOutput,
-    ScriptDifferenceOutput,
-    ScriptOutput,
-    ScriptsOutput,
-    ScriptStepOutput,
-)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -72,25 +63,9 @@ def left_out(plan: Plan, scripts: Sequence[PlanScript], selected: Sequence[PlanS
         yield f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME)."
 
 
-def scripts_json(plan: str, scripts: Sequence[PlanScript]) -> str:
-    """Scripts of a plan of this id, for programs."""
-    outputs = tuple(
-        ScriptOutput(
-            name=script.name,
-            host=script.host,
-            guest=script.guest,
-            undo=script.undo,
-            sha256=script.sha256,
-            text=script.text,
-        )
-        for script in scripts
-    )
-    return json_of(ScriptsOutput(plan=plan, scripts=outputs))
-
-
-def difference_text(difference: ScriptDifference, old: str, new: str) -> "RenderableType":
+def difference_text(difference: ScriptDifference) -> "RenderableType":
     """Show the steps that differ: `+` only in the new script, `-` only in the old one, `~` in both and not the same."""
-    head = paragraph(f"From {old} to {new}:")
+    head = paragraph(f"From {difference.old} to {difference.new}:")
     if difference.is_empty:
         return stack(head, "  they do the same, step by step.")
     parts = [head]
@@ -108,29 +83,6 @@ def _line(symbol: str, text: str) -> "RenderableType":
     return paragraph(text, start=styled("  ", (symbol, SYMBOLS[symbol]), " "))
 
 
-def difference_json(difference: ScriptDifference, old: str, new: str) -> str:
-    """The same as values."""
-    return json_of(
-        ScriptDifferenceOutput(
-            old=old,
-            new=new,
-            run=tuple(map(_detail_output, difference.run)),
-            steps=tuple(
-                ScriptStepOutput(
-                    address=step.address,
-                    action=step.action,
-                    old=None if step.old is None else step.old + 1,
-                    new=None if step.new is None else step.new + 1,
-                    moved=step.moved,
-                    details=tuple(map(_detail_output, step.details)),
-                )
-                for step in difference.steps
-            ),
-            same=difference.same,
-        )
-    )
-
-
 def _symbol(step: StepDifference) -> str:
     return "+" if step.old is None else "-" if step.new is None else "~"
 
@@ -138,19 +90,11 @@ def _symbol(step: StepDifference) -> str:
 def _describe_position(difference: StepDifference) -> str:
     if difference.old is None or difference.new is None:
         number = difference.new if difference.old is None else difference.old
-        return f"step {(number or 0) + 1}"
-    return (
-        f"step {difference.old + 1} is step {difference.new + 1}, moved"
-        if difference.moved
-        else f"step {difference.new + 1}"
-    )
+        return f"step {number}"
+    return f"step {difference.old} is step {difference.new}, moved" if difference.moved else f"step {difference.new}"
 
 
 def _detail(detail: Detail) -> "RenderableType":
     after = "(not there)" if detail.new is None else detail.new
     values = after if detail.old is None else f"{detail.old} -> {after}"
     return paragraph(f"{detail.name}  {values}", indent=6, more=2)
-
-
-def _detail_output(detail: Detail) -> ScriptDetailOutput:
-    return output_of(ScriptDetailOutput, detail)

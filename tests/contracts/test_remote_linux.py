@@ -401,7 +401,7 @@ def test_an_owner_that_comes_back_changes_nothing_and_is_refused(
     report = apply_again(lab.system(SECOND), open_remote(builders.a_host(), folder, Stalling(meanwhile=take_over)))
 
     assert report.ending is RunEnding.REFUSED
-    assert "took it over" in report.diagnostics[0].detail
+    assert "took it over" in report.findings[0].detail
     assert host_files(folder) == left
     go_on(lab, lab.host(folder))
 

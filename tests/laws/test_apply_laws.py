@@ -38,7 +38,7 @@ def test_plan_apply_plan_again_is_empty_and_strangers_come_out_untouched(system:
 
         report = lab.apply(lab.plan())
 
-        assert report.ending in {RunEnding.DONE, RunEnding.NOTHING}, report.diagnostics
+        assert report.ending in {RunEnding.DONE, RunEnding.NOTHING}, report.findings
         assert lab.steps_left() == 0
         assert unmanaged(lab) == machines
         assert shipped(lab.observe()) == tasks
@@ -82,8 +82,8 @@ def test_undo_brings_everything_back_but_the_serial(data: st.DataObject, others:
 
         assert [report.ending for report in reports] == [RunEnding.DONE]
         after = lab.observe()
-        assert ids_of(before) <= ids_of(after) or reports[0].diagnostics, "what cannot be brought back is told"
-        if not reports[0].diagnostics:
+        assert ids_of(before) <= ids_of(after) or reports[0].findings, "what cannot be brought back is told"
+        if not reports[0].findings:
             assert without_serials(after) == without_serials(before)
         assert all(after[name].serials != before[name].serials for name in after)
 

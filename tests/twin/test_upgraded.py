@@ -74,7 +74,7 @@ def test_it_is_finished_as_it_was_begun() -> None:
 
     assert edited_script(plan) is not None
     assert report is not None
-    assert (report.ending, report.diagnostics) == (RunEnding.DONE, ())
+    assert (report.ending, report.findings) == (RunEnding.DONE, ())
     assert seen(host) == seen(undisturbed)
     assert live(host).unfinished() is None
 
@@ -131,6 +131,6 @@ def test_a_journal_with_another_script_than_rarms_writes_runs_nothing(
     report = ask(host)
 
     assert report.ending is RunEnding.FAILED
-    (problem,) = report.diagnostics
+    (problem,) = report.findings
     assert "in its journal is no script of rarms: line" in problem.detail
     assert host.effects == before

@@ -163,7 +163,7 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
     with hold(tuple(hosts.values()), "ann@lab", 0):
         report = apply_plan(plan, hosts, ORIGIN, RunReporter(), lambda: False)
 
-    assert (report.ending, report.diagnostics) == (RunEnding.DONE, ())
+    assert (report.ending, report.findings) == (RunEnding.DONE, ())
     assert [part.steps for part in _plan(result, hosts, tmp_path).hosts] == [() for _ in hosts]
 
 

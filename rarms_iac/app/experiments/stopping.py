@@ -146,7 +146,7 @@ def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
         return
     report = finish_unfinished([host], RunReporter(), _never)
     if report is None or report.ending is not RunEnding.DONE:
-        raise UseCaseError(Outcome.FAILED, report.diagnostics if report else ())
+        raise UseCaseError(Outcome.FAILED, report.findings if report else ())
     reporter.message(f"{host.name}: finished the stop or start of partitions that an earlier measurement had begun.")
 
 
@@ -163,7 +163,7 @@ def _run(hosts: Hosts, host: MeasuringHost, purpose: Purpose, names: tuple[str, 
     report = apply_plan(plan, {host.name: host}, run_origin(), RunReporter(), _never)
     if report.ending not in {RunEnding.DONE, RunEnding.NOTHING}:
         outcome = Outcome.REFUSED if report.ending is RunEnding.REFUSED else Outcome.FAILED
-        raise UseCaseError(outcome, report.diagnostics)
+        raise UseCaseError(outcome, report.findings)
 
 
 def _never() -> bool:

@@ -9,6 +9,7 @@ from rarms_iac.app.options import argument, flag, option, verbose_option
 from rarms_iac.app.requests import ManifestSource, SnapshotSelection
 from rarms_iac.app.scripts import (
     PlanScript,
+    PlanScripts,
     ScriptSelection,
     check_script,
     compare_with_file,
@@ -26,7 +27,7 @@ from rarms_iac.model.diagnostics import Findings, has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.views.findings import findings_text
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.scripts import difference_json, difference_text, left_out, script_text, scripts_json
+from rarms_iac.views.scripts import difference_text, left_out, script_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,13 +110,10 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
     if against is not None:
         script = only_script(selected, "--against")
         difference = compare_with_file(against, script)
-        session.answer(
-            lambda: difference_json(difference, against, script.name),
-            lambda: difference_text(difference, against, script.name),
-        )
+        session.answer(lambda: json_of(difference), lambda: difference_text(difference))
         return ExitCode.DONE
     if session.as_json:
-        session.terminal.data(scripts_json(plan.id, selected))
+        session.terminal.data(json_of(PlanScripts(plan=plan.id, scripts=tuple(selected))))
     elif options.raw:
         session.terminal.exactly(only_script(selected, "--raw").text)
     else:

@@ -43,7 +43,7 @@ def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
     lab.apply(with_reserve(lab, "20 %").plan())
     lab.undo()
 
-    (refusal,) = lab.apply(old).diagnostics
+    (refusal,) = lab.apply(old).findings
     assert refusal.code == "RARMS181"
     assert refusal.summary == "The plan was used, or another run came after it was made"
 
@@ -80,8 +80,8 @@ def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
     report = lab.finish()
 
     assert report is not None
-    assert (report.ending, codes(report.diagnostics)) == (RunEnding.REFUSED, ["RARMS185"])
-    assert "reserve is 25, not 40" in report.diagnostics[0].detail
+    assert (report.ending, codes(report.findings)) == (RunEnding.REFUSED, ["RARMS185"])
+    assert "reserve is 25, not 40" in report.findings[0].detail
 
 
 def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() -> None:
@@ -90,7 +90,7 @@ def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() ->
     with a_lab(system) as lab:
         before = lab.observe()
         failed = lab.apply(lab.plan())
-        assert (failed.ending, codes(failed.diagnostics)) == (RunEnding.FAILED, ["RARMS186"])
+        assert (failed.ending, codes(failed.findings)) == (RunEnding.FAILED, ["RARMS186"])
 
         finished = lab.finish()
 
@@ -110,7 +110,7 @@ def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back()
         report = lab.apply(lab.plan())
 
         assert report.ending is RunEnding.FAILED
-        assert "partition/speech" in report.diagnostics[0].detail
+        assert "partition/speech" in report.findings[0].detail
         assert [partition.mark.name for partition in lab.observe()["onboard"].partitions if partition.mark] == [
             "speech",
             "vision",
@@ -134,7 +134,7 @@ def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_
 
         assert (report.ending, [part.host for part in report.hosts]) == (RunEnding.DONE, ["arm", "base"])
         assert lab.steps_left() == 0
-        assert codes(lab.apply(plan).diagnostics) == ["RARMS181", "RARMS181"]
+        assert codes(lab.apply(plan).findings) == ["RARMS181", "RARMS181"]
 
 
 def test_all_hosts_are_looked_at_before_the_first_step() -> None:
@@ -152,7 +152,7 @@ def test_all_hosts_are_looked_at_before_the_first_step() -> None:
 
         report = lab.apply(plan)
 
-        assert codes(report.diagnostics) == ["RARMS182"]
+        assert codes(report.findings) == ["RARMS182"]
         assert lab.observe() == before
 
 
@@ -186,7 +186,7 @@ def test_undo_of_destroy_says_what_is_gone_and_blocks_nothing(lab: Lab) -> None:
     (report,) = lab.undo()
 
     assert report.ending is RunEnding.DONE
-    assert sorted((diagnostic.code, diagnostic.address) for diagnostic in report.diagnostics) == [
+    assert sorted((diagnostic.code, diagnostic.address) for diagnostic in report.findings) == [
         ("RARMS193", "partition/speech"),
         ("RARMS193", "partition/vision"),
     ]

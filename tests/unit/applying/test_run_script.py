@@ -112,7 +112,7 @@ def ran(
 
 
 def codes(report: RunReport) -> list[str]:
-    return [diagnostic.code for diagnostic in report.diagnostics]
+    return [diagnostic.code for diagnostic in report.findings]
 
 
 def test_steps_are_told_as_a_walk_tells_them() -> None:
@@ -134,7 +134,7 @@ def test_steps_are_told_as_a_walk_tells_them() -> None:
     ]
     assert report.ending is RunEnding.DONE
     assert (report.hosts[0].changed, report.hosts[0].unchanged, report.hosts[0].total) == (1, 1, 2)
-    assert not report.diagnostics
+    assert not report.findings
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_a_host_that_is_still_read_is_told_and_is_no_step() -> None:
 def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words() -> None:
     report, _ = ran(ends=ScriptExited(code=1, last_lines=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
 
-    assert "lacks the module Hyper-V (exit code 1)" in report.diagnostics[0].detail
+    assert "lacks the module Hyper-V (exit code 1)" in report.findings[0].detail
 
 
 def test_finishing_counts_what_an_earlier_run_changed() -> None:

@@ -46,8 +46,8 @@ def test_how_good_it_is_stands_in_the_json_and_in_the_sealed_plan(fleet: Path) -
     assert sealed is not None
     assert placement == {
         "verdict": "optimal",
-        "reserved": sealed.reserved,
-        "reserved_bound": 200,
+        "reserved_lp": sealed.reserved / 100,
+        "reserved_bound_lp": 2.0,
         "moves": 0,
         "moves_bound": 0,
     }

@@ -33,7 +33,7 @@ def test_a_step_that_differs_says_which_readings_and_which_parameters() -> None:
     (step,) = difference(script(reserve=40), script(reserve=30)).steps
 
     assert step.address == "partition/vision"
-    assert (step.old, step.new, step.moved) == (0, 0, False)
+    assert (step.old, step.new, step.moved) == (1, 1, False)
     assert step.details == (
         Detail(name="after.reserve", old="40", new="30"),
         Detail(name="Hyper-V\\Set-VMProcessor -Reserve", old="40", new="30"),
@@ -58,7 +58,7 @@ def test_a_step_that_was_moved_is_told_once() -> None:
 
     (moved,) = difference(old, Outline(run=old.run, steps=steps)).steps
 
-    assert (moved.moved, moved.old, moved.new) == (True, 0, len(others))
+    assert (moved.moved, moved.old, moved.new) == (True, 1, len(others) + 1)
     assert moved.details == ()
 
 
@@ -69,4 +69,4 @@ def test_a_call_that_was_added_by_hand_makes_another_step_of_it() -> None:
 
     told = difference(old, Outline(run=old.run, steps=(more, *others)))
 
-    assert [(step.old, step.new) for step in told.steps] == [(None, 0), (0, None)]
+    assert [(step.old, step.new) for step in told.steps] == [(None, 1), (1, None)]

@@ -7,7 +7,6 @@ import pytest
 from rarms_iac.storage.finding_pages import FindingPage
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.plan_json import plan_json
 from scripts.output_schema import output_schema
 from tests.builders_plan import a_rich_plan, create, host_plan, plan, task
 
@@ -25,12 +24,12 @@ def test_the_schema_is_made_from_the_types() -> None:
 
 
 def test_a_plan_is_as_the_schema_says() -> None:
-    check(plan_json(a_rich_plan()))
-    check(plan_json(plan()))
+    check(json_of(a_rich_plan()))
+    check(json_of(plan()))
 
 
 def test_the_schema_refuses_another_shape() -> None:
-    document = json.loads(plan_json(plan()))
+    document = json.loads(json_of(plan()))
     del document["counts"]
 
     with pytest.raises(jsonschema.ValidationError):
@@ -38,19 +37,19 @@ def test_the_schema_refuses_another_shape() -> None:
 
 
 def test_a_plan_says_the_same_as_its_text() -> None:
-    document = json.loads(plan_json(a_rich_plan()))
+    document = json.loads(json_of(a_rich_plan()))
 
     onboard = document["hosts"][0]
     speech = onboard["changes"][1]
     assert document["format_version"] == "rarms-output/3"
     assert document["counts"] == {"add": 2, "change": 2, "remove": 1, "adopt": 0, "release": 0, "held_back": 1}
     assert speech["attributes"] == [{"name": "processors", "before": 1, "after": 2, "forces": "restart"}]
-    assert speech["place"]["line"] == 31
+    assert speech["reason"]["place"]["line"] == 31
     assert onboard["steps"][1]["undo"] == {"level": "none", "message": "it is not made again"}
 
 
 def test_registry_values_say_their_type() -> None:
-    document = json.loads(plan_json(plan(host_plan(changes=[create(task())]))))
+    document = json.loads(json_of(plan(host_plan(changes=[create(task())]))))
 
     names = {attribute["name"]: attribute["after"] for attribute in document["hosts"][0]["changes"][0]["attributes"]}
     assert names == {"Priority": "dword:5", "Scheduling Category": "sz:Medium"}

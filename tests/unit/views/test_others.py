@@ -18,7 +18,7 @@ from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.hosts import drift_text
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
+from rarms_iac.views.run import RunProgress, run_text, undo_text
 from tests.builders import the_delivery_robot
 from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update
 from tests.unit.views.test_json import check
@@ -79,7 +79,7 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
     assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 found all as wanted.\n"
     assert "1 of 4 left" in stopped
     assert "rarms undo" in stopped
-    check(run_json(a_report(RunEnding.DONE)))
+    check(json_of(a_report(RunEnding.DONE)))
 
 
 def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
@@ -93,14 +93,11 @@ def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
         "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "
         "(4 steps, 1 found all as wanted). 1.4 LP of 2 LP are reserved.\n"
     )
-    check(run_json(done))
-    (host,) = json.loads(run_json(done))["hosts"]
-    assert (host["reserved_processors"], host["host_processors"]) == (1.4, 2)
-    assert host["partitions"][0] == {
-        "name": "speech",
-        "components": ["recognition", "synthesis"],
-        "reserved_processors": 0.8,
-    }
+    check(json_of(done))
+    (host,) = json.loads(json_of(done))["hosts"]
+    assert host["totals"]["reserved_lp"] == 1.4
+    assert [change["reserved_lp"] for change in host["changes"]] == [0.8, 0.6]
+    assert host["components"] == {"speech": ["recognition", "synthesis"]}
 
 
 def test_an_undo_without_a_step_says_why() -> None:
@@ -108,7 +105,7 @@ def test_an_undo_without_a_step_says_why() -> None:
         host="onboard", plan="0123456789ab", run=RunKind.UNDO, ending=RunEnding.DONE, changed=0, unchanged=0, total=0
     )
     idle = RunReport(ending=RunEnding.DONE, hosts=(host,))
-    lost = replace(idle, diagnostics=(UNDO_PARTIAL.at(None, "what", "do"),))
+    lost = replace(idle, findings=(UNDO_PARTIAL.at(None, "what", "do"),))
 
     assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
     assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: nothing of it can be taken back.\n"
