@@ -33,15 +33,9 @@ def test_the_lines_of_the_page_measure_plan_apply_and_prove(tmp_path: Path) -> N
 def test_importing_the_package_imports_its_version_alone() -> None:
     program = "import sys, rarms_iac; print(sorted(name for name in sys.modules if name.startswith('rarms_iac.')))"
 
-<<<<<<< Updated upstream
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
 
     assert ran.stdout == "['rarms_iac.model', 'rarms_iac.model.version']\n"
-=======
-    shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-
-    assert shown == "['rarms_iac.model', 'rarms_iac.model.version']\n"
->>>>>>> Stashed changes
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
