@@ -128,7 +128,7 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
     Returns:
         Reservations for the planner. A log that is missing, damaged or stale is an answer, not an error.
     """
-    system, files, read = measurements.system, Files(measurements.folder), cache(_read)
+    system, folder = measurements.system, _LogFolder(files=Files(measurements.folder), read=cache(_read))
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
     alike: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():
@@ -138,9 +138,7 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
         for kind, names in alike.items():
             if _may_run_on(group, names):
                 host = system.hosts[names[0]]
-                logs[kind, names_of(group.members)] = _measured_together(
-                    measurements, group, host, kind.bench, files, read
-                )
+                logs[kind, names_of(group.members)] = _measured_together(system, folder, group, host, kind.bench)
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
@@ -187,18 +185,23 @@ class _Kind:
     bench: BenchNow
 
 
-Reader = Callable[[Path], DataLog | LogUnreadable | None]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _LogFolder:
+    """A manifest's folder, of which each file and each log is read once."""
+
+    files: Files
+    read: Callable[[Path], DataLog | LogUnreadable | None]
 
 
 def _measured_together(
-    measurements: Measurements, group: Group, host: Host, bench: BenchNow, files: Files, read: Reader
+    system: System, folder: _LogFolder, group: Group, host: Host, bench: BenchNow
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
-    subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
-    path = path_of(measurements.folder, subject)
-    path_shown = path.relative_to(measurements.folder).as_posix()
+    subject = subject_of(system, host, members, interference_of(system, members))
+    path = path_of(folder.files.folder, subject)
+    path_shown = path.relative_to(folder.files.folder).as_posix()
     again = command("measure", *members, together=len(members) > 1)
-    log = read(path)
+    log = folder.read(path)
     if log is None:
         message = (
             f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
@@ -211,7 +214,7 @@ def _measured_together(
         return _not_measured(group, findings.UNREADABLE.code, f"{path_shown}, line {log.line}: {log.message}.", advice)
     own = group.request.hyperv.image
     now = replace(bench, guest_image=own) if own is not None else bench
-    comparison = compare_log(log, subject, files, now)
+    comparison = compare_log(log, subject, folder.files, now)
     if comparison.changed:
         message = (
             f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(comparison.changed)}."

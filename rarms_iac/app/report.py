@@ -21,7 +21,7 @@ from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors
-from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import System
@@ -112,13 +112,13 @@ def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[LogBesideMa
 
 def _read_logs(system: System, folder: Path) -> Iterator[LogBesideManifest]:
     """Every log of a platform of the manifest, by path."""
-    hosts = {host.platform: host for host in reversed(list(system.hosts.values()))}
+    platforms = {host.platform for host in system.hosts.values()}
     files = Files(folder)
     for path in sorted((folder / FOLDER).glob("*/*/*.jsonl")):
         with log_errors():
             log = read_log(path)
-        if log is not None and log.header.platform in hosts and _is_of(system, log):
-            yield _log_beside_manifest(system, folder, path, log, hosts[log.header.platform], files)
+        if log is not None and log.header.platform in platforms and _is_of(system, log):
+            yield _log_beside_manifest(system, files, path, log)
 
 
 def _is_of(system: System, log: DataLog) -> bool:
@@ -126,15 +126,16 @@ def _is_of(system: System, log: DataLog) -> bool:
     return set(setup.members) <= system.components.keys() and setup.interference in system.interference
 
 
-def _log_beside_manifest(
-    system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files
-) -> LogBesideManifest:
+def _log_beside_manifest(system: System, files: Files, path: Path, log: DataLog) -> LogBesideManifest:
     setup = log.header.setup
-    expected_path = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
+    host = next(host for host in system.hosts.values() if host.platform == log.header.platform)
+    expected_path = path_of(
+        files.folder, subject_of(system, host, setup.members, interference_of(system, setup.members))
+    )
     subject = subject_of(system, host, setup.members, setup.interference)
     comparison = compare_log(log, subject, files, bench_now(host))
     return LogBesideManifest(
-        path=path.relative_to(folder).as_posix(),
+        path=path.relative_to(files.folder).as_posix(),
         log=log,
         is_expected=path == expected_path,
         stale=tuple(map(str, comparison.changed)),

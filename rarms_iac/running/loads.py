@@ -72,7 +72,7 @@ class InterferingLoad:
         self._scratch = Path(tempfile.mkdtemp(prefix="rarms-load-"))
         try:
             words = load_words(name, load, self._scratch, processors or logical_processors())
-            self._supervisor = Supervisor(order_of_words(name, words, context.base, context))
+            self._supervisor = Supervisor(order_of_words(name, words, context))
             try:
                 self._wait()
             except BaseException:
@@ -164,7 +164,7 @@ def check_load(name: str, load: Interference, context: StartContext) -> None:
         CannotStart: it has not.
     """
     if isinstance(load, CommandLoad):
-        order_of_words(name, load.command, context.base, context)
+        order_of_words(name, load.command, context)
     else:
         load_words(name, load, context.base, 1)
 

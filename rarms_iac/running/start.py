@@ -5,7 +5,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -85,38 +85,33 @@ def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
     folder = context.base / run.folder
     if not folder.is_dir():
         raise CannotStart(component, f"its folder {folder} is not there")
-    environment = environment_of(component, run, context.environment)
-    return order_of_words(component, _words(run, context), folder, context, environment=environment, stop=run.stop)
+    own = replace(context, environment=environment_of(component, run, context.environment))
+    return _order_in(folder, component, _words(run, context), own, run.stop)
 
 
-def order_of_words(
-    name: str,
-    words: tuple[str, ...],
-    folder: Path,
-    context: StartContext,
-    *,
-    environment: Mapping[str, str] | None = None,
-    stop: Stop | None = None,
-) -> StartOrder:
-    """A program and its arguments as they are started in a folder.
+def order_of_words(name: str, words: tuple[str, ...], context: StartContext) -> StartOrder:
+    """A program and its arguments as they are started in the manifest's folder.
 
     Raises:
         CannotStart: the program is not there.
     """
-    known = context.environment if environment is None else environment
+    return _order_in(context.base, name, words, context, Stop())
+
+
+def _order_in(folder: Path, name: str, words: tuple[str, ...], context: StartContext, stop: Stop) -> StartOrder:
     resolved = (
         words if folder.resolve() == context.base.resolve() else tuple(_word(word, context.base) for word in words)
     )
     before = context.inside.words
-    program = _program(name, (*before, *resolved)[0], folder, known)
+    program = _program(name, (*before, *resolved)[0], folder, context.environment)
     if before:
-        resolved = (_program(name, resolved[0], folder, known), *resolved[1:])
+        resolved = (_program(name, resolved[0], folder, context.environment), *resolved[1:])
     return StartOrder(
         name=name,
         words=(program, *(*before, *resolved)[1:]),
         folder=folder.resolve(),
-        environment={**known, **context.inside.environment},
-        stop=stop or Stop(),
+        environment={**context.environment, **context.inside.environment},
+        stop=stop,
         join=context.inside.join,
     )
 

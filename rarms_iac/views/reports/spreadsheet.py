@@ -319,11 +319,12 @@ def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:
         header = tuple(f"{word} ({unit})" if place else word for place, word in enumerate(CURVE))
         last = _rows(book, sheet, ((*header, f"measured ({unit})"), *curve), top=top + 1)
         if curve:
-            _chart(book, sheet, name, title, top + 2, last - 1)
+            _chart(book, sheet, title, top + 2, last - 1)
         top = max(last + 1, top + 22)
 
 
-def _chart(book: "Workbook", sheet: "Worksheet", name: str, title: str, first: int, last: int) -> None:
+def _chart(book: "Workbook", sheet: "Worksheet", title: str, first: int, last: int) -> None:
+    name = sheet.get_name()
     chart = book.add_chart({"type": "scatter", "subtype": "straight"})
     for column, words, dots in ((1, "curve", False), (2, "safe side", False), (5, "measured", True)):
         chart.add_series(
