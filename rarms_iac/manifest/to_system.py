@@ -1,8 +1,9 @@
 """ManifestDocument -> System: defaults filled in, nothing judged (that is what the checks are for)."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
-from typing import Any, TypeVar, assert_never, cast
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any, TypeVar, cast
 
 from rarms_iac.manifest.document.components import (
     ComponentBlock,
@@ -12,6 +13,8 @@ from rarms_iac.manifest.document.components import (
     FromEnvironmentBlock,
     RunBlock,
     SamplesBlock,
+    SimulationBlock,
+    StopBlock,
     TimeFieldBlock,
     UntilBlock,
 )
@@ -26,7 +29,7 @@ from rarms_iac.manifest.document.hosts import (
     SimulatedBlock,
 )
 from rarms_iac.manifest.document.manifest import (
-    AcceptanceBlock,
+    ApplicationBlock,
     BrowserBlock,
     BusyLoopBlock,
     CommandLoadBlock,
@@ -37,19 +40,9 @@ from rarms_iac.manifest.document.manifest import (
     PartitionStopBlock,
     PolicyBlock,
     StressBlock,
-    TaskBlock,
 )
-from rarms_iac.model.host import (
-    Connect,
-    Fault,
-    Host,
-    HostSettings,
-    HypervHost,
-    KeepForHost,
-    LinuxHost,
-    ProviderKind,
-    SimulatedHost,
-)
+from rarms_iac.manifest.document.rules import BLOCK_OF
+from rarms_iac.model.host import Connect, Fault, Host, HypervHost, KeepForHost, LinuxHost, ProviderKind, SimulatedHost
 from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.model.run import (
     Call,
@@ -74,7 +67,6 @@ from rarms_iac.model.system import (
     CpuRequest,
     Guest,
     HypervPartition,
-    Interference,
     Measured,
     PartitionRequest,
     Policy,
@@ -85,96 +77,104 @@ from rarms_iac.model.system import (
     TaskRequest,
 )
 
-B = TypeVar("B")
 V = TypeVar("V")
+Converter = Callable[[Any], Any]
 
 
-def to_host(name: str, block: HostBlock) -> Host:
-    """A host with its defaults; its platform is its own name by default."""
-    keep = block.keep_for_host or KeepForHostBlock()
-    return Host(
-        name=name,
-        provider=block.provider,
-        logical_processors=block.logical_processors,
-        memory=block.memory,
-        keep_for_host=_from_block(KeepForHost, keep),
-        platform=block.platform or name,
-        connect=to_connect(block.connect) if block.connect else None,
-        settings=_settings(block),
-        system_responsiveness=block.system_responsiveness,
+def to_system(document: ManifestDocument) -> System:
+    """Turn a document into a `System` with every default filled in; names are not resolved yet."""
+    interference = {"busy-loop": BusyLoop(), **_converted(document.interference or {})}
+    return _value(
+        System,
+        document,
+        hosts=_named(document.hosts, _host),
+        components=_named(document.components, _component),
+        partitions=_named(document.partitions, _partition),
+        interference=interference,
+        tasks=_named(document.tasks, lambda name, block: _value(TaskRequest, block, name=name)),
+        policy=_policy(document.policy or PolicyBlock()),
+        moved=document.moved or {},
     )
 
 
-def to_connect(block: ConnectBlock) -> Connect:
-    """How a remote system is reached."""
-    return _from_block(Connect, block)
-
-
-def _from_block(cls: type[V], block: Block, **different: object) -> V:
-    """The value of the model with the same fields as its block; `different` has those that are not taken as they are.
+def _value(cls: type[V], block: Block, **different: object) -> V:
+    """The value of the model with the fields of its block; `different` has those that are not taken as they are.
 
     Raises:
         AttributeError: the block lacks a field, which tests show.
     """
-    taken = {
-        field.name: getattr(block, field.name) for field in fields(cast("Any", cls)) if field.name not in different
-    }
+    taken = {name: _converted(getattr(block, name)) for name in _field_names(cast(Any, cls)) if name not in different}
     return cls(**taken, **different)
 
 
-def _settings(block: HostBlock) -> HostSettings:
-    match block.provider:
-        case ProviderKind.SIMULATED:
-            simulated = block.simulated or SimulatedBlock()
-            return _from_block(SimulatedHost, simulated, faults=_named(simulated.faults, _fault))
-        case ProviderKind.HYPERV:
-            return _from_block(HypervHost, block.hyperv or HypervHostBlock())
-        case ProviderKind.LINUX:
-            return _from_block(LinuxHost, block.linux or LinuxBlock())
-        case _:
-            assert_never(block.provider)
+@cache
+def _field_names(cls: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(cls))
 
 
-def _fault(_name: str, block: FaultBlock) -> Fault:
-    return _from_block(Fault, block)
+def _converted(value: Any) -> Any:
+    convert = _CONVERTERS.get(type(value))
+    return value if convert is None else convert(value)
 
 
-_CLOSED = Closed()
-_PER_RUN = Samples(source="per_run")
-_STOP = Stop()
-_UNTIL = SampleCount(samples=200)
+def _to(cls: type) -> Converter:
+    return lambda block: _value(cls, block)
 
 
-def to_run(block: RunBlock) -> Run:
-    """How a component is run; the deadline of a periodic job is its period by default."""
-    arrival = _arrival(block.arrival)
-    deadline = block.deadline
-    if deadline is None and isinstance(arrival, Periodic):
-        deadline = arrival.period
-    return Run(
-        start=_start(block),
-        files=tuple(block.files or ()),
-        environment={name: _variable(value) for name, value in (block.environment or {}).items()},
-        folder=block.folder,
-        until=_until(block.until) if block.until else _UNTIL,
-        timeout=block.timeout,
-        stop=_from_block(Stop, block.stop) if block.stop else _STOP,
-        arrival=arrival,
-        samples=_samples(block.samples) if block.samples else _PER_RUN,
-        deadline=deadline,
-        failures=block.failures,
+def _named(blocks: Mapping[str, Any] | None, make: Callable[[str, Any], V]) -> dict[str, V]:
+    return {name: make(name, block) for name, block in (blocks or {}).items()}
+
+
+_SETTINGS = {
+    ProviderKind.SIMULATED: SimulatedBlock,
+    ProviderKind.HYPERV: HypervHostBlock,
+    ProviderKind.LINUX: LinuxBlock,
+}
+
+
+def _host(name: str, block: HostBlock) -> Host:
+    """A host with its defaults; its platform is its own name by default."""
+    settings = getattr(block, BLOCK_OF[block.provider]) or _SETTINGS[block.provider]()
+    return _value(
+        Host,
+        block,
+        name=name,
+        keep_for_host=_converted(block.keep_for_host or KeepForHostBlock()),
+        platform=block.platform or name,
+        settings=_converted(settings),
     )
 
 
-def _start(block: RunBlock) -> Command | Call:
-    if block.call is None:
-        return Command(words=tuple(block.command or ()))
-    module, _, function = block.call.partition(":")
+_STOP = Stop()
+_CLOSED = Closed()
+_PER_RUN = Samples(source="per_run")
+_UNTIL = SampleCount(samples=200)
+_NOTHING_FIXED = CpuRequest()
+
+
+def _run(block: RunBlock) -> Run:
+    """How a component is run; the deadline of a periodic job is its period by default."""
+    arrival = _CLOSED if block.arrival in (None, "closed") else _converted(block.arrival)
+    deadline = block.deadline
+    if deadline is None and isinstance(arrival, Periodic):
+        deadline = arrival.period
+    return _value(
+        Run,
+        block,
+        start=Command(words=tuple(block.command or ())) if block.call is None else _call(block.call),
+        files=tuple(block.files or ()),
+        environment=_converted(block.environment or {}),
+        until=_converted(block.until) or _UNTIL,
+        stop=_converted(block.stop) or _STOP,
+        arrival=arrival,
+        samples=_converted(block.samples) or _PER_RUN,
+        deadline=deadline,
+    )
+
+
+def _call(target: str) -> Call:
+    module, _, function = target.partition(":")
     return Call(module=module, function=function)
-
-
-def _variable(value: str | FromEnvironmentBlock) -> str | FromEnvironment:
-    return value if isinstance(value, str) else FromEnvironment(name=value.from_env)
 
 
 def _until(block: UntilBlock) -> SampleCount | Elapsed:
@@ -183,115 +183,66 @@ def _until(block: UntilBlock) -> SampleCount | Elapsed:
     return _UNTIL if block.samples is None else SampleCount(samples=block.samples)
 
 
-def _arrival(value: str | EveryBlock | None) -> Closed | Periodic:
-    return Periodic(period=value.every) if isinstance(value, EveryBlock) else _CLOSED
-
-
-def _samples(block: SamplesBlock) -> Samples:
-    return Samples(
-        source=block.source,
-        pattern=block.pattern or "",
-        response_time=_time_field(block.response_time),
-        success=_field(block.success),
-        count=_field(block.count),
-    )
-
-
-def _time_field(block: TimeFieldBlock | None) -> Field | None:
-    return None if block is None else Field(name=block.field, factor=UNITS[Unit.TIME][block.unit])
-
-
-def _field(block: FieldBlock | None) -> Field | None:
-    return None if block is None else Field(name=block.field)
-
-
-_NOTHING_FIXED = CpuRequest()
-_BUILT_IN: Mapping[str, Interference] = {"busy-loop": BusyLoop()}
-
-
-def to_system(document: ManifestDocument) -> System:
-    """Turn a document into a `System` with every default filled in; names are not resolved yet."""
-    return System(
-        application=_from_block(Application, document.application),
-        hosts=_named(document.hosts, to_host),
-        components=_named(document.components, _component),
-        partitions=_named(document.partitions, _partition),
-        interference={**_BUILT_IN, **_named(document.interference, _interference)},
-        tasks=_named(document.tasks, _task),
-        policy=_policy(document.policy or PolicyBlock()),
-        moved=document.moved or {},
-    )
-
-
-def _named(blocks: Mapping[str, B] | None, make: Callable[[str, B], V]) -> dict[str, V]:
-    return {name: make(name, block) for name, block in (blocks or {}).items()}
-
-
 def _component(name: str, block: ComponentBlock) -> Component:
-    return _from_block(
+    """A component with thresholds is measured unless its reserve is fixed; on the host nothing is reserved."""
+    cpu = _converted(block.cpu) or _NOTHING_FIXED
+    if cpu.reserve is None and block.apt and block.runs_on is RunsOn.PARTITION:
+        cpu = replace(cpu, reserve=Measured.MEASURED)
+    return _value(
         Component,
         block,
         name=name,
         apt=block.apt or {},
-        run=to_run(block.run) if block.run else None,
-        cpu=_component_cpu(block),
+        cpu=cpu,
         together=tuple(block.together or ()),
         apart=tuple(block.apart or ()),
-        hosts=None if block.hosts is None else tuple(block.hosts),
-        simulation=_from_block(Simulation, block.simulation) if block.simulation else None,
     )
-
-
-def _component_cpu(block: ComponentBlock) -> CpuRequest:
-    """A component with thresholds is measured unless its reserve is fixed; on the host nothing is reserved."""
-    cpu = _cpu(block.cpu)
-    if cpu.reserve is None and block.apt and block.runs_on is RunsOn.PARTITION:
-        return CpuRequest(reserve=Measured.MEASURED, limit=cpu.limit, weight=cpu.weight)
-    return cpu
-
-
-def _cpu(block: CpuBlock | None) -> CpuRequest:
-    return _NOTHING_FIXED if block is None else _from_block(CpuRequest, block)
 
 
 def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
-    guest = block.guest or GuestBlock()
-    return PartitionRequest(
+    return _value(
+        PartitionRequest,
+        block,
         name=name,
         components=(name,) if block.components is None else tuple(block.components),
-        processors=block.processors,
-        memory=block.memory,
-        cpu=_cpu(block.cpu),
-        protect=block.protect,
-        start=block.start,
+        cpu=_converted(block.cpu) or _NOTHING_FIXED,
         grace=(block.stop or PartitionStopBlock()).grace,
-        hyperv=_from_block(HypervPartition, block.hyperv or HypervPartitionBlock()),
+        hyperv=_converted(block.hyperv or HypervPartitionBlock()),
         mechanism=block.linux.mechanism if block.linux else None,
-        guest=_from_block(Guest, guest, connect=to_connect(guest.connect) if guest.connect else None),
+        guest=_converted(block.guest or GuestBlock()),
     )
 
 
-def _interference(_name: str, block: BusyLoopBlock | BrowserBlock | CommandLoadBlock | StressBlock) -> Interference:
-    match block:
-        case BusyLoopBlock():
-            return _from_block(BusyLoop, block)
-        case BrowserBlock():
-            return _from_block(Browser, block)
-        case CommandLoadBlock():
-            return _from_block(CommandLoad, block, command=tuple(block.command))
-        case StressBlock():
-            return _from_block(Stress, block)
-        case _:
-            assert_never(block)
-
-
-def _task(name: str, block: TaskBlock) -> TaskRequest:
-    return _from_block(TaskRequest, block, name=name)
-
-
 def _policy(block: PolicyBlock) -> Policy:
-    return _from_block(Policy, block, accept=_named(block.accept, _acceptance))
+    accept = _named(block.accept, lambda code, acceptance: _value(Acceptance, acceptance, code=code))
+    return _value(Policy, block, accept=accept)
 
 
-def _acceptance(code: str, block: AcceptanceBlock) -> Acceptance:
-    return _from_block(Acceptance, block, code=code, at=tuple(block.at))
+_CONVERTERS: Mapping[type, Converter] = {
+    list: tuple,
+    dict: lambda values: {name: _converted(value) for name, value in values.items()},
+    ApplicationBlock: _to(Application),
+    BrowserBlock: _to(Browser),
+    BusyLoopBlock: _to(BusyLoop),
+    CommandLoadBlock: _to(CommandLoad),
+    ConnectBlock: _to(Connect),
+    CpuBlock: _to(CpuRequest),
+    EveryBlock: lambda block: Periodic(period=block.every),
+    FaultBlock: _to(Fault),
+    FieldBlock: lambda block: Field(name=block.field),
+    FromEnvironmentBlock: lambda block: FromEnvironment(name=block.from_env),
+    GuestBlock: _to(Guest),
+    HypervHostBlock: _to(HypervHost),
+    HypervPartitionBlock: _to(HypervPartition),
+    KeepForHostBlock: _to(KeepForHost),
+    LinuxBlock: _to(LinuxHost),
+    RunBlock: _run,
+    SamplesBlock: lambda block: _value(Samples, block, pattern=block.pattern or ""),
+    SimulatedBlock: lambda block: _value(SimulatedHost, block, faults=_converted(block.faults or {})),
+    SimulationBlock: _to(Simulation),
+    StopBlock: _to(Stop),
+    StressBlock: _to(Stress),
+    TimeFieldBlock: lambda block: Field(name=block.field, factor=UNITS[Unit.TIME][block.unit]),
+    UntilBlock: _until,
+}
+"""What becomes of a block's value by its type; one of another type stays as it is."""
