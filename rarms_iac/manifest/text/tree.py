@@ -1,4 +1,4 @@
-"""A YAML text -> a tree of keys and values with their positions, and where asked for comments and blank lines.
+"""A YAML text -> a tree of keys and values with their positions, with comments and blank lines.
 
 The one builder of YAML trees: it reads text that `events.read_events` has checked, so it may trust sizes and features.
 The parser drops comments: they are found between its tokens, whose positions it reports. The builder fills the nodes
@@ -104,25 +104,22 @@ def unified(text: str) -> str:
 
 
 def build_tree(text: str) -> Collection:
-    """Build the tree with comments of a text as `unified` leaves it: one mapping without any finding."""
-    root = _Builder(text, "", _comments_between(text)).root()
+    """Build the tree of a text as `unified` leaves it: one mapping without any finding."""
+    root = build_positions(text, "")
     assert isinstance(root, Collection), "the text was checked: it holds one mapping"
     return root
 
 
 def build_positions(text: str, file: str) -> Node:
-    """Build the tree of any text that was read before, without comments; `file` is how messages name it."""
-    return _Builder(text, file, []).root()
+    """Build the tree of any text that was read before; `file` is how messages name it."""
+    return _Builder(text, file).root()
 
 
 def comments_in(text: str, start: int, end: int) -> list[str]:
     """The comments that begin between two places of such a text, those behind `|` and `>` included."""
-    found = [(comment.start, comment.text) for comment in _comments_between(text)]
-    for event in _events(text):
-        if getattr(event, "style", None) in {"|", ">"}:
-            at = event.start_mark.index
-            found += [(at, header[1]) for header in [_HEADER_COMMENT.match(text, at, event.end_mark.index)] if header]
-    return [comment.rstrip() for at, comment in sorted(found) if start <= at < end]
+    builder = _Builder(text, "")
+    builder.root()
+    return [comment.rstrip() for at, comment in builder.comments if start <= at < end]
 
 
 def _events(text: str) -> Iterator[Any]:
@@ -132,10 +129,9 @@ def _events(text: str) -> Iterator[Any]:
 
 @dataclass(slots=True)
 class _Comment:
-    start: int
     text: str
-    column: int = 0
-    blank_above: bool = False
+    column: int
+    blank_above: bool
 
 
 @dataclass(slots=True)
@@ -150,11 +146,10 @@ class _OpenCollection:
 class _Builder:
     """Walks the events once; comments on the way wait until a key or an item takes them."""
 
-    def __init__(self, text: str, file: str, comments: list[_Comment]) -> None:
+    def __init__(self, text: str, file: str) -> None:
         self.text = text
         self.file = file
-        self.comments = comments
-        self.next_comment = 0
+        self.comments: list[tuple[int, str]] = []  # all of them, each where it begins
         self.pending: list[_Comment] = []  # comments of their own lines, not yet anybody's
         self.position = 0  # end of the last token or comment
         self.last: Entry | None = None  # whose line we are on
@@ -202,6 +197,7 @@ class _Builder:
         else:
             entry = self._place(top, scalar, start)
             if style in {"|", ">"} and (found := _HEADER_COMMENT.match(self.text, start, end)):
+                self.comments.append((start, found[1]))
                 _trail(entry, found[1])
         if style in {"|", ">"}:
             self.position = start + len(self.text[start:end].rstrip())
@@ -272,38 +268,17 @@ class _Builder:
         return entry
 
     def _take_comments(self, until: int) -> None:
-        while self.next_comment < len(self.comments) and self.comments[self.next_comment].start < until:
-            comment = self.comments[self.next_comment]
-            self.next_comment += 1
-            newlines = self.text.count("\n", self.position, comment.start)
+        """Take what stands between the last token and this place: every `#` there begins a comment."""
+        for found in _COMMENT.finditer(self.text, self.position, max(until, self.position)):
+            start, text = found.start(), found[0]
+            self.comments.append((start, text))
+            newlines = self.text.count("\n", self.position, start)
             if newlines == 0 and self.last is not None:
-                _trail(self.last, comment.text)
+                _trail(self.last, text)
             else:
-                comment.column = comment.start - (self.text.rfind("\n", 0, comment.start) + 1)
-                comment.blank_above = newlines > 1
-                self.pending.append(comment)
-            self.position = comment.start + len(comment.text)
-
-
-def _comments_between(text: str) -> list[_Comment]:
-    """Every `#` outside a scalar begins a comment."""
-    comments = []
-    position = 0
-    for start, end in [*_scalar_spans(text), (len(text), len(text))]:
-        if start < position:
-            continue  # an empty value, placed where its key ended
-        if text.find("#", position, start) >= 0:
-            comments += [_Comment(found.start(), found[0]) for found in _COMMENT.finditer(text, position, start)]
-        position = end
-    return comments
-
-
-def _scalar_spans(text: str) -> Iterator[tuple[int, int]]:
-    for event in _events(text):
-        if type(event) is ScalarEvent:
-            start: Any = event.start_mark  # the parser always marks; its types do not say so
-            end: Any = event.end_mark
-            yield start.index, end.index
+                column = start - (self.text.rfind("\n", 0, start) + 1)
+                self.pending.append(_Comment(text, column, blank_above=newlines > 1))
+            self.position = found.end()
 
 
 def _trail(entry: Entry, comment: str) -> None:
