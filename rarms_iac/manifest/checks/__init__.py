@@ -12,7 +12,7 @@ from itertools import islice
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
 from rarms_iac.manifest.checks import hosts, measurement, names, partitions, processors, secrets, tasks
-from rarms_iac.manifest.checks.common import Check
+from rarms_iac.manifest.checks.common import Check, of_components, of_hosts, of_partitions
 from rarms_iac.model.diagnostics import MOST_OF_A_KIND, Diagnostic, Finding, Places, following, in_order
 from rarms_iac.model.system import System
 
@@ -29,15 +29,15 @@ CHECKS: Mapping[Finding, Check] = {
     names.UNUSED_INTERFERENCE: names.unused_interference,
     partitions.SEVERAL_PARTITIONS: partitions.several_partitions,
     partitions.HOST_COMPONENT_IN_PARTITION: partitions.host_component_in_partition,
-    partitions.HOST_COMPONENT_WITH_CPU: partitions.host_component_with_cpu,
-    partitions.PARTITION_OF_ANOTHER_NAME: partitions.partition_of_another_name,
+    partitions.HOST_COMPONENT_WITH_CPU: of_components(partitions.host_component_with_cpu),
+    partitions.PARTITION_OF_ANOTHER_NAME: of_partitions(partitions.partition_of_another_name),
     partitions.TOGETHER_AND_APART: partitions.together_and_apart,
     partitions.DEDICATED_SHARES: partitions.dedicated_shares,
-    partitions.APART_IN_ONE_PARTITION: partitions.apart_in_one_partition,
+    partitions.APART_IN_ONE_PARTITION: of_partitions(partitions.apart_in_one_partition),
     partitions.TOGETHER_IS_SEPARATED: partitions.together_is_separated,
     partitions.NO_COMMON_HOST: partitions.no_common_host,
     hosts.NOTHING_KEPT_FOR_HOST: hosts.nothing_kept_for_host,
-    hosts.CONNECT_TO_SIMULATED: hosts.connect_to_simulated,
+    hosts.CONNECT_TO_SIMULATED: of_hosts(hosts.connect_to_simulated),
     hosts.PLATFORM_OF_DIFFERENT_HOSTS: hosts.platform_of_different_hosts,
     hosts.PATH_ON_WINDOWS: hosts.path_on_windows,
     hosts.SECURE_BOOT_OF_GENERATION_1: hosts.secure_boot_of_generation_1,
@@ -47,10 +47,10 @@ CHECKS: Mapping[Finding, Check] = {
     processors.RESERVE_BEYOND_PARALLELISM: processors.reserve_beyond_parallelism,
     processors.RESERVE_OVER_PROCESSORS: processors.reserve_over_processors,
     processors.MORE_PROCESSORS_THAN_HOST: processors.more_processors_than_host,
-    processors.DIFFERENT_CPU: processors.different_cpu,
+    processors.DIFFERENT_CPU: of_partitions(processors.different_cpu),
     processors.HELD_BACK: processors.held_back,
     processors.WEIGHT_ON_LINUX: processors.weight_on_linux,
-    partitions.BELOW_MEMBERS: partitions.partition_memory_below_members,
+    partitions.BELOW_MEMBERS: of_partitions(partitions.partition_memory_below_members),
     partitions.MEMORY_OVER_HOST: partitions.memory_over_host,
     partitions.NOT_A_MACHINES: partitions.memory_not_a_machines,
     tasks.SHIPPED_TASK: tasks.shipped_task,
@@ -60,17 +60,17 @@ CHECKS: Mapping[Finding, Check] = {
     tasks.SHARED_TASK: tasks.shared_task,
     tasks.UNUSED_TASK: tasks.unused_task,
     tasks.TASK_LIKE_A_VALUE: tasks.task_like_a_value,
-    measurement.NO_SAMPLE_IN_TIME: measurement.no_sample_in_time,
-    measurement.TIMEOUT_BEFORE_THRESHOLD: measurement.timeout_before_threshold,
-    measurement.INDEX_WITHOUT_FIELD: measurement.index_without_field,
-    measurement.MISS_RATE_WITHOUT_DEADLINE: measurement.miss_rate_without_deadline,
+    measurement.NO_SAMPLE_IN_TIME: of_components(measurement.no_sample_in_time),
+    measurement.TIMEOUT_BEFORE_THRESHOLD: of_components(measurement.timeout_before_threshold),
+    measurement.INDEX_WITHOUT_FIELD: of_components(measurement.index_without_field),
+    measurement.MISS_RATE_WITHOUT_DEADLINE: of_components(measurement.miss_rate_without_deadline),
     measurement.PATTERN_IS_NOT_RE2: measurement.pattern_is_not_re2,
     measurement.PATTERN_WITHOUT_GROUP: measurement.pattern_without_group,
-    measurement.TOO_FEW_SAMPLES: measurement.too_few_samples,
-    measurement.MEASURED_WITHOUT_APT: measurement.measured_without_apt,
-    measurement.NOTHING_TO_RUN: measurement.nothing_to_run,
+    measurement.TOO_FEW_SAMPLES: of_components(measurement.too_few_samples),
+    measurement.MEASURED_WITHOUT_APT: of_components(measurement.measured_without_apt),
+    measurement.NOTHING_TO_RUN: of_components(measurement.nothing_to_run),
     secrets.SECRET_IN_CLEAR: secrets.secret_in_clear,
-    secrets.SECRET_IN_ENVIRONMENT: secrets.secret_in_environment,
+    secrets.SECRET_IN_ENVIRONMENT: of_components(secrets.secret_in_environment),
 }
 """Every check that asks the manifest alone, by its finding."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Related
@@ -50,6 +51,21 @@ class Violation:
 
 Check = Callable[[System], Iterator[Violation]]
 """A check yields every violation that it finds; it judges only what no other check judges."""
+
+
+def of_components(check: Callable[[Component], Iterator[Violation]]) -> Check:
+    """The check of a manifest that judges one component after the other."""
+    return lambda system: chain.from_iterable(map(check, system.components.values()))
+
+
+def of_hosts(check: Callable[[Host], Iterator[Violation]]) -> Check:
+    """The check of a manifest that judges one host after the other."""
+    return lambda system: chain.from_iterable(map(check, system.hosts.values()))
+
+
+def of_partitions(check: Callable[[System, PartitionRequest], Iterator[Violation]]) -> Check:
+    """The check of a manifest that judges one partition's entry after the other, beside what it names."""
+    return lambda system: chain.from_iterable(check(system, partition) for partition in system.partitions.values())
 
 
 def _place(places: Places, path: Path, at_key: bool) -> Place:

@@ -44,16 +44,15 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
             )
 
 
-def connect_to_simulated(system: System) -> Iterator[Violation]:
+def connect_to_simulated(host: Host) -> Iterator[Violation]:
     """`connect` on a simulated host."""
-    for host in system.hosts.values():
-        if host.provider is ProviderKind.SIMULATED and host.connect is not None:
-            yield Violation(
-                path=("hosts", host.name, "connect"),
-                at_key=True,
-                detail=f'"{host.name}" is simulated. It is a file on this machine, so `connect` has no effect.',
-                advice="Remove `connect`, or write the provider of the real host.",
-            )
+    if host.provider is ProviderKind.SIMULATED and host.connect is not None:
+        yield Violation(
+            path=("hosts", host.name, "connect"),
+            at_key=True,
+            detail=f'"{host.name}" is simulated. It is a file on this machine, so `connect` has no effect.',
+            advice="Remove `connect`, or write the provider of the real host.",
+        )
 
 
 def platform_of_different_hosts(system: System) -> Iterator[Violation]:

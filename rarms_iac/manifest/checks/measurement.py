@@ -24,58 +24,54 @@ MEASURED_WITHOUT_APT = Finding.error("RARMS077", "A measured reserve needs an AP
 NOTHING_TO_RUN = Finding.error("RARMS079", "A measured reserve needs something to run")
 
 
-def measured_without_apt(system: System) -> Iterator[Violation]:
+def measured_without_apt(component: Component) -> Iterator[Violation]:
     """`reserve: measured` on a component without `apt`."""
-    for component in system.components.values():
-        if component.cpu.reserve is Measured.MEASURED and not component.apt:
-            yield Violation(
-                path=("components", component.name, "cpu", "reserve"),
-                detail=f'The reserve of "{component.name}" is the least that meets its APT, but it has no APT.',
-                advice="Add `apt`, or fix the reserve: `reserve: 20 %`.",
-            )
+    if component.cpu.reserve is Measured.MEASURED and not component.apt:
+        yield Violation(
+            path=("components", component.name, "cpu", "reserve"),
+            detail=f'The reserve of "{component.name}" is the least that meets its APT, but it has no APT.',
+            advice="Add `apt`, or fix the reserve: `reserve: 20 %`.",
+        )
 
 
-def nothing_to_run(system: System) -> Iterator[Violation]:
+def nothing_to_run(component: Component) -> Iterator[Violation]:
     """Components whose reserve is to be measured and that have neither `run` nor `simulation`."""
-    for component in system.components.values():
-        if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
+    if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
+        yield Violation(
+            path=("components", component.name),
+            at_key=True,
+            detail=f'The reserve of "{component.name}" is to be measured, but the manifest does not say how it is '
+            "started.",
+            advice="Add `run` with a command, or `simulation` with its demand on a simulated host.",
+        )
+
+
+def no_sample_in_time(component: Component) -> Iterator[Violation]:
+    """Periodic components that are measured for less than one period."""
+    match component.run:
+        case Run(until=Elapsed(time=time), arrival=Periodic(period=period)) if time < period:
+            here = ("components", component.name, "run")
             yield Violation(
-                path=("components", component.name),
-                at_key=True,
-                detail=f'The reserve of "{component.name}" is to be measured, but the manifest does not say how it is '
-                "started.",
-                advice="Add `run` with a command, or `simulation` with its demand on a simulated host.",
+                path=(*here, "until"),
+                detail=f'"{component.name}" is measured for {show_milliseconds(time)}, but a job starts every '
+                f"{show_milliseconds(period)}.",
+                advice="Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
+                related=(((*here, "arrival"), False, "the period"),),
             )
 
 
-def no_sample_in_time(system: System) -> Iterator[Violation]:
-    """Periodic components that are measured for less than one period."""
-    for component in system.components.values():
-        match component.run:
-            case Run(until=Elapsed(time=time), arrival=Periodic(period=period)) if time < period:
-                here = ("components", component.name, "run")
-                yield Violation(
-                    path=(*here, "until"),
-                    detail=f'"{component.name}" is measured for {show_milliseconds(time)}, but a job starts every '
-                    f"{show_milliseconds(period)}.",
-                    advice="Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
-                    related=(((*here, "arrival"), False, "the period"),),
-                )
-
-
-def timeout_before_threshold(system: System) -> Iterator[Violation]:
+def timeout_before_threshold(component: Component) -> Iterator[Violation]:
     """Time-outs at or below a deadline or a response time that would still be good enough."""
-    for component in system.components.values():
-        if component.run is None:
-            continue
-        for name, allowed in _allowed_times(component, component.run):
-            if component.run.timeout <= allowed:
-                yield Violation(
-                    path=("components", component.name, "run", "timeout"),
-                    detail=f'rarms stops "{component.name}" after {show_milliseconds(component.run.timeout)}, but its '
-                    f"{name} allows {show_milliseconds(allowed)}. A late job would count as failed.",
-                    advice=f"Raise the time-out well above {show_milliseconds(allowed)}.",
-                )
+    if component.run is None:
+        return
+    for name, allowed in _allowed_times(component, component.run):
+        if component.run.timeout <= allowed:
+            yield Violation(
+                path=("components", component.name, "run", "timeout"),
+                detail=f'rarms stops "{component.name}" after {show_milliseconds(component.run.timeout)}, but its '
+                f"{name} allows {show_milliseconds(allowed)}. A late job would count as failed.",
+                advice=f"Raise the time-out well above {show_milliseconds(allowed)}.",
+            )
 
 
 def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fraction]]:
@@ -86,21 +82,20 @@ def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fracti
             yield index, threshold.value
 
 
-def index_without_field(system: System) -> Iterator[Violation]:
+def index_without_field(component: Component) -> Iterator[Violation]:
     """Indexes whose values no field of `run.samples` gives."""
-    for component in system.components.values():
-        if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
-            continue  # there the runner itself sees when a job starts, ends and fails
-        for name in component.apt:
-            missing = _missing_field(name, component.run.samples)
-            if missing is not None:
-                yield Violation(
-                    path=("components", component.name, "apt", name),
-                    at_key=True,
-                    detail=f'The {name} of "{component.name}" is computed from {_FIELD_MEANING[missing]}, but '
-                    "`run.samples` does not say where a sample has it.",
-                    advice=f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
-                )
+    if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
+        return  # there the runner itself sees when a job starts, ends and fails
+    for name in component.apt:
+        missing = _missing_field(name, component.run.samples)
+        if missing is not None:
+            yield Violation(
+                path=("components", component.name, "apt", name),
+                at_key=True,
+                detail=f'The {name} of "{component.name}" is computed from {_FIELD_MEANING[missing]}, but '
+                "`run.samples` does not say where a sample has it.",
+                advice=f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
+            )
 
 
 _FIELD_MEANING = {
@@ -124,33 +119,31 @@ def _missing_field(name: str, samples: Samples) -> SampleValue | None:
     return index.made_of if is_missing[index.made_of] else None
 
 
-def miss_rate_without_deadline(system: System) -> Iterator[Violation]:
+def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
     """`deadline_miss_rate` of a component without deadline and period."""
-    for component in system.components.values():
-        if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
-            yield Violation(
-                path=("components", component.name, "apt", "deadline_miss_rate"),
-                at_key=True,
-                detail=f'"{component.name}" has a deadline_miss_rate but no deadline.',
-                advice="Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
-            )
+    if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
+        yield Violation(
+            path=("components", component.name, "apt", "deadline_miss_rate"),
+            at_key=True,
+            detail=f'"{component.name}" has a deadline_miss_rate but no deadline.',
+            advice="Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
+        )
 
 
-def too_few_samples(system: System) -> Iterator[Violation]:
+def too_few_samples(component: Component) -> Iterator[Violation]:
     """Percentiles above which not one of the samples asked for would lie."""
-    for component in system.components.values():
-        if component.run is None or not isinstance(component.run.until, SampleCount):
-            continue
-        for index in component.apt:
-            needed = samples_needed(index)
-            if needed is not None and component.run.until.samples < needed:
-                yield Violation(
-                    path=("components", component.name, "run", "until"),
-                    detail=f'"{component.name}" is measured with {component.run.until.samples} samples. Its {index} '
-                    "would only be the largest of them.",
-                    advice=f"Take at least {needed} samples, better ten times as many.",
-                    related=((("components", component.name, "apt", index), True, "the percentile"),),
-                )
+    if component.run is None or not isinstance(component.run.until, SampleCount):
+        return
+    for index in component.apt:
+        needed = samples_needed(index)
+        if needed is not None and component.run.until.samples < needed:
+            yield Violation(
+                path=("components", component.name, "run", "until"),
+                detail=f'"{component.name}" is measured with {component.run.until.samples} samples. Its {index} '
+                "would only be the largest of them.",
+                advice=f"Take at least {needed} samples, better ten times as many.",
+                related=((("components", component.name, "apt", index), True, "the percentile"),),
+            )
 
 
 def samples_needed(index: str) -> int | None:

@@ -18,7 +18,7 @@ from rarms_iac.manifest.checks.common import (
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LEAST_MEMORY, MEMORY_GRAIN, machine_memory, show_bytes
-from rarms_iac.model.system import Component, RunsOn, System, bound_together
+from rarms_iac.model.system import Component, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_names, list_others
 
 SEVERAL_PARTITIONS = Finding.error("RARMS045", "A component is in several partitions")
@@ -76,18 +76,17 @@ def _host_component_violation(path: Path, name: str) -> Violation:
     )
 
 
-def host_component_with_cpu(system: System) -> Iterator[Violation]:
+def host_component_with_cpu(component: Component) -> Iterator[Violation]:
     """`runs_on: host` beside a reserve, limit, weight, `processors`, `dedicated` or `together`."""
-    for component in system.components.values():
-        if component.runs_on is RunsOn.HOST:
-            for path, is_set in _partition_settings(component):
-                if is_set:
-                    yield Violation(
-                        path=("components", component.name, *path),
-                        detail=f'"{component.name}" runs on the host itself. It has no partition, so '
-                        f"`{'.'.join(path)}` has no effect.",
-                        advice=f"Remove `{'.'.join(path)}`, or remove `runs_on: host`.",
-                    )
+    if component.runs_on is RunsOn.HOST:
+        for path, is_set in _partition_settings(component):
+            if is_set:
+                yield Violation(
+                    path=("components", component.name, *path),
+                    detail=f'"{component.name}" runs on the host itself. It has no partition, so '
+                    f"`{'.'.join(path)}` has no effect.",
+                    advice=f"Remove `{'.'.join(path)}`, or remove `runs_on: host`.",
+                )
 
 
 def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...], bool]]:
@@ -100,18 +99,17 @@ def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...],
     yield ("together",), bool(component.together)
 
 
-def partition_of_another_name(system: System) -> Iterator[Violation]:
+def partition_of_another_name(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions that are called like a component which is no member."""
-    for partition in system.partitions.values():
-        name = partition.name
-        if name in system.components and name not in partition.components:
-            yield Violation(
-                path=("partitions", name),
-                at_key=True,
-                detail=f'The partition "{name}" does not contain the component "{name}". A reader would look for the '
-                "component there.",
-                advice=f'Add "{name}" to its components, or name the partition after its most critical member.',
-            )
+    name = partition.name
+    if name in system.components and name not in partition.components:
+        yield Violation(
+            path=("partitions", name),
+            at_key=True,
+            detail=f'The partition "{name}" does not contain the component "{name}". A reader would look for the '
+            "component there.",
+            advice=f'Add "{name}" to its components, or name the partition after its most critical member.',
+        )
 
 
 def together_and_apart(system: System) -> Iterator[Violation]:
@@ -167,21 +165,20 @@ def _dedicated_violation(name: str, reason: str) -> Violation:
     )
 
 
-def apart_in_one_partition(system: System) -> Iterator[Violation]:
+def apart_in_one_partition(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Members of one partition that are apart from each other."""
-    for partition in system.partitions.values():
-        inside = members(system, partition)
-        names = {component.name for component in inside}
-        for component in inside:
-            for number, other in enumerate(component.apart):
-                if other in names and other != component.name:
-                    yield Violation(
-                        path=("components", component.name, "apart", number),
-                        detail=f'"{component.name}" must be apart from "{other}", but the partition '
-                        f'"{partition.name}" contains both.',
-                        advice="Move one of the two to another partition, or remove `apart`.",
-                        related=((("partitions", partition.name, "components"), False, "contains both"),),
-                    )
+    inside = members(system, partition)
+    names = {component.name for component in inside}
+    for component in inside:
+        for number, other in enumerate(component.apart):
+            if other in names and other != component.name:
+                yield Violation(
+                    path=("components", component.name, "apart", number),
+                    detail=f'"{component.name}" must be apart from "{other}", but the partition '
+                    f'"{partition.name}" contains both.',
+                    advice="Move one of the two to another partition, or remove `apart`.",
+                    related=((("partitions", partition.name, "components"), False, "contains both"),),
+                )
 
 
 def together_is_separated(system: System) -> Iterator[Violation]:
@@ -232,19 +229,18 @@ def _no_common_host_violation(system: System, path: Path, inside: list[Component
     )
 
 
-def partition_memory_below_members(system: System) -> Iterator[Violation]:
+def partition_memory_below_members(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """Partitions whose own memory is less than the sum of their components'."""
-    for partition in system.partitions.values():
-        inside = members(system, partition)
-        needed = sum(component.memory for component in inside)
-        if partition.memory is not None and partition.memory < needed:
-            each = list_names(f"{component.name} {show_bytes(component.memory)}" for component in inside)
-            yield Violation(
-                path=("partitions", partition.name, "memory"),
-                detail=f'"{partition.name}" has {show_bytes(partition.memory)}, but its components need '
-                f"{show_bytes(needed)} ({each}).",
-                advice="Raise the memory, or remove it: the partition then gets the sum.",
-            )
+    inside = members(system, partition)
+    needed = sum(component.memory for component in inside)
+    if partition.memory is not None and partition.memory < needed:
+        each = list_names(f"{component.name} {show_bytes(component.memory)}" for component in inside)
+        yield Violation(
+            path=("partitions", partition.name, "memory"),
+            detail=f'"{partition.name}" has {show_bytes(partition.memory)}, but its components need '
+            f"{show_bytes(needed)} ({each}).",
+            advice="Raise the memory, or remove it: the partition then gets the sum.",
+        )
 
 
 def memory_over_host(system: System) -> Iterator[Violation]:

@@ -24,7 +24,7 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_processors,
 )
-from rarms_iac.model.system import Component, Measured, RunsOn, System
+from rarms_iac.model.system import Component, Measured, PartitionRequest, RunsOn, System
 from rarms_iac.model.wording import counted, list_names
 
 RESERVE_OVER_LIMIT = Finding.error("RARMS060", "The reserve is above the limit")
@@ -173,23 +173,22 @@ def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Ho
             yield "partitions", partition.name, partition.processors, hosts
 
 
-def different_cpu(system: System) -> Iterator[Violation]:
+def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Violation]:
     """A reserve, limit or weight that a partition and its only component fix differently."""
-    for partition in system.partitions.values():
-        inside = members(system, partition)
-        if len(inside) != 1:
-            continue
-        component = inside[0]
-        for key in ("reserve", "limit", "weight"):
-            wanted, other = getattr(partition.cpu, key), getattr(component.cpu, key)
-            if wanted is not None and other is not None and wanted != other:
-                yield Violation(
-                    path=("partitions", partition.name, "cpu", key),
-                    detail=f'The partition "{partition.name}" and its only component "{component.name}" have a '
-                    f"different {key}.",
-                    advice="Remove one of the two.",
-                    related=((("components", component.name, "cpu", key), False, "the component's"),),
-                )
+    inside = members(system, partition)
+    if len(inside) != 1:
+        return
+    component = inside[0]
+    for key in ("reserve", "limit", "weight"):
+        wanted, other = getattr(partition.cpu, key), getattr(component.cpu, key)
+        if wanted is not None and other is not None and wanted != other:
+            yield Violation(
+                path=("partitions", partition.name, "cpu", key),
+                detail=f'The partition "{partition.name}" and its only component "{component.name}" have a '
+                f"different {key}.",
+                advice="Remove one of the two.",
+                related=((("components", component.name, "cpu", key), False, "the component's"),),
+            )
 
 
 def held_back(system: System) -> Iterator[Violation]:

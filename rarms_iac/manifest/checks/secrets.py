@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from rarms_iac.manifest.checks.common import Violation
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import HypervHost
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Component, System
 
 SECRET_IN_CLEAR = Finding.error("RARMS090", "The manifest contains a secret")
 SECRET_IN_ENVIRONMENT = Finding.warning("RARMS091", "The manifest contains a variable that looks like a secret")
@@ -40,14 +40,13 @@ def is_reference(text: str) -> bool:
     return _REFERENCE.fullmatch(text) is not None and _KEY.fullmatch(text) is None
 
 
-def secret_in_environment(system: System) -> Iterator[Violation]:
+def secret_in_environment(component: Component) -> Iterator[Violation]:
     """Variables with a secret's name whose value stands in the manifest."""
-    for component in system.components.values():
-        for name, value in (component.run.environment if component.run is not None else {}).items():
-            if isinstance(value, str) and value and _SECRET.search(name):
-                yield Violation(
-                    path=("components", component.name, "run", "environment", name),
-                    detail=f'The manifest contains the value of {name} for "{component.name}". The manifest lies in '
-                    "git, where others can read it.",
-                    advice=f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
-                )
+    for name, value in (component.run.environment if component.run is not None else {}).items():
+        if isinstance(value, str) and value and _SECRET.search(name):
+            yield Violation(
+                path=("components", component.name, "run", "environment", name),
+                detail=f'The manifest contains the value of {name} for "{component.name}". The manifest lies in '
+                "git, where others can read it.",
+                advice=f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
+            )

@@ -106,7 +106,7 @@ class StressBlock(Block):
 
 
 InterferenceBlock = Annotated[
-    CommandLoadBlock | StressBlock | BusyLoopBlock | BrowserBlock, Field(discriminator="kind")
+    BusyLoopBlock | CommandLoadBlock | StressBlock | BrowserBlock, Field(discriminator="kind")
 ]
 
 
