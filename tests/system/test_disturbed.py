@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.providers.simulated import run
+from rarms_iac.providers import journaled
 from rarms_iac.storage import disk
 from tests.crashing import CrashingDisk
 from tests.disturbing import ON_START, START, Disturbance, End, disturb, disturbances_of, end_after, end_of
@@ -138,7 +138,7 @@ def test_a_writer_that_replaces_no_file_whole_is_found(tmp_path: Path, monkeypat
     def write_in_place(path: Path, data: bytes) -> None:
         disk.current().write(path, data)
 
-    monkeypatch.setattr(run, "replace_file", write_in_place)
+    monkeypatch.setattr(journaled, "replace", write_in_place)
 
     assert bad_ends(tmp_path, SCENARIOS["apply"], half_way)
 
