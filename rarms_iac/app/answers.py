@@ -9,6 +9,7 @@ from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.scripts import PlanScripts
 from rarms_iac.app.select import Selection
+from rarms_iac.app.starting import StartedPartitions
 from rarms_iac.app.status import History, Overview
 from rarms_iac.applying.run_report import RunReport, StepEnded
 from rarms_iac.model.diagnostics import Findings
@@ -33,6 +34,7 @@ Answer = (
     | RunReport
     | ScriptDifference
     | Selection
+    | StartedPartitions
     | StepEnded
     | TuningResult
     | WrittenFiles

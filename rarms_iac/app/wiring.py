@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import assert_never
@@ -14,7 +14,7 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import System
-from rarms_iac.providers.interface import HostFailed, LiveHost
+from rarms_iac.providers.interface import HostDamaged, HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.running.start import ProcessPlace
 from rarms_iac.storage.append import Damaged
@@ -53,6 +53,36 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
             from rarms_iac.providers.cgroups.run import LinuxHostProvider
 
             return LinuxHostProvider(host)
+
+
+def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...]]:
+    """Start the partitions of this machine, a Linux host, that are off though no run stopped them.
+
+    Args:
+        owner: who holds the host meanwhile.
+        timeout_ms: how long to wait for each slice that another run holds.
+
+    Returns:
+        The names of those that it started, by slice. Each slice is as its last run's journal describes it.
+
+    Raises:
+        HostError: another run holds a slice, or the machine does not start a partition.
+    """
+    from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
+    from rarms_iac.providers.journaled import LocalFiles, journal_in
+
+    started: dict[str, tuple[str, ...]] = {}
+    for path in sorted(STATE_FOLDER.glob("*/journal.jsonl")):
+        try:
+            journal = journal_in(LocalFiles().content(path), path)
+        except (Damaged, NotDecodable, OSError) as problem:
+            advice = f"Restore {path} from a copy, or move it away to go on without it."
+            raise HostDamaged(path.parent.name, f"{path} cannot be read: {problem}", advice) from problem
+        if journal is not None:
+            host = LinuxHostProvider(journal.started.host_plan.host)
+            with host.lock(owner, timeout_ms):
+                started[path.parent.name] = host.start_after_boot()
+    return started
 
 
 def open_bench(system: System, name: str, folder: str, state_path: str) -> MeasuringHost | None:

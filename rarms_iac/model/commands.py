@@ -40,7 +40,7 @@ class RecommendedCommand:
     @property
     def takes_manifest(self) -> bool:
         """Whether `-f` says which manifest it is about, and it names none."""
-        names_one = any(option.name == "-f" for option in self.options)
+        names_one = any(option.name in {"-f", "--boot"} for option in self.options)
         reads_plan = self.verb == "apply" and bool(self.arguments)
         return not names_one and not reads_plan and self.verb not in _WITHOUT_MANIFEST
 
@@ -136,4 +136,5 @@ INIT = command("init")
 MEASURE = command("measure")
 PLAN = command("plan")
 PLAN_OUT = command("plan", out="FILE")
+START_AT_BOOT = command("start", boot=True)
 UNDO = command("undo")

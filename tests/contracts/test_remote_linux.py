@@ -13,10 +13,18 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.applying.run_report import RunEnding
-from rarms_iac.model.host import LinuxHost
+from rarms_iac.model.host import Connect, LinuxHost
 from rarms_iac.model.journal import Closing, RunClosed
-from rarms_iac.model.operations import CreatePartition, RenamePartition, StartPartition, StopPartition, WriteMark
+from rarms_iac.model.operations import (
+    CreatePartition,
+    RenamePartition,
+    SetActions,
+    StartPartition,
+    StopPartition,
+    WriteMark,
+)
 from rarms_iac.model.plan import Scope
+from rarms_iac.model.state import StartAction
 from rarms_iac.providers.cgroups import remote
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.machine import read_machine
@@ -215,6 +223,21 @@ def test_the_doctor_names_processes_that_nobody_ends(host: LinuxHostProvider, tm
         sleep.kill()
 
     assert f"{sleep.pid} (sleep)" in found[0].detail
+
+
+def test_after_a_restart_the_doctor_says_that_only_an_apply_starts_a_host_over_ssh(
+    host: LinuxHostProvider, tmp_path: Path
+) -> None:
+    host.execute(SetActions(partition="vision", start=StartAction.START), SCOPE)
+    groups_of(tmp_path).remove("vision")
+    reached = replace(host._host, connect=Connect(ssh="ann@onboard"))
+
+    found = through_channel(reached, shell_channel(), tmp_path).examined().findings
+
+    (advice,) = (str(finding.advice) for finding in found if finding.code == "RARMS316")
+    assert advice.startswith(
+        "`rarms apply` starts what is off. Nothing else does on a host that is only reached over ssh"
+    )
 
 
 def test_a_group_of_any_name_is_a_partition(host: LinuxHostProvider, tmp_path: Path) -> None:

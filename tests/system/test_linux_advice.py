@@ -57,17 +57,25 @@ def run(folder: Path, command: str, *words: str, ends: int = 0) -> str:
     return " ".join((ran.out + ran.err).split())
 
 
-def test_after_a_restart_of_the_machine_an_apply_starts_what_is_off(folder: Path) -> None:
+@pytest.mark.parametrize("at_boot", [False, True])
+def test_after_a_restart_of_the_machine_an_apply_or_its_line_starts_what_is_off(folder: Path, at_boot: bool) -> None:
     groups_of(folder).remove("eyes")
     for definition in (STATE_FOLDER / slice_of(folder)).glob("*.json"):
         text = definition.read_text(encoding="ascii")
         definition.write_text(text.replace(read_machine(LocalEffects()).boot, "an earlier start"), encoding="ascii")
 
-    assert "`rarms apply` starts what is off" in run(folder, "doctor")
-    run(folder, "apply", "--auto-approve")
+    advised = run(folder, "doctor")
+    assert "`rarms apply` starts what is off" in advised
+    if at_boot:
+        assert "`rarms start --boot` does that at each start" in advised
+        assert f"Started below {slice_of(folder)}: eyes." in run(folder, "start", "--boot")
+        assert run(folder, "plan") != ""
+    else:
+        run(folder, "apply", "--auto-approve")
 
     assert groups_of(folder).names() == ("eyes",)
     assert "starts what is off" not in run(folder, "doctor")
+    assert f"Started below {slice_of(folder)}: none, as none was off." in run(folder, "start", "--boot")
 
 
 @pytest.mark.alone  # other tests' deadlines take from what the kernel admits

@@ -2,17 +2,20 @@
 
 from dataclasses import dataclass, replace
 
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.planning import hosts_with_machine, hosts_with_partition, plan_request, refuse_unknown_partitions
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, PlanRunOptions, PlanTargets
+from rarms_iac.app.starting import start_partitions_after_boot
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.plan import Purpose
+from rarms_iac.views.json_output import json_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,16 +38,41 @@ def stop_command(
     return plan_ask_apply(session, hosts, _request(hosts, Purpose.STOP, which), how)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartOptions(Partitions):
+    """What is started."""
+
+    boot: bool = flag(
+        "--boot", help="Start what ran on this machine, a Linux host, before its last start; no manifest is read."
+    )
+
+
 @rarms_command("start")
 def start_command(
-    session: Session, which: Partitions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
+    session: Session, which: StartOptions, source: ManifestSource, host_selection: HostSelection, how: PlanRunOptions
 ) -> ExitCode:
     """Start PARTITIONs again that `rarms stop` stopped, or a measurement that was killed; without PARTITION: all.
 
     Plan, show, ask, and do it. A PARTITION that is named starts also where somebody else stopped it.
+
+    --boot is for a line that a Linux machine without systemd runs at each of its starts.
     """
+    if which.boot:
+        return _start_after_boot(session, which, how)
     hosts = select_hosts(load_manifest(source), host_selection)
     return plan_ask_apply(session, hosts, _request(hosts, Purpose.START, which), how)
+
+
+def _start_after_boot(session: Session, which: Partitions, how: PlanRunOptions) -> ExitCode:
+    if which.partitions:
+        raise RequestError("--boot starts what ran before, so it takes no PARTITION.")
+    result = start_partitions_after_boot(how.lock_timeout_ms)
+    if session.as_json:
+        session.terminal.data(json_of(result))
+    else:
+        for name, partitions in result.started.items():
+            session.terminal.talk(f"Started below {name}: {', '.join(partitions) or 'none, as none was off'}.")
+    return ExitCode.DONE
 
 
 def _request(hosts: Hosts, purpose: Purpose, which: Partitions) -> PlanRequest:

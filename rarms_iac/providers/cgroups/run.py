@@ -1,13 +1,13 @@
 """The Linux host provider: control groups in the kernel; definitions, lock and journal in a folder of root."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import APPLY, DOCTOR, PLAN, prose
+from rarms_iac.model.commands import APPLY, DOCTOR, PLAN, START_AT_BOOT, prose
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host, LinuxHost
@@ -191,20 +191,41 @@ class LinuxHostProvider(JournaledHost):
                 found.append(ORPHANS.at(None, message, advice, address=f"partition/{partition.settings.name}"))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
 
-    def _off_without_stop(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
-        names = sorted(
-            definition.settings.name
-            for definition in definitions.values()
+    def start_after_boot(self) -> tuple[str, ...]:
+        """Start the partitions that are off though no run stopped them. The host is held.
+
+        Returns:
+            Their names, sorted; those that are to be started by hand are not among them.
+
+        Raises:
+            HostError: the host cannot be read, or does not start one.
+        """
+        state, definitions = self._seen()
+        stopped = self._stopped_by_no_run(definitions.values())
+        for definition in stopped:
+            with self._kernel_errors(definition.settings.name):
+                self._start(definition, state)
+                self._effects.commit()
+            state, _ = self._seen()
+        return tuple(definition.settings.name for definition in stopped)
+
+    def _stopped_by_no_run(self, definitions: Iterable[GroupDefinition]) -> list[GroupDefinition]:
+        off = [
+            definition
+            for definition in definitions
             if definition.boot and not self._runs(definition) and definition.settings.start_action is StartAction.START
-        )
+        ]
+        return sorted(off, key=lambda definition: definition.settings.name)
+
+    def _off_without_stop(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
+        names = [definition.settings.name for definition in self._stopped_by_no_run(definitions.values())]
         if names:
             message = f"{counted(len(names), 'partition')} of {self.name} ran until the machine stopped, or until "
             message += f"the control group was removed: {in_a_row(names)}."
-            advice = prose(
-                APPLY,
-                " starts what is off. Have the machine do that at each start (docs/linux.md, "
-                '"After the machine starts").',
-            )
+            line = ' does that at each start, as a line of the machine (docs/linux.md, "After the machine starts").'
+            here = (START_AT_BOOT, line)
+            far = ("Nothing else does on a host that is only reached over ssh: run it after each start.",)
+            advice = prose(APPLY, " starts what is off. ", *(far if self._host.connect else here))
             yield OFF_WITHOUT_STOP.at(None, message, advice, address=f"host/{self.name}")
 
     def _without_withheld_time(self) -> Iterator[Diagnostic]:

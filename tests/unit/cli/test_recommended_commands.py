@@ -757,6 +757,7 @@ OTHER_TESTS = {
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
     "Somebody changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
+    "This run changed nothing since": "tests/contracts/test_remote_linux.py",  # another run took the host over
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
