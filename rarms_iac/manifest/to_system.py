@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import cache
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from rarms_iac.manifest.document.components import (
     ComponentBlock,
@@ -101,10 +101,15 @@ def _value(cls: type[V], block: Block, **different: object) -> V:
     """The value of the model with the fields of its block; `different` has those that are not taken as they are.
 
     Raises:
-        AttributeError: the block lacks a field, which tests show.
+        KeyError: the block lacks a field, which tests show.
     """
-    taken = {name: _converted(getattr(block, name)) for name in _field_names(cast(Any, cls)) if name not in different}
-    return cls(**taken, **different)
+    values = block.__dict__
+    for name in _field_names(cls):  # type: ignore[arg-type]  # a class is hashable
+        if name not in different:
+            value = values[name]
+            convert = _CONVERTERS.get(type(value))
+            different[name] = value if convert is None else convert(value)
+    return cls(**different)
 
 
 @cache

@@ -4,20 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
-from rarms_iac.manifest.document.fields import (
-    VARIABLE_PATTERN,
-    Block,
-    CallTarget,
-    Filled,
-    KeysLike,
-    Maybe,
-    Name,
-    TaskName,
-    Variable,
-    exactly_one,
-    needed,
-    optional,
-)
+from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, exactly_one, needed, optional
 from rarms_iac.manifest.document.quantities import (
     PositiveAmount,
     PositiveMemory,
@@ -27,6 +14,7 @@ from rarms_iac.manifest.document.quantities import (
     Thresholds,
     Time,
 )
+from rarms_iac.manifest.document.texts import VARIABLE_PATTERN, CallTarget, Filled, Name, TaskName, Variable
 from rarms_iac.model.system import RunsOn
 
 

@@ -4,20 +4,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from rarms_iac.manifest.document.fields import (
-    Block,
-    Filled,
-    Maybe,
-    Name,
-    Operation,
-    SliceName,
-    SshTarget,
-    by_name,
-    needed,
-    optional,
-)
+from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
+from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshTarget
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 

@@ -5,24 +5,10 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
-from rarms_iac.manifest.document.fields import (
-    CODE_PATTERN,
-    Block,
-    Code,
-    Day,
-    Filled,
-    KeysLike,
-    LeastVersion,
-    Maybe,
-    Name,
-    Stressor,
-    TaskName,
-    by_name,
-    needed,
-    optional,
-)
+from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
 from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
+from rarms_iac.manifest.document.texts import CODE_PATTERN, Code, Day, Filled, LeastVersion, Name, Stressor, TaskName
 from rarms_iac.model.names import TASK_PATTERN
 from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rarms_iac.manifest.document.errors import NotAManifest, StructureError
-from rarms_iac.manifest.document.fields import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
+from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import INDEXES

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any, cast
 
-from rarms_iac.manifest.document.fields import FORMS
 from rarms_iac.manifest.document.manifest import ManifestDocument
+from rarms_iac.manifest.document.texts import FORMS
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
