@@ -5,7 +5,7 @@ from typing import get_args
 
 from rarms_iac.app.answers import Answer
 from rarms_iac.views.json_output import FORMAT_VERSION
-from rarms_iac.views.output import common, hosts, measuring
+from rarms_iac.views.output import common, measuring
 from rarms_iac.views.output.common import Output
 from scripts.file_schemas import text_of
 from scripts.schema_of_types import output_schema_of
@@ -17,7 +17,7 @@ def output_schema() -> str:
         *get_args(Answer),
         *(
             kind
-            for module in (hosts, common, measuring)
+            for module in (common, measuring)
             for kind in vars(module).values()
             if isinstance(kind, type) and issubclass(kind, Output) and kind is not Output
         ),

@@ -1,6 +1,6 @@
 """The JSON Schemas of what `storage.codec` writes, made from the same type hints: our files, and output."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from datetime import date
 from enum import Enum
@@ -67,7 +67,7 @@ def _compound(origin: Any, arguments: tuple[Any, ...], definitions: dict[str, Sc
         return {"anyOf": parts if record is _output else _told_by_names(arguments, parts)}
     if origin is Mapping:
         return {"type": "object", "additionalProperties": parts[1]}
-    if origin is frozenset or (origin is tuple and arguments[1:] == (...,)):
+    if origin in (frozenset, Sequence) or (origin is tuple and arguments[1:] == (...,)):
         return {"type": "array", "items": parts[0]}
     if origin is tuple:
         return {"type": "array", "prefixItems": parts, "minItems": len(parts), "maxItems": len(parts)}

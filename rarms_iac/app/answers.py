@@ -2,11 +2,13 @@
 
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.drift import DriftReport
+from rarms_iac.app.experiments.prove import ProveOutcome
 from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
 from rarms_iac.app.report_model import Report
+from rarms_iac.app.run_component import RunOutcome
 from rarms_iac.app.scripts import PlanScripts
 from rarms_iac.app.select import Selection
 from rarms_iac.app.starting import StartedPartitions
@@ -30,7 +32,9 @@ Answer = (
     | Overview
     | Plan
     | PlanScripts
+    | ProveOutcome
     | Report
+    | RunOutcome
     | RunReport
     | ScriptDifference
     | Selection

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.measure_request import refuse_unknown
@@ -18,10 +18,11 @@ from rarms_iac.app.options import argument, flag, option, read_time
 from rarms_iac.app.process_place import place_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Verdict
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Call, Elapsed, Run, SampleCount
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.system import Component, System
+from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
@@ -36,23 +37,32 @@ from rarms_iac.statistics.verdicts import judge_each
 class ComponentRunResult:
     """A component that was run, and what it showed."""
 
-    component: Component
-    run: Run
+    component: Internal[Component]
+    run: Internal[Run]
     series: Series
     ending: SamplingEnd
 
     @property
+    @output
+    def apt(self) -> Mapping[str, Threshold]:
+        """The threshold of each index that has one."""
+        return self.component.apt
+
+    @property
+    @output
     def failed(self) -> int:
         """How many of the samples are failed ones."""
         return sum(bool(sample.failure) for sample in self.series.samples)
 
     @property
+    @output
     def estimates(self) -> Mapping[str, Estimate | NoEstimate]:
         """Every index of the APT; without one, how long its jobs took and how many succeeded."""
         indexes = tuple(self.component.apt) or ("mean_response_time", "success_rate")
         return {index: estimate_steady(index, self._of_real_processes, self.run, error=ERROR) for index in indexes}
 
     @property
+    @output
     def verdicts(self) -> Mapping[str, Verdict]:
         """On each index of the APT by itself, as it runs on this machine."""
         return judge_each(self._of_real_processes, self.component.apt, self.run)
@@ -128,6 +138,7 @@ class SampleReporter:
 class RunOutcome:
     """What all of the components showed, and what is wrong with it."""
 
+    kind: Literal["component_run"] = "component_run"
     results: tuple[ComponentRunResult, ...]
     findings: tuple[Diagnostic, ...]
 

@@ -4,8 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady, Verdict
+from rarms_iac.model.output import output
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.estimates import estimate_steady
@@ -22,6 +24,12 @@ class MeasuredIndex:
     threshold: Threshold
     estimate: Estimate | None
     reason: str = ""  # why there is no estimate
+
+    @property
+    @output
+    def unit(self) -> str:
+        """Of threshold and estimate."""
+        return index_named(self.index).symbol
 
     @property
     def misses(self) -> bool:

@@ -29,6 +29,7 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.series import Series
@@ -80,6 +81,7 @@ class IndexVerdict:
         return isinstance(self.verdict, Met)
 
     @property
+    @output
     def error(self) -> float | None:
         """The probability that any verdict on the layout is wrong; None: there is no verdict on this."""
         return ERROR if isinstance(self.verdict, Met | Missed) else None
@@ -90,9 +92,27 @@ class LayoutProof:
     """What a layout showed."""
 
     host: str
-    layout: AppliedLayout
-    series: Mapping[str, Series]  # by component, of those with thresholds
+    layout: Internal[AppliedLayout]
+    series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
+
+    @property
+    @output
+    def host_lp(self) -> int:
+        """LPs that the host has."""
+        return self.layout.host_processors
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction:
+        """LPs that the partitions reserve that ran."""
+        return self.layout.reserved
+
+    @property
+    @output
+    def partitions(self) -> Mapping[str, tuple[str, ...]]:
+        """The components of each partition that ran, by name."""
+        return {name: tuple(member.name for member in members) for name, members in self.layout.partitions.items()}
 
     @property
     def is_decided(self) -> bool:

@@ -5,9 +5,9 @@ conclusion, and views and program output show all of them.
 """
 
 from dataclasses import dataclass
-from typing import Literal, assert_never
+from typing import Literal, assert_never, cast
 
-from rarms_iac.model.output import OpenBound
+from rarms_iac.model.output import OpenBound, OutputText
 from rarms_iac.model.system import Threshold
 
 
@@ -44,8 +44,17 @@ class JudgedIndex:
     estimate: Estimate
 
 
+class _Judgement(OutputText):
+    """Base of the verdicts: their text is `verdict_word`."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return verdict_word(cast("Verdict", self))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Met:
+class Met(_Judgement):
     """Every index meets its threshold; of a maximum: so far (`Estimate.beyond`)."""
 
     judged: tuple[JudgedIndex, ...]
@@ -53,7 +62,7 @@ class Met:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Missed:
+class Missed(_Judgement):
     """At least one index misses its threshold."""
 
     judged: tuple[JudgedIndex, ...]
@@ -61,7 +70,7 @@ class Missed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WithinNoise:
+class WithinNoise(_Judgement):
     """The samples cannot tell; the truth lies within the estimates' bounds."""
 
     judged: tuple[JudgedIndex, ...]
@@ -69,21 +78,21 @@ class WithinNoise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unsteady:
+class Unsteady(_Judgement):
     """The series has no steady state, so it says nothing about the next hour."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TooFewSamples:
+class TooFewSamples(_Judgement):
     """There is nothing to estimate an index from."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TooManyFailures:
+class TooManyFailures(_Judgement):
     """More samples of a component failed than `run.failures` allows: there is no verdict, and nothing is recorded."""
 
     component: str

@@ -9,7 +9,7 @@ read as well: a journal of an older rarms can be finished. A field that only som
 None (`metadata={"sparse": True}`), so that plans of all others keep their ids.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from datetime import date
 from enum import Enum
@@ -86,7 +86,7 @@ def encode_output(value: object) -> Json:
             return {str(key): encode_output(item) for key, item in value.items()}
         case frozenset():
             return [encode_output(item) for item in sorted(value)]
-        case tuple():
+        case Sequence():
             return [encode_output(item) for item in value]
         case _:
             cls: Any = type(value)

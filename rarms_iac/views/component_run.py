@@ -1,23 +1,15 @@
 """`rarms run`: each sample of a component as it happens, and the indexes of all of them beside the APT."""
 
-from collections.abc import Sequence
-from math import isfinite
 from typing import TYPE_CHECKING, Protocol
 
 from rarms_iac.app.run_component import ComponentRunResult, SampleReporter
-from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.indexes import index_named
-from rarms_iac.model.outcomes import Estimate, NoEstimate, Verdict, verdict_word
+from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import show_number
 from rarms_iac.model.series import Sample
-from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.console import paragraph, stack, table, visible
-from rarms_iac.views.json_output import json_of
 from rarms_iac.views.measure import show_bound, show_estimate
-from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.hosts import ComponentResultOutput, ComponentRunOutput, IndexResultOutput, SampleOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -74,43 +66,6 @@ def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
             return reason
         case Estimate():
             return show_estimate(index, estimate)
-
-
-def ran_json(ran: Sequence[ComponentRunResult], findings: Sequence[Diagnostic]) -> str:
-    """The same for programs, samples included."""
-    return json_of(ComponentRunOutput(components=tuple(map(_output, ran)), findings=tuple(findings)))
-
-
-def _output(ran: ComponentRunResult) -> ComponentResultOutput:
-    series, verdicts = ran.series, ran.verdicts
-    return ComponentResultOutput(
-        component=ran.component.name,
-        ending=ran.ending.value,
-        elapsed_ms=series.elapsed_ms,
-        cpu_ms=series.cpu_ms,
-        failed=ran.failed,
-        indexes=tuple(
-            _index(index, estimate, ran.component.apt.get(index), verdicts.get(index))
-            for index, estimate in ran.estimates.items()
-        ),
-        samples=tuple(output_of(SampleOutput, sample) for sample in series.samples),
-    )
-
-
-def _index(
-    index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None, verdict: Verdict | None
-) -> IndexResultOutput:
-    point = estimate if isinstance(estimate, Estimate) else None
-    return IndexResultOutput(
-        index=index,
-        unit=index_named(index).symbol,
-        value=point.value if point else None,
-        lower=point.lower if point and isfinite(point.lower) else None,
-        upper=point.upper if point and isfinite(point.upper) else None,
-        at_most=float(threshold.value) if isinstance(threshold, AtMost) else None,
-        at_least=float(threshold.value) if isinstance(threshold, AtLeast) else None,
-        verdict=verdict_word(verdict) if verdict else None,
-    )
 
 
 FAILURE_LINES = 10

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
-from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
@@ -13,10 +12,7 @@ from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
-from rarms_iac.views.json_output import json_of
-from rarms_iac.views.measure import index_outputs, show_bound
-from rarms_iac.views.output.common import output_of
-from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
+from rarms_iac.views.measure import show_bound
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -56,11 +52,6 @@ def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
             yield f"{in_a_row([member.name for member in members])} share partition {name}."
 
 
-def _partitions(proof: LayoutProof) -> Mapping[str, str]:
-    """The partition of each component that has one."""
-    return {member.name: name for name, members in proof.layout.partitions.items() for member in members}
-
-
 def _sentence(proof: LayoutProof, against: str) -> str:
     counts = Counter(verdict_word(each.verdict) for each in proof.not_met)
     shortfalls = [
@@ -78,49 +69,9 @@ def _sentence(proof: LayoutProof, against: str) -> str:
     return f"{together}; {describe_error()}, all of it together." if judged else f"{together}."
 
 
-def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
-    """The same for programs."""
-    outputs = tuple(output for proof in proofs for output in _outputs(proof))
-    met = not any(proof.not_met for proof in proofs)
-    return json_of(
-        ProveOutput(
-            interference=interference,
-            met=met,
-            hosts=tuple(map(_host, proofs)),
-            indexes=outputs,
-            findings=findings,
-        )
-    )
-
-
-def _host(proof: LayoutProof) -> ProvenHostOutput:
-    layout = proof.layout
-    return ProvenHostOutput(
-        name=proof.host,
-        host_processors=layout.host_processors,
-        reserved_processors=float(layout.reserved),
-        partitions=tuple(sorted(layout.partitions)),
-    )
-
-
 def sample_counts(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
     """A row of progress: the host, and how many samples there are of each component."""
     return host, "samples of " + ", ".join(f"{name} {len(series.samples)}" for name, series in sorted(seen.items()))
-
-
-def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
-    partitions = _partitions(proof)
-    indexes = index_outputs([verdict.measured for verdict in proof.verdicts])
-    for verdict, index in zip(proof.verdicts, indexes, strict=True):
-        yield output_of(
-            ProvenIndexOutput,
-            index,
-            host=proof.host,
-            partition=partitions.get(verdict.measured.component),
-            verdict=verdict_word(verdict.verdict),
-            verdict_error=verdict.error,
-            why=verdict.measured.reason,
-        )
 
 
 class ProofProgress:

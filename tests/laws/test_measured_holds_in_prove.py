@@ -64,7 +64,7 @@ def proven(folder: Path, text: str) -> list[str]:
         if measured.code or applied.code:
             return []
         proof = rarms("prove", "--interference", "busy-loop", "--samples", "600", "--json")
-    return [index["verdict"] for index in json.loads(proof.out)["indexes"]]
+    return [each["verdict"] for host in json.loads(proof.out)["proofs"] for each in host["verdicts"]]
 
 
 def test_what_was_measured_and_applied_holds_beside_the_load(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import assert_never
+from typing import Literal, assert_never
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -34,6 +34,7 @@ from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise, verdict_word
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.series import Series
 from rarms_iac.model.state import State, StoppedBy
@@ -61,10 +62,18 @@ class ProveRequest:
 class ProveOutcome:
     """What the components showed, all together."""
 
+    kind: Literal["prove"] = "prove"
+    interference: str | None = None  # the load that ran beside them
     proofs: tuple[LayoutProof, ...]  # a host each
     findings: tuple[Diagnostic, ...]  # thresholds that are not shown to be met
     not_proven: tuple[str, ...] = ()  # partitions on hosts that cannot run components
-    stopped: bool = False  # somebody asked for an end: nothing is proven
+    stopped: Internal[bool] = False  # somebody asked for an end: nothing is proven
+
+    @property
+    @output
+    def met(self) -> bool:
+        """Whether each index was shown to meet its threshold."""
+        return not any(proof.not_met for proof in self.proofs)
 
 
 SampleListener = Callable[[str, Mapping[str, Series]], None]
@@ -116,7 +125,10 @@ def prove_layout(
     with hold_configuration_logs(Path(hosts.folder)):
         _record(hosts, proofs, states)
     return ProveOutcome(
-        proofs=tuple(proofs), findings=tuple(_not_met(hosts, proofs)), not_proven=_not_proven(hosts, layouts)
+        interference=request.interference,
+        proofs=tuple(proofs),
+        findings=tuple(_not_met(hosts, proofs)),
+        not_proven=_not_proven(hosts, layouts),
     )
 
 

@@ -17,9 +17,9 @@ from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.prompts import refuse_standard_input
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter, ran_json
+from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.prove import ProofProgress, proof_text, prove_json
+from rarms_iac.views.prove import ProofProgress, proof_text
 from rarms_iac.views.select import selection_text
 
 
@@ -66,7 +66,7 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> Exi
         return session.interrupts.exit_code or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(
-        lambda: prove_json(outcome.proofs, request.interference, outcome.findings),
+        lambda: json_of(outcome),
         lambda: proof_text(outcome.proofs, request.interference),
     )
     if outcome.not_proven:
@@ -105,6 +105,6 @@ def run_command(session: Session, request: RunRequest, source: ManifestSource, b
     reporter = FailureReporter(session.terminal) if session.as_json else LiveSampleReporter(session.terminal)
     outcome = run_components(manifest, request, reporter)
     if session.as_json:
-        session.terminal.data(ran_json(outcome.results, outcome.findings))
+        session.terminal.data(json_of(outcome))
     tell(session.terminal, outcome.findings, manifest.sources)
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE

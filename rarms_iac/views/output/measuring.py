@@ -5,7 +5,6 @@ from typing import Literal
 
 from rarms_iac.model.commands import Prose
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.views.output.common import Output
 
 
@@ -78,42 +77,6 @@ class MeasureOutput(Output):
     kind: Literal["measure"] = "measure"
     experiments: tuple[ExperimentOutput, ...]
     not_begun: tuple[tuple[str, ...], ...]
-    findings: tuple[Diagnostic, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProvenIndexOutput(IndexOutput):
-    """A performance index that was seen in the layout, with the verdict on it.
-
-    The verdict is wrong with the probability `verdict_error`; null: none could be given, and `why` may say the reason.
-    """
-
-    host: str
-    partition: str | None  # null: it runs on the host itself
-    verdict: VerdictWord
-    verdict_error: float | None
-    why: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProvenHostOutput:
-    """A host whose partitions ran together; amounts in LPs."""
-
-    name: str
-    host_processors: int
-    reserved_processors: float
-    partitions: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProveOutput(Output):
-    """`rarms prove`: every component in the applied layout; `met`: each index was shown to meet its threshold."""
-
-    kind: Literal["prove"] = "prove"
-    interference: str | None
-    met: bool
-    hosts: tuple[ProvenHostOutput, ...]
-    indexes: tuple[ProvenIndexOutput, ...]
     findings: tuple[Diagnostic, ...]
 
 

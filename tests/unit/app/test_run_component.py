@@ -102,12 +102,12 @@ def test_programs_get_the_same_as_json(tmp_path: Path) -> None:
     jsonschema.Draft202012Validator(json.loads(output_schema())).validate(told)
     assert ran.code == 0
     assert [
-        (component["component"], component["ending"], len(component["samples"])) for component in told["components"]
+        (each["series"]["component"], each["ending"], len(each["series"]["samples"])) for each in told["results"]
     ] == [
         ("vision", "until", 4),
         ("speech", "until", 4),
     ]
-    assert told["components"][0]["indexes"][0]["verdict"] == "within the noise"
+    assert told["results"][0]["verdicts"]["mean_response_time"] == "within the noise"
 
 
 @same_everywhere
