@@ -122,17 +122,15 @@ class UndoneStep:
 def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
     """List what the stored undo script would take back, in its order; nothing where it cannot be read here."""
     from rarms_iac.powershell.outline import outline
-    from rarms_iac.powershell.tree import NotParsed
 
     text = journal.started.script if journal.started.run is RunKind.UNDO else journal.started.undo
     touched = {int(number) for number in journal.started.touched if number.isdecimal()} or journal.touched()
-    try:
-        steps = outline(text.encode("ascii", "replace")).steps
-    except (NotParsed, ValueError):
+    script = without_signature(text).encode("ascii", "replace")
+    if inspect_recorded(script, "undo.ps1"):
         return ()
     return tuple(
         UndoneStep(address=step.address, title=step.action, level=UndoLevel.FULL)
-        for step in steps
+        for step in outline(script).steps
         if step.undoes in touched
     )
 

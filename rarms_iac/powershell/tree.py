@@ -56,7 +56,7 @@ def _parser() -> "Parser":
 
 def parse(script: str) -> "Node":
     """The root of the tree; errors are nodes of it."""
-    return _parser().parse(script.encode("utf-8", "surrogatepass")).root_node
+    return _parser().parse(_encoded(script)).root_node
 
 
 def walk(root: "Node") -> Iterator["Node"]:
@@ -171,50 +171,42 @@ def sound(script: str) -> "Node":
     return root
 
 
-def _backtick(script: str, root: "Node") -> int:
-    """The first line with one outside of strings and comments; 0 where there is none."""
-    if "`" not in script:
-        return 0
-    blank = script.encode("utf-8", "surrogatepass")
-    for node in walk(root):
-        if node.type in _TEXTS:
-            blank = blank[: node.start_byte] + b" " * (node.end_byte - node.start_byte) + blank[node.end_byte :]
-    at = blank.find(b"`")
-    return 0 if at < 0 else blank.count(b"\n", 0, at) + 1
-
-
 def disagreement(script: str, root: "Node") -> int:
     """The first line on which tokens and tree see different strings or comments; 0 where they agree."""
     try:
-        token_ranges = {(token.offset, token.end) for token in tokens(script) if token.kind in _TOKEN_TEXTS}
+        texts = [token for token in tokens(script) if token.kind in _TOKEN_TEXTS]
     except NotTokens as no:
         return _line_at(script, no.offset)
-    offset = _characters(script)
-    tree_ranges = {(offset(node.start_byte), offset(node.end_byte)) for node in walk(root) if node.type in _TEXTS}
-    return _line_at(script, min(token_ranges ^ tree_ranges)[0]) if token_ranges != tree_ranges else 0
+    token_ranges = {(_byte_at(script, token.offset), _byte_at(script, token.end)) for token in texts}
+    tree_ranges = {(node.start_byte, node.end_byte) for node in walk(root) if node.type in _TEXTS}
+    if token_ranges == tree_ranges:
+        return 0
+    return _encoded(script).count(b"\n", 0, min(token_ranges ^ tree_ranges)[0]) + 1
 
 
 _TOKEN_TEXTS = frozenset({TokenKind.STRING, TokenKind.EXPANDABLE, TokenKind.COMMENT})
 
 
-def _characters(script: str) -> "Characters":
-    if script.isascii():
-        return Characters(of_byte=None)
-    of_byte: list[int] = []
-    for at, character in enumerate(script):
-        of_byte.extend([at] * len(character.encode("utf-8", "surrogatepass")))
-    return Characters(of_byte=(*of_byte, len(script)))
+def _backtick(script: str, root: "Node") -> int:
+    """The first line with one outside of strings and comments; 0 where there is none."""
+    data = _encoded(script)
+    at = data.find(b"`")
+    texts = [node for node in walk(root) if node.type in _TEXTS] if at >= 0 else []
+    while at >= 0:
+        inside = next((node for node in texts if node.start_byte <= at < node.end_byte), None)
+        if inside is None:
+            return data.count(b"\n", 0, at) + 1
+        at = data.find(b"`", inside.end_byte)
+    return 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Characters:
-    """Which character of a text a byte of its UTF-8 belongs to."""
+def _encoded(script: str) -> bytes:
+    return script.encode("utf-8", "surrogatepass")
 
-    of_byte: tuple[int, ...] | None  # None: pure ASCII
 
-    def __call__(self, byte: int) -> int:
-        """The number of the character, from 0."""
-        return byte if self.of_byte is None else self.of_byte[byte]
+def _byte_at(script: str, offset: int) -> int:
+    """The byte of the text's UTF-8 with which a character begins."""
+    return offset if script.isascii() else len(_encoded(script[:offset]))
 
 
 def _line_at(script: str, offset: int) -> int:

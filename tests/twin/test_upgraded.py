@@ -11,7 +11,7 @@ import pytest
 from rarms_iac.applying.execute import finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.applying.scripts import edited_script
-from rarms_iac.applying.undo import abandon, undo
+from rarms_iac.applying.undo import abandon, steps_undone, undo
 from rarms_iac.model.journal import RunOrigin
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.hyperv.run import LiveHypervHost
@@ -92,14 +92,30 @@ def test_it_is_taken_back_by_its_own_undo_script() -> None:
     assert seen(host) == seen(same)
 
 
+def undone(host: WindowsHost) -> tuple[str, ...]:
+    journal = live(host).journal()
+    assert journal is not None
+    return tuple(step.address for step in steps_undone(journal))
+
+
+def test_its_undo_is_told_ahead_and_nothing_of_a_script_that_is_none_of_rarms() -> None:
+    host, _ = killed_in_the_middle()
+
+    told = undone(host)
+    forge_journal(host, "-Undoes ", "-Elsewhere ")
+
+    assert "partition/vision" in told
+    assert undone(host) == ()
+
+
 def forge_journal(host: WindowsHost, old: str, new: str) -> None:
     """As who may write the journal can: in its script and in its undo, with lengths and checksums that fit."""
     file = host.file(JOURNAL)
     assert file is not None
     assert file.data is not None
     first, *records = records_in(file.data, Path("journal.jsonl"))
+    assert old in str(first["undo"])
     for name in ("script", "undo"):
-        assert old in str(first[name])
         first[name] = str(first[name]).replace(old, new)
     file.data = b"".join(map(line_of, [first, *records]))
 
