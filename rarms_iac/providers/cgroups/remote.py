@@ -214,7 +214,7 @@ class RemoteEffects:
 
     def await_text(self, path: Path, pattern: str) -> None:
         """See `LinuxEffects.await_text`."""
-        self._view.folders.add(path.parent.as_posix())
+        self._view.folders |= {path.parent.as_posix(), path.parent.parent.as_posix()}
         self._view.files[path.as_posix()] = pattern.encode("ascii")
         self._do("await", path, pattern, seconds=10)
 

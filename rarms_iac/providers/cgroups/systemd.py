@@ -64,6 +64,7 @@ class GroupTreeSystemd(GroupTreeV2):
         """See `GroupTree.make`."""
         self._write_unit(name)
         self._systemctl("start", name)
+        self._await(name, "cgroup.procs", "*")
         self._prepare_slice()
 
     def start_with_machine(self, name: str, starts: bool) -> None:

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,13 +12,17 @@ from rarms_iac.model.operations import CreatePartition, RemovePartition, SetActi
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, StartAction
 from rarms_iac.providers.cgroups import effects, run, systemd
+from rarms_iac.providers.cgroups.content import new_definition, write_definition
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.find_tree import SYSTEMD_FOLDER, MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupValues
 from rarms_iac.providers.cgroups.machine import read_machine
+from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
+from rarms_iac.providers.channel import CommandResult, ignore_line
 from rarms_iac.providers.interface import HostRefused
+from rarms_iac.providers.marks import mark_for, write_mark
 from tests import builders
 from tests.contracts.benches import on_linux
 
@@ -39,6 +45,7 @@ start)
         [ -e "$group/cpu.weight" ] || echo 100 >"$group/cpu.weight"
         [ -e "$group/memory.max" ] || echo max >"$group/memory.max"
         : >"$group/memory.stat"
+        : >"$group/cgroup.procs"
     done
     ;;
 set-property)
@@ -215,3 +222,46 @@ def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> No
     assert after[StartAction.NOTHING].state is RunState.OFF
     host.execute(RemovePartition(partition="speech"), SCOPE)
     assert len(lab.units()) == 2
+
+
+def test_over_a_channel_the_first_partition_brings_the_limit_of_the_slice_in_the_same_batch() -> None:
+    described = on_linux(builders.a_host(keep_processor="10 %"))
+    made = new_definition(CreatePartition(partition="vision", generation=0, memory=64 * MIB), "vision", "cell", ())
+    notes = write_mark("", mark_for(made.id, "robot", "vision", "0" * 12))
+    definition = replace(made, settings=replace(made.settings, processors=2, reserve=40), notes=notes)
+    shown = {
+        "/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory",
+        "/sys/fs/cgroup/cpuset.cpus.effective": "0-1",
+        "/sys/devices/system/cpu/online": "0-1",
+        "/proc/sys/kernel/hostname": "cell",
+        "/proc/sys/kernel/random/boot_id": "a start",
+        "/proc/meminfo": "MemTotal: 4194304 kB",
+        f"/var/lib/rarms/rarms/{made.id}.json": write_definition(definition).decode("ascii").rstrip("\n"),
+    }
+    lines = ["rarms: ready", "w /sys/fs/cgroup", "d /run/systemd/system", "d /var/lib/rarms/rarms"]
+    for name, text in shown.items():
+        lines += [f"f {name}", *(f" {line}" for line in text.split("\n"))]
+    sent: list[str] = []
+
+    class Told:
+        """A host that always shows the same."""
+
+        target = "cell"
+
+        def run(
+            self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
+        ) -> CommandResult:
+            sent.append(data.decode("ascii").partition("batch() {\n")[2])
+            return CommandResult(code=0, output="\n".join([*lines, "end", ""]), error="")
+
+    through_channel(described, Told()).execute(StartPartition(partition="vision"), SCOPE)
+
+    calls = [line for line in sent[-1].split("\n") if "systemctl" in line]
+    assert calls == [
+        "effect run systemctl start rarms-vision.slice",
+        "effect run systemctl set-property rarms.slice CPUWeight=10000",
+        "effect run systemctl set-property rarms.slice CPUQuota=180.00% CPUQuotaPeriodSec=20000us",
+        "effect run systemctl set-property rarms-vision.slice CPUWeight=80 CPUQuota= CPUQuotaPeriodSec=100000us "
+        f"MemoryMax={64 * MIB} AllowedCPUs=",
+        "effect run systemctl disable --no-reload --quiet rarms-vision.slice",
+    ]
