@@ -22,10 +22,11 @@ from typing import cast
 from laboratory.benchmarks.components import walk
 from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.measuring.loop import MeasuringContext, MeasuringReporter, SettingsLog, measure
+from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
+from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import ExperimentStep, Measure, Met, Missed, NotAchievable, Sufficient, Swept, Verdict
 from rarms_iac.model.run import Elapsed
@@ -199,12 +200,7 @@ def answers(seed: int) -> list[Answer]:
 
 
 def _answer(bench: Bench, strategy: str) -> Answer:
-    goal = goal_of(bench.experiment)
-    search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100, own_settings_only=strategy == "paper")
-    done = walk(
-        search if strategy == "paper" else Agreeing(search=search, verifying=Verifying(goal=goal, most=100)),
-        bench.measure,
-    )
+    done = walk(strategy_of(Search(strategy=strategy), goal_of(bench.experiment), 100), bench.measure)
     wrong, ending = False, "nothing"
     match done.end:
         case Sufficient(reserve=reserve):

@@ -27,11 +27,10 @@ from laboratory.benchmarks.components import (
     walk,
 )
 from laboratory.benchmarks.timing import Figure, report
-from rarms_iac.measuring.loop import Strategy
+from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS
 from rarms_iac.measuring.search.trials import Goal, trial_of
-from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.statistics.curves import curves_of, holds
 from rarms_iac.statistics.errors import LOOK_ERROR
@@ -58,19 +57,16 @@ class Result:
     over: int  # points above the least CR that truly meets the APT
 
 
-def measured(goal: Goal, strategy: str) -> Strategy:
-    """What `rarms measure --strategy` runs: a search, then what a plan reserves is measured itself; but the paper's."""
-    search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=MOST)
-    return search if strategy == PAPER else Agreeing(search=search, verifying=Verifying(goal=goal, most=MOST))
-
-
 def results(task: tuple[str, int, float]) -> list[Result]:
     """All strategies on one component, which they measure in the same state of chance."""
     shape, seed, noise = task
     truth = component(shape, seed, noise)
     goal = goal_of(truth)
     bench = Bench(truth, goal)
-    return [_result(truth, goal, name, walk(measured(goal, name), bench.measure)) for name in STRATEGIES]
+    return [
+        _result(truth, goal, name, walk(strategy_of(Search(strategy=name), goal, MOST), bench.measure))
+        for name in STRATEGIES
+    ]
 
 
 def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:

@@ -12,7 +12,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, today_utc
 from rarms_iac.app.snapshots import Snapshot, Snapshots, add_guest_tasks, read_snapshots
-from rarms_iac.app.wiring import open_bench, open_host, state_path
+from rarms_iac.app.wiring import open_host, open_measuring_host, state_path
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.model.host import Host, ProviderKind
@@ -90,7 +90,7 @@ class Hosts:
         Args:
             host: a name of the manifest.
         """
-        return open_bench(self.system, host, self.folder, self.state_path(host))
+        return open_measuring_host(self.system, host, self.folder, self.state_path(host))
 
     def reloaded(self) -> "Hosts":
         """Return the same hosts of the manifest as its files are now.

@@ -85,7 +85,7 @@ def start_after_boot(owner: str, timeout_ms: int) -> Mapping[str, tuple[str, ...
     return started
 
 
-def open_bench(system: System, name: str, folder: str, state_path: str) -> MeasuringHost | None:
+def open_measuring_host(system: System, name: str, folder: str, state_path: str) -> MeasuringHost | None:
     """Open a host to measure on.
 
     Args:

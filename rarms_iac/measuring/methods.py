@@ -5,8 +5,8 @@ from typing import assert_never
 
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
-from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Agreeing, Answering, Searching, Sweeping, Verifying, goal_of
+from rarms_iac.measuring.search.trials import Goal
+from rarms_iac.measuring.strategies import Agreeing, Answering, Searching, Sweeping, Verifying
 
 PAPER = "paper"
 """The name of the paper's procedures, which know nothing of reservations beside P1's and P2's."""
@@ -63,15 +63,14 @@ def reserves_of(method: Sweep, most: int) -> tuple[int, ...]:
     return method.reserves or tuple(dict.fromkeys((*range(USUAL_STEP, most + 1, USUAL_STEP), most or USUAL_STEP)))
 
 
-def strategy_of(method: Method, experiment: Experiment, most: int) -> Strategy:
+def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
     """Return the strategy that the loop of measuring asks for each next setting.
 
     Args:
         method: How settings are chosen.
-        experiment: What is measured; for a search or a verification each of its members has a threshold.
+        goal: What is measured; for a search or a verification each of its members has a threshold.
         most: The highest CR that the host can give, in per cent.
     """
-    goal = goal_of(experiment)
     match method:
         case Sweep():
             return Sweeping(reserves=reserves_of(method, most))

@@ -27,7 +27,7 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import apts_of
+from rarms_iac.measuring.strategies import apts_of, goal_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
@@ -94,7 +94,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
     # Where other partitions are in the way, `_refuse_host` names them before the first run. Do not end earlier for lack
     # of room, which says less.
     most = 100 if available.running and not session.on_busy_host else available.highest_reserve
-    measurement = measure(experiment, strategy_of(method, experiment, most), settings_log, context)
+    measurement = measure(experiment, strategy_of(method, goal_of(experiment), most), settings_log, context)
     if measurement.new and available.running:
         session.control.reporter.findings([_busy_warning(experiment, available.running)])
     return ExperimentResult(

@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, Strategy, measure
+from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
+from rarms_iac.measuring.strategies import Searching, goal_of
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
@@ -45,9 +46,9 @@ class Bench:
         goal = goal_of(self.experiment)
         return Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == "paper")
 
-    def agreeing(self) -> Agreeing:
+    def agreeing(self) -> Strategy:
         """The default search, and what makes it agree with a plan."""
-        return Agreeing(search=self.search("default"), verifying=Verifying(goal=goal_of(self.experiment), most=100))
+        return strategy_of(Search(), goal_of(self.experiment), 100)
 
     def measure(
         self,

@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search.bracketing import MOST, WIDTH
 from rarms_iac.measuring.search.crossings import crossings_of
 from rarms_iac.measuring.search.trials import Goal, Member, trial_of
-from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, Sufficient
 from rarms_iac.model.series import Sample, Series
@@ -46,8 +45,7 @@ def measured(
     strategy: str, goal: Goal, levels: Sequence[float], cpu_ms: float | None = None
 ) -> tuple[list[int], Conclusion]:
     """What `rarms measure --strategy` measures, where the level at CR 1, 2, ... is this, and how it ends."""
-    search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100)
-    agreeing = Agreeing(search=search, verifying=Verifying(goal=goal, most=100))
+    agreeing = strategy_of(Search(strategy=strategy), goal, 100)
     done: list[Setting] = []
     while isinstance(step := agreeing.step(done), Measure):
         assert len(done) <= 100
