@@ -2,6 +2,7 @@
 
 from rarms_iac.app.doctor import Examinations
 from rarms_iac.app.drift import DriftReport
+from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.prove import ProveOutcome
 from rarms_iac.app.experiments.tune import TuningResult
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
@@ -29,6 +30,7 @@ Answer = (
     | GuideFacts
     | History
     | LayoutGraph
+    | MeasureOutcome
     | Overview
     | Plan
     | PlanScripts

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import EnvironmentSetup
+from rarms_iac.model.output import OutputText
 from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
 from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.system import Component, Interference, PartitionRequest, System, TaskRequest, run_of
@@ -15,7 +16,7 @@ USUAL_WEIGHT = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Experiment:
+class Experiment(OutputText):
     """One data log's worth of measuring."""
 
     application: str
@@ -24,6 +25,10 @@ class Experiment:
     load: Interference
     setup: EnvironmentSetup
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
+
+    def __str__(self) -> str:
+        """Its name."""
+        return self.name
 
     @property
     def name(self) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.report_model import FixedReservation
@@ -13,11 +13,9 @@ from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
-    Conclusion,
     Estimate,
     Missed,
     NotAchievable,
@@ -31,18 +29,14 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Series
-from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.statistics.errors import ERROR, describe_error, describe_extreme
+from rarms_iac.statistics.errors import describe_error, describe_extreme
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
-from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-
-ExperimentEnding = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
 
 Row = tuple[str, str, str, str, str]
 
@@ -204,91 +198,6 @@ def show_estimate(name: str, estimate: Estimate) -> str:
         return f"{value} {describe_extreme(estimate.beyond)}"
     bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and estimate.lower != estimate.upper
     return f"{value} ({show_range(index, estimate.lower, estimate.upper)})" if bounded else value
-
-
-def measure_json(
-    results: Sequence[ExperimentResult], findings: tuple[Diagnostic, ...], waiting: Sequence[Experiment] = ()
-) -> str:
-    """The same for programs, every setting with it."""
-    not_begun = tuple(experiment.setup.members for experiment in waiting)
-    return json_of(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
-
-
-def _output(measured: ExperimentResult) -> ExperimentOutput:
-    conclusion, experiment = measured.conclusion, measured.experiment
-    return ExperimentOutput(
-        components=experiment.setup.members,
-        host=experiment.host.name,
-        host_processors=experiment.host.logical_processors,
-        processors=experiment.setup.processors,
-        platform=experiment.host.platform,
-        interference=experiment.setup.interference,
-        log=measured.log,
-        ending=_ending(conclusion),
-        reserve=conclusion.reserve if isinstance(conclusion, Sufficient) else None,
-        reserved_processors=float(guaranteed(conclusion.reserve, experiment.setup.processors))
-        if isinstance(conclusion, Sufficient)
-        else None,
-        failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
-        undecided=isinstance(conclusion, Sufficient)
-        and conclusion.failed is not None
-        and not isinstance(shortfall_at(conclusion.failed, measured.settings, experiment), Missed),
-        inconclusive=conclusion.inconclusive if isinstance(conclusion, Sufficient) else (),
-        error=ERROR if isinstance(conclusion, Sufficient | NotAchievable) else None,
-        planned=measured.planned.reserve if measured.planned else None,
-        interpolated=bool(measured.planned and measured.planned.interpolated),
-        settings=tuple(_setting(each, experiment) for each in measured.settings),
-        new_settings=measured.new,
-    )
-
-
-def _ending(conclusion: Conclusion) -> ExperimentEnding:
-    match conclusion:
-        case Sufficient():
-            return "found"
-        case NotAchievable():
-            return "not_achievable"
-        case NotResolved():
-            return "not_resolved"
-        case SettingFailed():
-            return "no_verdict"
-        case Swept():
-            return "swept"
-        case Stopped():
-            return "stopped"
-        case _:
-            assert_never(conclusion)
-
-
-def _setting(setting: Setting, experiment: Experiment) -> SettingOutput:
-    return SettingOutput(
-        reserve=setting.reserve,
-        beside=setting.beside,
-        seed=setting.seed,
-        indexes=index_outputs(measured_indexes(setting, experiment)),
-        disturbances=setting.evidence.disturbances if setting.evidence else (),
-    )
-
-
-def index_outputs(indexes: Sequence[MeasuredIndex]) -> tuple[IndexOutput, ...]:
-    """Indexes for programs; a bound that says nothing is null."""
-    return tuple(map(_index, indexes))
-
-
-def _index(measured: MeasuredIndex) -> IndexOutput:
-    estimate = measured.estimate
-    return IndexOutput(
-        component=measured.component,
-        unit=index_named(measured.index).symbol,
-        index=measured.index,
-        at_most=float(measured.threshold.value) if isinstance(measured.threshold, AtMost) else None,
-        at_least=float(measured.threshold.value) if isinstance(measured.threshold, AtLeast) else None,
-        value=estimate.value if estimate else None,
-        lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
-        upper=estimate.upper if estimate and isfinite(estimate.upper) else None,
-        error=ERROR if estimate else None,
-        samples=estimate.samples if estimate else 0,
-    )
 
 
 BETWEEN_LINES = 30.0

@@ -50,7 +50,7 @@ def leftovers(host: WindowsHost) -> list[str]:
 def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) -> None:
     host = a_measurable_windows()
 
-    (result,) = measured(host).results
+    (result,) = measured(host).experiments
 
     assert isinstance(result.conclusion, Sufficient)
     assert 20 < result.conclusion.reserve <= 25  # 20 ms of work in 100 ms
@@ -59,7 +59,7 @@ def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) ->
 
 
 def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> None:
-    (result,) = measured(a_measurable_windows(), reserves=(40,)).results
+    (result,) = measured(a_measurable_windows(), reserves=(40,)).experiments
 
     (setting,) = result.settings
     evidence = setting.evidence
@@ -108,7 +108,7 @@ def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
     host = a_measurable_windows(vision=Program(work_ms=20, line='{{"took": {ms:.3f}}}'))
     fields = "samples: { from: json_lines, response_time: { field: took, unit: ms } }, until"
 
-    (result,) = measured(host, MANIFEST.replace("until", fields), reserves=(50,)).results
+    (result,) = measured(host, MANIFEST.replace("until", fields), reserves=(50,)).experiments
 
     (series,) = result.settings[0].series
     assert len(series.samples) >= 60
@@ -130,7 +130,7 @@ def test_what_cannot_be_removed_is_told_and_removed_the_next_time(measured: Meas
 
     host.watch = None
     host.refusals.clear()
-    (result,) = measured(host, reserves=(40,)).results
+    (result,) = measured(host, reserves=(40,)).experiments
     assert [setting.reserve for setting in result.settings] == [40]
     assert leftovers(host) == []
 
@@ -141,7 +141,7 @@ def test_of_settings_that_ssh_brings_as_one_text_the_newest_counts(
     send = Conversation.send
     monkeypatch.setattr(Conversation, "send", lambda talk, text: send(talk, f"1 rest.{text}" if "." in text else text))
 
-    (result,) = measured(a_measurable_windows(), reserves=(40, 50)).results
+    (result,) = measured(a_measurable_windows(), reserves=(40, 50)).experiments
 
     assert [setting.reserve for setting in result.settings] == [40, 50]
 
@@ -150,7 +150,7 @@ def test_a_job_that_closes_its_output_and_stays_is_late(measured: Measured) -> N
     host = a_measurable_windows(vision=Program(work_ms=20, stays=True))
     short = MANIFEST.replace("samples: 60 }", "samples: 3 }, timeout: 1 s, failures: 9")
 
-    (result,) = measured(host, short, reserves=(40,)).results
+    (result,) = measured(host, short, reserves=(40,)).experiments
 
     assert {sample.failure for sample in result.settings[0].series[0].samples} == {"no exit within 1 s"}
     assert leftovers(host) == []
@@ -244,7 +244,7 @@ def test_what_a_killed_measurement_left_the_next_one_removes(measured: Measured,
         measured(host, reserves=(40,))
 
     host.kill_before, host.effects = None, []
-    (result,) = measured(host, reserves=(40,)).results
+    (result,) = measured(host, reserves=(40,)).experiments
     assert [setting.reserve for setting in result.settings] == [40]
     assert leftovers(host) == []
 

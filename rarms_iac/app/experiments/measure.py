@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measurements_of
@@ -34,6 +35,7 @@ from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
+from rarms_iac.model.output import Internal
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
 
@@ -42,16 +44,17 @@ from rarms_iac.storage.datalog.log import Remeasurement
 class MeasureOutcome:
     """The results of all experiments that were begun, and the experiments that an early end left out."""
 
-    results: tuple[ExperimentResult, ...]
+    kind: Literal["measure"] = "measure"
+    experiments: tuple[ExperimentResult, ...]
     findings: tuple[Diagnostic, ...]
     not_begun: tuple[Experiment, ...] = ()
     fixed: Mapping[str, tuple[FixedReservation, ...]] = field(default_factory=dict)  # by host, by the manifest itself
-    ended: bool = False  # somebody asked for an end at a question
+    ended: Internal[bool] = False  # somebody asked for an end at a question
 
     @property
     def stopped(self) -> bool:
         """Whether somebody asked for an end."""
-        return any(isinstance(result.conclusion, Stopped) for result in self.results)
+        return any(isinstance(result.conclusion, Stopped) for result in self.experiments)
 
 
 EVERYTHING = MeasureRequest()
@@ -130,7 +133,7 @@ def _measure_all(
             if is_stopped or ended:
                 break
     outcome = MeasureOutcome(
-        results=tuple(results),
+        experiments=tuple(results),
         findings=(*findings, *still_stopped),
         not_begun=experiments[len(results) :],
         fixed={name: fixed_on(hosts.system, name) for name in names},

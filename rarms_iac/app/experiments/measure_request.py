@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
@@ -9,14 +10,27 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.methods import USUAL_STEP, Method, Search, Sweep, Verification
+from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import Conclusion
+from rarms_iac.model.outcomes import (
+    Conclusion,
+    Missed,
+    NotAchievable,
+    NotResolved,
+    SettingFailed,
+    Stopped,
+    Sufficient,
+    Swept,
+)
+from rarms_iac.model.output import Internal, output
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import RunsOn
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve
+from rarms_iac.statistics.errors import ERROR
 
 USUAL_SEED = 1
 """What chance is drawn from on a simulated host, unless a user says."""
@@ -46,16 +60,142 @@ class MeasureRequest:
     lock_timeout_ms: int = lock_timeout_option()
 
 
+ExperimentEnding = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredSetting:
+    """One reservation with what was measured there."""
+
+    reserve: int
+    beside: int  # what P2 reserved meanwhile
+    seed: int
+    indexes: tuple[MeasuredIndex, ...]
+    disturbances: tuple[str, ...]  # on the host; a disturbed try is measured again, at most three times
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentResult:
     """An experiment with its end."""
 
-    experiment: Experiment
-    conclusion: Conclusion
-    settings: tuple[Setting, ...]  # all that its end rests on
+    experiment: Internal[Experiment]
+    conclusion: Internal[Conclusion]
+    settings: Internal[tuple[Setting, ...]]  # all that its end rests on
     new: int  # how many of them were run now
     planned: LeastReserve | None  # what a plan reserves by the curve
     log: str  # path
+
+    @property
+    @output
+    def components(self) -> tuple[str, ...]:
+        """Those that were measured together, by name."""
+        return self.experiment.setup.members
+
+    @property
+    @output
+    def host(self) -> str:
+        """Where."""
+        return self.experiment.host.name
+
+    @property
+    @output
+    def host_lp(self) -> int:
+        """LPs that the host has."""
+        return self.experiment.host.logical_processors
+
+    @property
+    @output
+    def platform(self) -> str:
+        """What the result holds for."""
+        return self.experiment.host.platform
+
+    @property
+    @output
+    def processors(self) -> int:
+        """VPs of P1, whose per cent each reserve is."""
+        return self.experiment.setup.processors
+
+    @property
+    @output
+    def interference(self) -> str:
+        """The load in P2."""
+        return self.experiment.setup.interference
+
+    @property
+    @output
+    def ending(self) -> ExperimentEnding:
+        """How it ended."""
+        match self.conclusion:
+            case Sufficient():
+                return "found"
+            case NotAchievable():
+                return "not_achievable"
+            case NotResolved():
+                return "not_resolved"
+            case SettingFailed():
+                return "no_verdict"
+            case Swept():
+                return "swept"
+            case Stopped():
+                return "stopped"
+
+    @property
+    def found(self) -> Sufficient | None:
+        """The answer; None: none was found, or looked for."""
+        return self.conclusion if isinstance(self.conclusion, Sufficient) else None
+
+    @property
+    @output
+    def reserve(self) -> int | None:
+        """The least that is enough."""
+        return self.found.reserve if self.found else None
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction | None:
+        """The same in LPs."""
+        return guaranteed(self.found.reserve, self.processors) if self.found else None
+
+    @property
+    @output
+    def failed(self) -> int | None:
+        """The highest lower setting that is not enough, or is undecided."""
+        return self.found.failed if self.found else None
+
+    @property
+    @output
+    def undecided(self) -> bool:
+        """Whether that one was not shown to be too little."""
+        if self.failed is None:
+            return False
+        return not isinstance(shortfall_at(self.failed, self.settings, self.experiment), Missed)
+
+    @property
+    @output
+    def inconclusive(self) -> tuple[int, ...]:
+        """Settings above that one without a steady state: it is not known whether they are enough."""
+        return self.found.inconclusive if self.found else ()
+
+    @property
+    @output
+    def error(self) -> float | None:
+        """How probably the answer is wrong; None: there is none."""
+        return ERROR if isinstance(self.conclusion, Sufficient | NotAchievable) else None
+
+    @property
+    @output
+    def measured(self) -> tuple[MeasuredSetting, ...]:
+        """Each setting with its indexes."""
+        return tuple(
+            MeasuredSetting(
+                reserve=setting.reserve,
+                beside=setting.beside,
+                seed=setting.seed,
+                indexes=measured_indexes(setting, self.experiment),
+                disturbances=setting.evidence.disturbances if setting.evidence else (),
+            )
+            for setting in self.settings
+        )
 
 
 def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Experiment, ...]:

@@ -93,7 +93,7 @@ def narrowings(outcome: MeasureOutcome) -> Iterator[Narrowing]:
         In the order in which they were measured.
     """
     alone: dict[str, list[tuple[int, int, int]]] = {}
-    for result in outcome.results:
+    for result in outcome.experiments:
         setup = result.experiment.setup
         if len(setup.members) == 1 and isinstance(result.conclusion, Sufficient):
             usable = usable_processors(result.settings, setup.members[0], setup.processors) or setup.processors
@@ -111,11 +111,11 @@ def _beside(outcome: MeasureOutcome, after: MeasureOutcome, names: list[str]) ->
         return result.experiment.setup.members[0] not in names or len(result.experiment.setup.members) > 1
 
     addresses = {f"component/{name}" for name in names} | {
-        f"host/{result.experiment.host.name}" for result in after.results
+        f"host/{result.experiment.host.name}" for result in after.experiments
     }
     unchanged = [finding for finding in outcome.findings if finding.address not in addresses]
     return replace(
         after,
-        results=(*filter(stands, outcome.results), *after.results),
+        experiments=(*filter(stands, outcome.experiments), *after.experiments),
         findings=(*unchanged, *after.findings),
     )

@@ -29,7 +29,8 @@ from rarms_iac.cli.prompts import (
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.storage.reading import STANDARD_INPUT
-from rarms_iac.views.measure import measure_json, summary_text
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.measure import summary_text
 from rarms_iac.views.questions import narrow_question
 from rarms_iac.views.scripts import script_text
 from rarms_iac.views.tune import manifest_changes, tuned_text
@@ -96,8 +97,8 @@ def measure_command(
         outcome = narrow(hosts, request, outcome, always_narrows if write_processors else _asking(session), control)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(
-        lambda: measure_json(outcome.results, outcome.findings, outcome.not_begun),
-        lambda: summary_text(outcome.results, outcome.not_begun, outcome.fixed),
+        lambda: json_of(outcome),
+        lambda: summary_text(outcome.experiments, outcome.not_begun, outcome.fixed),
     )
     if options.interactive and not (outcome.stopped or outcome.ended or has_errors(outcome.findings)):
         further = TuneRequest(samples=request.samples, on_busy_host=request.on_busy_host)

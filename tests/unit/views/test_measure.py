@@ -4,6 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 from io import StringIO
 
+from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
@@ -12,7 +13,8 @@ from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import System
 from rarms_iac.views.console import LiveTable, live_console, render
-from rarms_iac.views.measure import MeasuringProgress, measure_json, share_done, summary_text
+from rarms_iac.views.json_output import json_of
+from rarms_iac.views.measure import MeasuringProgress, share_done, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 from tests.measured_robot import a_measured_setting
@@ -48,13 +50,17 @@ def found(mean_below: float) -> ExperimentResult:
     )
 
 
+def outcome_of(result: ExperimentResult) -> MeasureOutcome:
+    return MeasureOutcome(experiments=(result,), findings=())
+
+
 def text(results: list[ExperimentResult], waiting: list[Experiment] | None = None) -> str:
     return render(summary_text(results, waiting or []), 120)
 
 
 def test_a_setting_below_that_misses_is_not_enough() -> None:
     assert "59 % too little" in text([found(105.0)])
-    assert '"undecided": false' in measure_json([found(105.0)], ())
+    assert '"undecided": false' in json_of(outcome_of(found(105.0)))
 
 
 def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> None:
@@ -62,7 +68,7 @@ def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> N
 
     assert "59 % unresolved" in summary
     assert "too little" not in summary
-    assert '"undecided": true' in measure_json([found(100.2)], ())
+    assert '"undecided": true' in json_of(outcome_of(found(100.2)))
 
 
 def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
@@ -82,8 +88,8 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
 
     assert "55 % too little, 56 and 57 % unsteady" in text([member])
     assert "60 %  1.2  57 % unsteady" in text([alone])
-    assert '"inconclusive": [\n        56,\n        57\n' in measure_json([member], ())
-    check(measure_json([member], ()))
+    assert '"inconclusive": [\n        56,\n        57\n' in json_of(outcome_of(member))
+    check(json_of(outcome_of(member)))
 
 
 def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
@@ -116,12 +122,12 @@ def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:
     summary = text([found(105.0)], [an_experiment("speech")])
-    document = measure_json([found(105.0)], (), [an_experiment("speech")])
+    document = json_of(MeasureOutcome(experiments=(found(105.0),), findings=(), not_begun=(an_experiment("speech"),)))
 
     assert [line.split()[0] for line in summary.splitlines()[1:3]] == ["vision", "speech"]
     assert "not begun" in summary.splitlines()[2]
     check(document)
-    assert '"not_begun": [\n    [\n      "speech"' in document
+    assert '"not_begun": [\n    "speech"' in document
 
 
 ONE_COMPONENT = a_system(

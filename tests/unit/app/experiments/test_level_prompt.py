@@ -81,7 +81,7 @@ def test_a_level_beyond_what_was_measured_is_measured_in_the_session_where_that_
 
     outcome = measure_components(hosts, MeasureRequest(reserves=(10, 20)), prompt=page)
 
-    (result,) = outcome.results
+    (result,) = outcome.experiments
     assert page.shown[1:4] == ["level of vision?", "no: BeyondMeasured", "measure from 21 to 100?"]
     assert page.shown[4:7] == ["level of vision?", "no: BeyondMeasured", "measure from 21 to 100?"]
     assert "write 60?" in page.shown[7:], "the level is looked up again without asking for it again"

@@ -147,7 +147,7 @@ def test_a_series_without_a_steady_state_gets_no_verdict_however_good_its_mean(h
     assert (code, found) == (4, ["RARMS112"])
     mean = indexes["vision mean_response_time"]
     assert (mean["verdict"], mean["estimate"], mean["verdict_error"]) == ("no steady state", None, None)
-    assert "still changed within" in str(mean["why"])
+    assert "still changed within" in str(mean["reason"])
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
     assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "no steady state", None)]
