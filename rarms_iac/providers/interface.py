@@ -142,7 +142,7 @@ class StepwiseHost(Protocol):
         ...
 
     def record(self, record: JournalRecord) -> None:
-        """Append a record, on the disk when this returns.
+        """Append a record: on the disk before the next change of a held host, and at once where it closes the run.
 
         Args:
             record: of the run that `start_run` began.

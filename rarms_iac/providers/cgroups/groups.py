@@ -26,7 +26,7 @@ those of all groups together 95 %."""
 _RUNTIME = "cpu.rt_runtime_us"
 
 PAGE_BYTES = 4096
-"""In whole pages the kernel counts memory. Larger ones are rare, and a partition's memory is in MiB."""
+"""In whole pages the kernel counts memory. Machines with larger ones are rare, and a MiB is whole pages there, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
