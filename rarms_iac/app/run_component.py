@@ -107,7 +107,7 @@ class RunRequest:
 
 
 class SampleReporter:
-    """Hears what components show while they run; must not raise. This one tells nobody."""
+    """Hears what components show while they run; must not raise. This one drops what it is told."""
 
     def placed(self, message: str) -> None:
         """Take note of where a component is about to run.

@@ -20,7 +20,7 @@ def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagn
 
 
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
-    """The finding about a host of which nobody knows whether everything was seen."""
+    """The finding about a host of which it is unknown whether everything was seen."""
     lack = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
     return NO_RIGHTS.at(
         place,
@@ -42,7 +42,7 @@ def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
 
 
 def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Iterator[Diagnostic]:
-    """A host on which nobody's reserve has an effect (an error), or none that is known; `whose` would have one."""
+    """A host on which no reserve has an effect (an error), or none that is known; `whose` would have one."""
     why = _why_ignored(facts)
     if why:
         yield SCHEDULER.at(

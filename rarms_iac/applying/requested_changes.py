@@ -31,7 +31,7 @@ def stop_changes(
 
     Args:
         state: the host as observed.
-        request: whose partitions, which of them, and who stops them. What runs is stopped, whatever its mark says;
+        request: whose partitions, which of them, and who stops them. What runs is stopped, with any mark;
             what does not run is only marked, where it is wanted running.
         locate: the manifest line of a partition.
 
@@ -56,7 +56,7 @@ def start_changes(
 
     Args:
         state: the host as observed.
-        request: whose partitions, and which of them; those that are named start also where nobody stopped them.
+        request: whose partitions, and which of them; those that are named start also where rarms did not stop them.
         locate: the manifest line of a partition.
 
     Returns:

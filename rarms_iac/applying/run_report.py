@@ -105,7 +105,7 @@ NO_COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType({})
 
 
 class RunReporter:
-    """Told while a run goes on; must not raise. This one tells nobody."""
+    """Told while a run goes on; must not raise. This one drops what it is told."""
 
     def run_started(
         self,

@@ -1,7 +1,7 @@
 """A run by a host's own script: sent, listened to, and told like a run that rarms walks itself.
 
 The script takes the lock, keeps the journal and guards its steps; what it says is made into the same reports. Where
-nobody heard its end, nothing is guessed: the host's journal knows, and the next run asks it.
+its end was not heard, nothing is guessed: the host's journal knows, and the next run asks it.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,7 @@ def apply_job(plan: str, part: HostPlan) -> ScriptJob:
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
-    """The unfinished run as the host's journal holds it, whatever plan, manifest or version of rarms there is by now.
+    """The unfinished run as the host's journal holds it, with any plan, manifest or version of rarms there is by now.
 
     Raises:
         HostDamaged: the journal holds another script than rarms writes.

@@ -1,6 +1,6 @@
 """Walking a run's steps on one host: read, compare, set, read again, and write down how far it got.
 
-The same walk serves a fresh run and one that somebody was killed in: the journal says where to go on, and every
+The same walk serves a fresh run and one that was killed: the journal says where to go on, and every
 step looks before it acts, so that a step which was begun and did its work is found done.
 """
 

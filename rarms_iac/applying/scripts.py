@@ -21,7 +21,7 @@ Locate = Callable[[Address], Place | None]
 
 
 def guest_task(task_class: TaskClass, replaceable: frozenset[str], locate: Locate, machine: str) -> GuestTask:
-    """A class that is wanted in a guest into which nobody could look, as the guest's script writes it.
+    """A class that is wanted in a guest that could not be looked into, as the guest's script writes it.
 
     Args:
         task_class: as it is wanted.
@@ -110,7 +110,7 @@ def scripts_of(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
 def edited_script(plan: Plan) -> str | None:
     """Name the first script of a plan that is not, to the byte, what the plan's operations make; None: all are.
 
-    A seal has no key: whoever edits a script can seal the file anew.
+    A seal has no key: who edits a script can seal the file anew.
     """
     for part in plan.hosts:
         try:

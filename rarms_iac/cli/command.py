@@ -77,7 +77,7 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
 
 
 def _answer_in_json(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
-    """From now on, whatever ends the command is told in JSON, too."""
+    """From now on, any end of the command is told in JSON, too."""
     if value:
         context.find_root().obj.as_json = True
 

@@ -43,7 +43,7 @@ SIGNALS = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINA
 
 
 class Interrupted(KeyboardInterrupt):
-    """Somebody wants rarms to end, with Ctrl-C or SIGTERM; no `except Exception` may swallow it."""
+    """The user or the system wants rarms to end, with Ctrl-C or SIGTERM; no `except Exception` may swallow it."""
 
     def __init__(self, code: ExitCode) -> None:
         super().__init__(code.name.lower())

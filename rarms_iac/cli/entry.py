@@ -1,4 +1,4 @@
-"""One run of the command line: whatever happens in it becomes text for a person and an exit code."""
+"""One run of the command line: all that happens in it becomes text for a person and an exit code."""
 
 import traceback
 from collections.abc import Callable, Sequence

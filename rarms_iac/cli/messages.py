@@ -95,7 +95,7 @@ class TerminalReporter:
 
 
 def stopped(session: Session) -> ExitCode:
-    """Say that somebody's end was heard, and how to go on; how the command ends then."""
+    """Say that the wish to end was heard, and how to go on; how the command ends then."""
     session.terminal.tell("Stopped. What is recorded stays: the same command goes on.")
     return session.interrupts.exit_code or ExitCode.INTERRUPTED
 
@@ -105,5 +105,5 @@ def measured(findings: Sequence[Diagnostic]) -> ExitCode:
     from rarms_iac.measuring.findings import STILL_STOPPED
 
     if any(finding.code == STILL_STOPPED.code for finding in findings):
-        return ExitCode.FAILED  # whatever was measured: the host is not as it was
+        return ExitCode.FAILED  # also where all was measured: the host is not as it was
     return ExitCode.NO if has_errors(tuple(findings)) else ExitCode.DONE

@@ -35,7 +35,7 @@ class OutputOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopOptions:
-    """Whether partitions may be stopped to measure; `auto_approve` says yes to whatever is asked."""
+    """Whether partitions may be stopped to measure; `auto_approve` says yes to all questions."""
 
     stop_partitions: bool = flag(
         "--stop-partitions",

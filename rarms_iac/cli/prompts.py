@@ -26,7 +26,7 @@ from rarms_iac.views.tune import TuningProgress, tuned_text
 
 
 def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
-    """Refuse to ask where nobody can answer, or where the answer cannot be written into a file.
+    """Refuse to ask where there is no user to answer, or where the answer cannot be written into a file.
 
     Raises:
         RequestError: There is no terminal, or the manifest is standard input.
@@ -131,7 +131,7 @@ def measuring_control(session: Session, *, stop_partitions: bool) -> Control:
 
 
 def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
-    """Who says whether partitions may be stopped to measure: the option, else somebody at a terminal, once a host."""
+    """Who says whether partitions may be stopped to measure: the option, else a user at a terminal, once a host."""
     if stop_partitions:
         return always_consents
     if session.as_json or not session.terminal.answers:

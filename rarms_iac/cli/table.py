@@ -29,7 +29,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "import": "Take over a partition that rarms did not make.",
         "release": "Let go of a partition: it stays, rarms forgets it.",
         "snapshot": "Write down what a host looks like.",
-        "simulate": "Change a simulated host as somebody else would.",
+        "simulate": "Change a simulated host as another tool would.",
         "run": "Run components on this machine, to see whether their `run` is right.",
         "graph": "Draw hosts, partitions and components.",
         "report": "Show performance against reservation, as a page with lines to drag.",

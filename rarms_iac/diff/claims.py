@@ -32,7 +32,7 @@ def claim_of(partition: Partition | None) -> Claim:
 
 
 def within(claim: Claim, limit: Claim) -> bool:
-    """Tell whether a claim fits wherever the limit fits.
+    """Tell whether a claim fits in every place where the limit fits.
 
     Args:
         claim: what is asked for.
@@ -63,7 +63,7 @@ class StepBudget:
             claims: of managed partitions, at most one each.
 
         Returns:
-            False also where nobody knows whether virtual processors find logical ones (`model.capacity.fits`).
+            False also where it is unknown whether virtual processors find logical ones (`model.capacity.fits`).
         """
         return fits(self.capacity, (*self.foreign, *claims))
 

@@ -219,7 +219,7 @@ def responsiveness_changes(
 
     Args:
         after: what the manifest sets; None: it leaves the value as it is.
-        before: what is there; None: nobody could look.
+        before: what is there; None: it could not be looked at.
         application: the application whose record counts.
         rules: where the manifest sets it.
 

@@ -141,7 +141,7 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
     changed = changed_facets(before.settings, after.settings)
     stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NO_USER
     if stopped_by is not StoppedBy.NO_USER and before.settings.running:
-        return "it was stopped by rarms, and somebody started it"
+        return "it was stopped by rarms, and started with another tool"
     if stopped_by is StoppedBy.MEASUREMENT and after.settings.running:
         return "`rarms measure` stopped it and ended before it started it again"
     differing = [_FACET_WORDS[facet] for facet in Facet if facet in changed]

@@ -1,4 +1,4 @@
-"""Drift: did somebody change the host, or the manifest?
+"""Drift: was the host changed, or the manifest?
 
 Since the last apply the `set` of a mark tells. Since a plan was made a digest of every part that the plan rests on
 does; nothing that moves by itself is in them: no load, no uptime, no assigned memory.
@@ -27,7 +27,7 @@ class DriftKind(StrEnum):
 
     @property
     def is_of_the_host(self) -> bool:
-        """Whether somebody changed the host behind rarms' back."""
+        """Whether the host was changed with other tools."""
         return self in {DriftKind.HOST_CHANGED, DriftKind.BOTH, DriftKind.REMOVED}
 
 
@@ -56,7 +56,7 @@ def drift(
         observed: what is there.
         application: the application whose marks and records count.
         unused: partitions that the manifest no longer wants.
-        last_run: partitions that were on the host when its last run ended; None where nobody knows.
+        last_run: partitions that were on the host when its last run ended; None where that is unknown.
 
     Returns:
         One entry a resource that is not as wanted, by address.
@@ -72,12 +72,12 @@ def drift(
 def drift_of_marks(
     observed: State, application: str, last_run: frozenset[str] | None = None
 ) -> tuple[ResourceDrift, ...]:
-    """Find what somebody changed on a host, by what rarms last wrote there: needs neither manifest nor data logs.
+    """Find what was changed on a host, by what rarms last wrote there: needs neither manifest nor data logs.
 
     Args:
         observed: what is there.
         application: the application whose marks and records count.
-        last_run: partitions that were on the host when its last run ended; None where nobody knows.
+        last_run: partitions that were on the host when its last run ended; None where that is unknown.
 
     Returns:
         One entry a resource that was changed or removed, by address.
@@ -230,7 +230,7 @@ def _describe(kind: DriftKind) -> str:
         case DriftKind.BOTH:
             return "it was changed on the host, and the manifest wants something else than was last applied"
         case DriftKind.MISSING:
-            return "the host has nothing of ours under this name: never applied, or removed by somebody"
+            return "the host has nothing of ours under this name: never applied, or removed with another tool"
         case DriftKind.REMOVED:
             return "rarms left it on the host, and it is gone: it, or its mark, was removed with another tool"
         case DriftKind.UNUSED:
@@ -241,7 +241,7 @@ _PREFIX = "partition/"
 
 
 def partitions_after_last_run(journal: Journal | ScriptRun | None, application: str) -> frozenset[str] | None:
-    """The partitions that were on the host when its last run ended: what is gone since was removed by somebody else.
+    """The partitions that were on the host when its last run ended: what is gone since was removed with another tool.
 
     The plan's digests name what was there before it. An undo brings that back, except for what the plan removed.
 

@@ -62,7 +62,7 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     builder = StepBuilder(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
     name = address.partition
     assert after.mark is not None, "what rarms makes, it marks"
-    yield mark_step(builder, after.mark, "from now on it is known as ours, whatever happens")
+    yield mark_step(builder, after.mark, "from now on it is known as ours, also after a kill")
     for facet in (Facet.PROCESSORS, Facet.CPU, Facet.ACTIONS):
         yield facet_step(builder, facet, wanted, wanted)
     yield builder.step(
@@ -73,8 +73,8 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     if wanted.running:
         start = start_step(builder)
         back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
-        # A new machine starts from settings that nobody read, so `start_step` has no full `before`; but it is known to
-        # be off, and the undo switches it off.
+        # A new machine starts from settings that were not read, so `start_step` has no full `before`; but it is known
+        # to be off, and the undo switches it off.
         yield replace(start, before={**start.before, "running": False, "state": RunState.OFF.value}, undo=back)
 
 
@@ -218,7 +218,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         address=address,
         title=f"{operation}{others}",
         operation=operation,
-        # What it got since the plan was seen by nobody: a checkpoint is merged, a disk would be left behind.
+        # What it got since the plan was never seen: a checkpoint is merged, a disk would be left behind.
         before={
             **some_readings(builder.now, ("machine", "name", "state", "snapshots")),
             "disks": attached,

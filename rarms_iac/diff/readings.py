@@ -73,7 +73,7 @@ def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: s
         partitions: all machines of the host.
         name: the partition's name in the manifest.
         scope: the application whose mark counts, and the plan whose pending name does.
-        machine: an id; where it is given, the machine of this id is the answer, whatever its name.
+        machine: an id; where it is given, the machine of this id is the answer, under any name.
 
     Returns:
         Those that carry the mark for the name, and those under the pending name of this plan. A machine that merely has
@@ -105,7 +105,7 @@ def is_marked(partition: Partition, application: str, name: str) -> bool:
 
 
 def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: str) -> TaskClass | None:
-    """Find the task class of this name, whatever its case, in this operating system.
+    """Find the task class of this name, in any case, in this operating system.
 
     Args:
         tasks: of the whole host.

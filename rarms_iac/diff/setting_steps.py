@@ -234,7 +234,7 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
     """Stop the machine.
 
     What is read before must still be what the plan saw: a machine that ran then must run, since a machine that was
-    saved or paused by somebody else was not stopped by this plan.
+    saved or paused with another tool was not stopped by this plan.
 
     Args:
         builder: of the machine as it is at this step; it goes on with a stopped one.

@@ -168,7 +168,7 @@ def _not_resolved(
 
 
 def _without_bound(settings: Iterable[Setting], experiment: Experiment) -> list[MeasuredIndex]:
-    """Those that so few samples give no bound, wherever the threshold is, as 200 a 99th percentile."""
+    """Those that so few samples give no bound at any threshold, as 200 a 99th percentile."""
     return [
         index
         for setting in settings
@@ -232,7 +232,7 @@ def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Itera
         yield FIXED_ANYWAY.at(
             places.value("components", member.name, "cpu", "reserve"),
             f"{member.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
-            f"{show_amount(member.cpu.reserve)} for it, whatever is measured.",
+            f"{show_amount(member.cpu.reserve)} for it all the same.",
             "For a plan to take what was measured, write `reserve: measured`.",
             address=f"component/{member.name}",
         )

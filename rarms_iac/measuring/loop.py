@@ -1,7 +1,7 @@
 """The loop of measuring: a strategy asks for a setting, the host runs it, samples are judged, the log records it.
 
-A strategy is a pure function of the recorded settings. So whoever is killed goes on by asking it again, and a setting
-that is recorded is never run a second time.
+A strategy is a pure function of the recorded settings. So a run that was killed goes on by asking it again, and a
+setting that is recorded is never run a second time.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -55,7 +55,7 @@ class Strategy(Protocol):
 
 
 class MeasuringReporter:
-    """Told what happens, as it happens; must not raise. This one tells nobody."""
+    """Told what happens, as it happens; must not raise. This one drops what it is told."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
         """Measuring begins, or goes on after the settings that are recorded.

@@ -24,7 +24,7 @@ class Search:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """Settings are measured, whatever they show."""
+    """Settings are measured, with any result."""
 
     reserves: tuple[int, ...] = ()  # in per cent; none: a coarse curve, as far as the host can give it
 

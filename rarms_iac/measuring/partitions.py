@@ -1,7 +1,7 @@
 """P1 and P2 on a host: what it can give them, and how they are made and removed.
 
 They are marked like every partition, and removed after success, after failure, or by the next run. All of it is
-operations that a step of a plan may hold, too; whoever calls holds the host's lock.
+operations that a step of a plan may hold, too; the caller holds the host's lock.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -117,7 +117,7 @@ def is_test_partition(partition: Partition) -> bool:
         partition: of any application.
 
     Returns:
-        False for whatever else has a mark.
+        False for all else that has a mark.
     """
     if partition.mark is not None:
         return partition.mark.name in TEST_PARTITIONS
@@ -154,7 +154,7 @@ def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
 def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: int) -> int | None:
     """Say what P2 reserves while P1 reserves this: all the rest, 100 - CR on an empty host.
 
-    What is kept for the host is part of the rest, because in service the host may use it: were it nobody's, P1 would
+    What is kept for the host is part of the rest, because in service the host may use it: were it free, P1 would
     get a share of it here, and need more than was measured there.
 
     Args:
@@ -240,7 +240,7 @@ def shapes_of_test_partitions(
 
 
 def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
-    """Shape P2 alone, for an interfering load that was asked for: it gets what nobody else claims.
+    """Shape P2 alone, for an interfering load that was asked for: it gets what no other claims.
 
     Args:
         logical_processors: of the host; P2 has as many.
@@ -327,7 +327,7 @@ def set_reserves(
 
 
 def remove_test_partitions(host: StepwiseHost | ScriptedMeasuringHost) -> tuple[str, ...]:
-    """Remove every P1 and P2 that is on the host, whoever made it: who holds the lock knows that nobody measures.
+    """Remove every P1 and P2 that is on the host, made by any run: who holds the lock knows that no run measures.
 
     Args:
         host: its lock is held by who calls.

@@ -22,7 +22,7 @@ def watch(
 
     Args:
         running: Gives the samples of all that runs.
-        components: Those to look at; whatever else runs is not.
+        components: Those to look at; all else that runs is not.
         settling: Says when the host has settled; what ended before is no sample.
         is_enough: Asked when every component has as many samples as `next_look` says, and the scheduler's memory has
             passed as often as it must.

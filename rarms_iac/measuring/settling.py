@@ -16,7 +16,7 @@ MEMORY_FACTOR = 30
 """Samples count after this many times the scheduler's longest memory, and are then taken for at least as long again."""
 
 PATIENCE_FACTOR = 20
-"""After this many times `Settling.least_ms`, and two jobs of each component, samples count whatever was consumed."""
+"""After this many times `Settling.least_ms`, and two jobs of each component, samples count at any consumption."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.system import Component, Interference, PartitionRequest, System, TaskRequest, run_of
 
 USUAL_WEIGHT = 100
-"""P1's weight, and the most that it may be: a higher one would add to a reservation what nobody promised."""
+"""P1's weight, and the most that it may be: a higher one would add to a reservation what is not promised."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -103,7 +103,7 @@ class Searching:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweeping:
-    """Performance measurement mode: these settings, whatever they show."""
+    """Performance measurement mode: these settings, with any result."""
 
     reserves: tuple[int, ...]
 

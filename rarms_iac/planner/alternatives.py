@@ -31,7 +31,7 @@ class ChosenPlace:
     placed: PlacedPartition
     layout: Layout | None  # None: there is none, and this is where it would be
     views: Mapping[str, HostView]  # as the layout was made; a host that is not in it was not looked at
-    stays: str = ""  # why it may be nowhere else, whatever there is room for
+    stays: str = ""  # why it may be nowhere else, even where there is room
 
     def view(self, host: Host) -> HostView:
         """Return what was observed of a host.
@@ -40,7 +40,7 @@ class ChosenPlace:
             host: a host of the manifest.
 
         Returns:
-            The view; an empty one where nobody looked.
+            The view; an empty one where the host was not looked at.
         """
         return self.views.get(host.name, HostView())
 

@@ -99,7 +99,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
 
 
 def _unseen_guests(tasks: Iterable[TaskClass], observed: State, current: Mapping[str, str]) -> frozenset[str]:
-    """The partitions of these classes into whose guests nobody looked; a simulated host shows them all.
+    """The partitions of these classes whose guests were not looked into; a simulated host shows them all.
 
     Every Windows has task classes, so a guest of a Hyper-V host of which none is known was not looked into.
     """
@@ -155,7 +155,7 @@ def _marked(
     machine = there.id if there else ""
     live = there.settings.secure_boot if there else None
     return Partition(
-        # Where nobody fixes it, it is left as it is, and no part of what the mark says.
+        # Where it is not fixed, it is left as it is, and no part of what the mark says.
         settings=replace(settings, secure_boot=settings.secure_boot or live),
         id=machine,
         state=RunState.RUNNING if settings.running else RunState.OFF,

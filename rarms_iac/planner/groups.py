@@ -42,7 +42,7 @@ def ranks_of(components: Iterable[Component]) -> Mapping[int, Rank]:
     """Rank the criticalities of the manifest.
 
     Args:
-        components: all that run in partitions, whatever partitions these are: combining some must not move another's
+        components: all that run in partitions, in any of them: combining some must not move another's
             weight.
 
     Returns:

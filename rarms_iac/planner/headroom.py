@@ -1,6 +1,6 @@
-"""Headroom, the processor time that nobody reserved: limit and weight of a partition, with reasons.
+"""Headroom, the processor time that is not reserved: limit and weight of a partition, with reasons.
 
-A reservation is what was measured and stays what it is. What is left over is handed out by the hypervisor, to whoever
+A reservation is what was measured and stays what it is. What is left over is handed out by the hypervisor, to all who
 asks, by weight: so the policy decides weights, and what one component needs never moves the share of another.
 """
 
@@ -58,7 +58,7 @@ def limit_of(group: Group, host: Host, processors: int, reserve: int) -> tuple[i
         return reserve, "the mechanism is quota: it gets what it reserves and no more"
     if group.headroom is Headroom.NONE and not group.has_apt and reserve:
         return reserve, "policy.headroom is none, and no APT was measured that a cap could falsify"
-    why = "a cap would falsify what was measured" if group.has_apt else "nobody asks for a cap"
+    why = "a cap would falsify what was measured" if group.has_apt else "no cap is asked for"
     return OPEN, f"left open: {why}"
 
 
@@ -88,13 +88,13 @@ def weight_of(group: Group, host: Host) -> tuple[int, str]:
 
     Args:
         group: the partition's members, requests and policy; a member without a weight has the one of the policy.
-        host: on Linux nobody has a weight beside the reservation.
+        host: on Linux no partition has a weight beside the reservation.
 
     Returns:
         The weight, 1 to 10000, and the reason in words.
     """
     if host.provider is ProviderKind.LINUX:
-        return WEIGHT, "Linux shares what nobody reserved in proportion to the reservations"
+        return WEIGHT, "Linux shares what is not reserved in proportion to the reservations"
     if group.request.cpu.weight is not None:
         return group.request.cpu.weight, "the manifest fixes it for the partition"
     given, why = _weight_of_policy(group)

@@ -229,7 +229,7 @@ def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:
-    """Yield what is wrong wherever partitions are placed."""
+    """Yield what is wrong in every placement of the partitions."""
     yield from problem.contradictions
     for group in problem.groups:
         if not problem.claims[group.name]:
@@ -247,7 +247,7 @@ def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
 
 
 def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]:
-    """Components outside partitions, on every host that they may run on: their class is wanted wherever they start."""
+    """Components outside partitions, on every host that they may run on: each may need their class."""
     found: list[tuple[str, str]] = []
     homeless: list[Cause] = []
     for component in system.components.values():

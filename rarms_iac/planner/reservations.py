@@ -55,7 +55,7 @@ class ReservationSource(Protocol):
         ...
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """Return what a reader should know of an answer: that it is interpolated, or that nobody could verify it.
+        """Return what a reader should know of an answer: that it is interpolated, or that it could not be verified.
 
         Args:
             members: as of `reservation`.

@@ -31,7 +31,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
 
     Returns:
         The partition with its reserve rounded up to whole per cent of each virtual processor; or the cause why it
-            cannot be there whatever else is: nothing measured, too few virtual processors, or more of them than the
+            cannot be there even alone: nothing measured, too few virtual processors, or more of them than the
             host has.
     """
     wanted = _reserve(group, host, reservations)
@@ -82,7 +82,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
 
 
 def unmeasured(answer: NotMeasured, host: Host) -> Cause:
-    """Make the cause for a reservation that nobody knows.
+    """Make the cause for a reservation that is not known.
 
     Args:
         answer: why it is not known.

@@ -14,7 +14,7 @@ from rarms_iac.model.mmcss import PriorityValues, values_within
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 
 REAL_TIME = 16
-"""Threads from here on are above whatever Windows raises for a while."""
+"""Threads from here on are above all that Windows raises for a while."""
 
 _NOTHING_ABOVE = 32  # and not next to any class: the highest is 26
 
@@ -94,7 +94,7 @@ def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[Priori
 def _worth_following(ways: Mapping[int, _Way]) -> dict[int, _Way]:
     """Keep the ways that leave more room below than any better way.
 
-    Whatever levels follow a dropped way can follow a kept one too, at no more cost.
+    All levels that follow a dropped way can follow a kept one too, at no more cost.
     """
     best: dict[int, _Way] = {}
     for ceiling in sorted(ways, reverse=True):
@@ -159,7 +159,7 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
     Args:
         users: of each class the components that name it, and each component that names none, in any order; all of
             one operating system.
-        processors: how many this has; 0 where nobody knows.
+        processors: how many this has; 0 where that is unknown.
 
     Returns:
         A bit for each logical processor that the class may use; a class that may use all is missing.

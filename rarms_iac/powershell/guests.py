@@ -1,4 +1,4 @@
-"""Task classes of a guest that nobody could look into: what its script finds there decides.
+"""Task classes of a guest that could not be looked into: what its script finds there decides.
 
 One guarded piece a class. The class must be free: not there, ours already, or one that the manifest replaces. What
 was there before is kept by the script itself, once, in the guest's own record; its undo script brings that back.

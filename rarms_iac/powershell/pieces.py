@@ -21,7 +21,7 @@ from rarms_iac.storage.codec import encode
 from rarms_iac.storage.json_text import canonical
 
 _FREE: Readings = {"taken": False}
-"""Nobody else's machine has the name: one that came after the plan must not get a namesake."""
+"""No foreign machine has the name: one that came after the plan must not get a namesake."""
 
 NO_EMPTY_KEYS: Readings = {"empty": False}
 """No key is left that holds nothing: a kill may have left one where nothing is to be."""

@@ -62,7 +62,7 @@ def _read_elements(elements: "Node", given: "dict[str, Node | None]", loose: lis
 
 
 def top_statements(root: "Node") -> Iterator["Node"]:
-    """The top of a script: its statements, and whatever else stands beside them, but for remarks."""
+    """The top of a script: its statements, and all else that stands beside them, but for remarks."""
     for node in root.children:
         if node.type == "statement_list":
             yield from node.children

@@ -124,7 +124,7 @@ SIGNATURE = r"(?<=\r\n)\s*# SIG # Begin signature block\r\n(?:# [^\r\n]*\r\n)*# 
 
 
 def without_signature(script: str) -> str:
-    """The text of a script, with CRLF, that somebody may have signed, as it was before."""
+    """The text of a script, with CRLF, that may have been signed, as it was before."""
     return re.sub(SIGNATURE, "", script)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tree_sitter import Node, Parser
 
 LITERAL = "literal"
-"""The label of a literal in a shape, whatever its form and value."""
+"""The label of a literal in a shape, of any form and value."""
 
 _FORMS = frozenset({"string_literal", "integer_literal", "parenthesized_expression", "array_expression", "variable"})
 _TEXTS = frozenset({"verbatim_string_characters", "verbatim_here_string_characters", "expandable_string_literal"})

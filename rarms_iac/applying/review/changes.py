@@ -175,7 +175,7 @@ def review_widened_limits(plan: HostPlan) -> Iterator[Diagnostic]:
                 yield LIMIT_WIDENS.at(
                     change.reason.place,
                     f'"{old.name}" may take {new.limit} % of each of its {new.processors} virtual processors, not '
-                    f"{old.limit} %: what nobody reserves may go to it.",
+                    f"{old.limit} %: what is not reserved may go to it.",
                     "Nothing, if it is meant. Reserves of others stay; what they got beyond may shrink.",
                     address=str(change.address),
                 )
@@ -188,7 +188,7 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
             yield DISK_REMOVED.at(
                 step.place,
                 f"{step.operation.path} of {step.address.partition} on {desired.host} is deleted after its "
-                f"machine was removed: whatever was written since it was made from {step.operation.parent} is lost.",
+                f"machine was removed: what was written since it was made from {step.operation.parent} is lost.",
                 "Copy what is still needed out of it first; nothing brings it back, `rarms undo` neither. To keep it, "
                 "leave out --remove-disks.",
                 address=f"partition/{step.address.partition}",
@@ -202,7 +202,7 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
                     change.reason.place,
                     f"{verdict.disk.path} of {change.address.partition} on {desired.host} is kept: "
                     f"{verdict.reason_to_keep}.",
-                    "Look at what is on it, and delete it by hand when nobody needs it.",
+                    "Look at what is on it, and delete it by hand when it is not needed.",
                     address=str(change.address),
                 )
 
@@ -219,7 +219,7 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
                 f'"{step.address.partition}" is removed from {desired.host}, and its virtual disks stay: '
                 f"{', '.join(disks)}.",
                 prose(
-                    "Delete by hand what nobody needs, or let ",
+                    "Delete by hand what is not needed, or let ",
                     command("destroy", remove_disks=True),
                     " delete what rarms made.",
                 ),

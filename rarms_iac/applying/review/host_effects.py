@@ -68,11 +68,11 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
     """Machines that rarms does not manage are never changed, but what they get may be.
 
     When all machines are busy, each gets its reserve, and the rest is shared by weight, processor by processor
-    (windows.md 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody
-    loses.
+    (windows.md 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time no
+    partition loses.
     """
     if request.purpose in {Purpose.IMPORT, Purpose.RELEASE, Purpose.STOP, Purpose.START}:
-        return  # a mark is written or erased, and nobody's share changes; what starts again had it before
+        return  # a mark is written or erased, and no share changes; what starts again had it before
     managed = desired.observed.of(request.application).partitions
     unmanaged = [
         machine for machine in desired.observed.partitions if machine.settings.running and machine not in managed

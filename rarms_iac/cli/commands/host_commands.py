@@ -141,5 +141,5 @@ def simulate_command(
     """Change PARTITION on its simulated host behind rarms' back, so that `rarms drift` finds it."""
     hosts = select_hosts(load_manifest(source), host_selection)
     host = change_behind_rarms(hosts, change)
-    session.terminal.tell(f"{host}: changed {change.partition} as somebody else would. `rarms drift` finds it.")
+    session.terminal.tell(f"{host}: changed {change.partition} as another tool would. `rarms drift` finds it.")
     return ExitCode.DONE

@@ -133,7 +133,7 @@ def _asking(session: Session) -> NarrowingConsent:
 
 
 def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Control) -> ExitCode:
-    """After levels were chosen: what somebody wants to be done where they need more than there is."""
+    """After levels were chosen: what the user wants to be done where they need more than there is."""
     prompt = TerminalCombiningPrompt(session)
     outcome = combine_if_wanted(hosts, request, prompt, control)
     prompt.ended()

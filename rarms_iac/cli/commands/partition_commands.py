@@ -53,7 +53,7 @@ def start_command(
 ) -> ExitCode:
     """Start PARTITIONs again that `rarms stop` stopped, or a measurement that was killed; without PARTITION: all.
 
-    Plan, show, ask, and do it. A PARTITION that is named starts also where somebody else stopped it.
+    Plan, show, ask, and do it. A PARTITION that is named starts also where it was stopped with another tool.
 
     --boot is for a line that a Linux machine without systemd runs at each of its starts.
     """

@@ -131,14 +131,14 @@ def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> None
 
 
 def _check(session: Session, path: str) -> ExitCode:
-    """What is wrong with a script that somebody edited; nothing else is looked at."""
+    """What is wrong with a script that was edited; nothing else is looked at."""
     text, findings = check_script(path)
     if session.as_json:
         session.terminal.data(json_of(Findings(findings=tuple(findings))))
     elif findings:
         session.terminal.show(findings_text(findings, {path: text}))
     else:
-        session.terminal.data(f"{path} may run: it is made as rarms makes its scripts, whatever values it holds.\n")
+        session.terminal.data(f"{path} may run: it is made as rarms makes its scripts, for some values.\n")
     return ExitCode.FOUND if has_errors(findings) else ExitCode.DONE
 
 

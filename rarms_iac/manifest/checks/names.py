@@ -50,7 +50,7 @@ def older_than_required(system: System) -> Iterator[Violation]:
         yield Violation(
             path=("application", "requires_rarms"),
             detail=f"It requires rarms {required} or newer, and this is rarms {__version__}.",
-            advice="Install a newer rarms, or ask whoever raised the requirement what it is for.",
+            advice="Install a newer rarms, or ask the author of the requirement what it is for.",
             address="",
         )
 

@@ -127,7 +127,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
             yield Violation(
                 path=("components", component.name, "cpu", "reserve"),
                 detail=f'"{component.name}" reserves {show_processors(min(reserves))}, but '
-                f"{counted(threads, 'thread')} can use at most {show_processors(threads)}. Nobody can use the rest.",
+                f"{counted(threads, 'thread')} can use at most {show_processors(threads)}. The rest cannot be used.",
                 advice=f"Write `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
             )
 

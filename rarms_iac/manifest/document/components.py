@@ -153,7 +153,7 @@ class CpuBlock(Block):
     limit: Maybe[PositiveAmount] = optional(
         "The most that it may use: `60 %` or `1.2 LP`. Absent: the planner chooses."
     )
-    weight: Maybe[Weight] = optional("Its relative share of what nobody reserved: 1 to 10000, usually 100.")
+    weight: Maybe[Weight] = optional("Its relative share of what is not reserved: 1 to 10000, usually 100.")
 
 
 class SimulationBlock(Block):

@@ -31,7 +31,7 @@ class PolicyBlock(Block):
         "`combining`: rather reserve more than combine; `reservation`: rather combine than reserve more.", "combining"
     )
     headroom: Annotated[Headroom, Field(strict=False)] = optional(
-        "Who gets what nobody reserved: `by_criticality`, `equal` or `none`.", "by_criticality"
+        "Who gets what is not reserved: `by_criticality`, `equal` or `none`.", "by_criticality"
     )
     max_disruption: Annotated[Disruption, Field(strict=False)] = optional(
         "The most that a change may disrupt: `live`, `partition_stop`, `host_restart` or `removal`.",

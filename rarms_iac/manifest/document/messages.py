@@ -294,7 +294,7 @@ def _no_such_day(error: StructureError) -> Diagnostic:
 
 
 def _not_read(error: StructureError) -> Diagnostic:
-    """Whatever has no words of its own: still a place, the value, and what the field is for."""
+    """An error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
     return NOT_READ.at(error.place, f"{error.name} cannot be {_show(error.value)}.", advice)
 

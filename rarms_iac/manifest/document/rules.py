@@ -16,7 +16,7 @@ BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", Provider
 
 
 def broken_rules(document: Any) -> Iterator[Broken]:
-    """Every broken rule of a document, whatever else is wrong with it."""
+    """Every broken rule of a document, beside all other errors."""
     yield from _hosts(document)
     yield from _components(document)
 

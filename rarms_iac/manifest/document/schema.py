@@ -35,7 +35,7 @@ def overlay_schema() -> dict[str, Any]:
 
 
 def _relaxed(schema: Any) -> Any:
-    """Without what must be there, and with null wherever a key may be removed."""
+    """Without what must be there, and with null where a key may be removed."""
     if isinstance(schema, list):
         return [_relaxed(item) for item in schema]
     if not isinstance(schema, dict):

@@ -1,4 +1,4 @@
-"""Bytes -> text that shows what it is: UTF-8 without characters that nobody can see."""
+"""Bytes -> text that shows what it is: UTF-8 without invisible characters."""
 
 import re
 import unicodedata

@@ -107,8 +107,8 @@ class PerformanceOracle(Protocol):
         """Name the members that miss any of their APTs when all of them run in one partition.
 
         That partition reserves `reserve` per cent of each of its processors; the rest is reserved by P2 with the
-        interfering load. On the safe side: whoever is not shown to meet an APT misses it. The same question has the
-        same answer.
+        interfering load. On the safe side: a component that is not shown to meet an APT misses it. The same question
+        has the same answer.
 
         Args:
             members: the components, by sorted names.
@@ -118,7 +118,7 @@ class PerformanceOracle(Protocol):
             Names of members; empty: all APTs are met.
 
         Raises:
-            Unanswered: there is no verdict, or somebody asked for an end.
+            Unanswered: there is no verdict, or an end was asked for.
         """
         ...
 
@@ -152,7 +152,7 @@ class PlannerReporter(Protocol):
         ...
 
     def declined(self, members: Members) -> None:
-        """Take note that somebody said no to this combination, or the manifest does; another one is tried.
+        """Take note that a user or the manifest says no to this combination; another one is tried.
 
         Args:
             members: the components that would have shared a partition, by sorted names.
@@ -170,7 +170,7 @@ class PlannerReporter(Protocol):
 
 
 class SilentReporter:
-    """Tells nobody."""
+    """Drops what it is told."""
 
     def setting_answered(self, answer: Answer) -> None:
         """See `PlannerReporter.setting_answered`; nothing is done."""

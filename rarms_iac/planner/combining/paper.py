@@ -142,7 +142,7 @@ def combine_components(cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer
         trail: what was asked so far, in order; every answer is appended.
 
     Returns:
-        The compound and its two parts; None: nobody could be combined with it.
+        The compound and its two parts; None: no component could be combined with it.
 
     Raises:
         Unanswered: the oracle has no answer.

@@ -47,7 +47,7 @@ class Best:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NothingFits:
-    """No layout fits, whatever the compounds that were not measured need."""
+    """No layout fits, at any need of the compounds that were not measured."""
 
     contradictions: tuple[Contradiction, ...]
     complete: bool
@@ -178,7 +178,7 @@ def search(
 ) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
     """Ask until the answer is there; what was answered before is not asked again.
 
-    A combination that somebody says no to is left out; since a layout with it may be better, nothing is proved then. A
+    A combination that a user declines is left out; since a layout with it may be better, nothing is proved then. A
     search that was stopped asks the same questions again, and no answer contradicts what is known.
 
     Args:

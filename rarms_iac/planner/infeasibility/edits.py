@@ -14,7 +14,7 @@ TRIALS = 250
 """Manifests that are planned in all, before nothing more is offered: a count, never a time."""
 
 MOST_EDITS = 8
-"""Changes that are offered together: nobody makes more of them from a list."""
+"""Changes that are offered together: no reader makes more of them from a list."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -104,7 +104,7 @@ class Assignment:
         return len(self.rows) > before
 
     def _forbid_smallest_part(self, numbers: Sequence[int], at: int) -> None:
-        """Forbid the part of these that already does not fit, and whatever is larger, on every host alike."""
+        """Forbid the part of these that already does not fit, and all that is larger, on every host alike."""
         host = self.bins[at]
         part = sorted(numbers, key=lambda number: self._claim((number, at)).percent)
         for number in tuple(part):
@@ -147,7 +147,7 @@ class Assignment:
 
 
 def _is_larger(claim: Claim, other: Claim) -> bool:
-    """Whether whatever has no room for the other has none for the claim."""
+    """Whether all that has no room for the other has none for the claim."""
     return claim.processors >= other.processors and claim.reserve >= other.reserve and claim.memory >= other.memory
 
 

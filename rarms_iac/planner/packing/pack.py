@@ -1,6 +1,6 @@
 """A host for every partition: first fit where that is as good as can be, otherwise the solver's best.
 
-Of packings that are equally good the first by name, so that equal inputs have equal answers whoever found them.
+Of packings that are equally good the first by name, so that equal inputs have equal answers, however they were found.
 """
 
 from collections.abc import Mapping, Sequence
@@ -81,7 +81,7 @@ MOST_NODES = 5_000
 """Nodes of a stage, however few variables there are."""
 
 NODES_FOR_ANY = 200_000
-"""Nodes of the search for a packing, whatever it is worth, times the variables; most proofs of none take fewer."""
+"""Nodes of the search for any packing, good or not, times the variables; most proofs of none take fewer."""
 
 MOST_NODES_FOR_ANY = 500
 """The same, however few variables there are."""
@@ -124,7 +124,7 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES
 
 
 def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool = False) -> bool | None:
-    """Say whether a short search finds a packing, whatever it is worth.
+    """Say whether a short search finds any packing, good or not.
 
     Args:
         items: As of `pack`.
@@ -244,7 +244,7 @@ def _solve(
 
 
 def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
-    """A packing, whatever it is worth; without one, whether there is none."""
+    """Any packing, good or not; without one, whether there is none."""
     program = Assignment(items, bins)
     variables = len(program.pairs)
     found = _minimise_costs(program, [0] * variables, None, min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables))

@@ -24,7 +24,7 @@ NOWHERE = ""
 
 
 def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], *, rounds: int) -> Mapping[str, str] | None:
-    """Find a packing, whatever it is worth.
+    """Find any packing, good or not.
 
     Args:
         items: The partitions, by name.

@@ -103,7 +103,7 @@ def _is_deadline(index: str) -> bool:
 
 
 def waits_and_work(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Fit how long a job waits whatever the reservation, and how long it computes with all of its processors.
+    """Fit how long a job waits at any reservation, and how long it computes with all of its processors.
 
     At a CR of c per cent it answers after `waits + 100 * work / c`. The fit takes the least squares of the relative
     errors; neither becomes negative.

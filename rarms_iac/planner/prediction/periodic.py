@@ -1,7 +1,7 @@
 """Periodic tasks on a periodic resource: does a reservation do, whenever its time comes?
 
 A partition that reserves a share of a processor over a window is a periodic resource: `budget` ticks within every
-`period`, nobody says when. What it supplies in any `t` ticks at least is its supply bound function; what tasks must
+`period`, at no known moment. What it supplies in any `t` ticks at least is its supply bound function; what tasks must
 have by then at most is their demand bound function, where the earliest deadline goes first. Where the supply never lies
 below, every deadline is met, and where it does, some supply and some releases miss one.
 

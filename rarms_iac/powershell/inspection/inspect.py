@@ -16,7 +16,7 @@ LARGEST = 16 * 1024 * 1024
 
 
 def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> tuple[Diagnostic, ...]:
-    """Find what is wrong with a script that this version of rarms made, and somebody may have edited.
+    """Find what is wrong with a script that this version of rarms made, and that may have been edited.
 
     Args:
         script: its bytes.

@@ -169,7 +169,7 @@ def _comment_problems(text: str) -> tuple[str, ...]:
 
 
 def _directive_problems(read_tokens: Iterable[Token]) -> Iterator[str]:
-    """Comments that are more to PowerShell: `#Requires` counts wherever it stands, and imports what it names."""
+    """Comments that are more to PowerShell: `#Requires` counts at any place, and imports what it names."""
     for token in read_tokens:
         low = token.text.lower()
         if token.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _is_requires(token)):

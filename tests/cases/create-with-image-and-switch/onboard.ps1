@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5655ba379c51 of application robot, for the host itself.
+    rarms apply script: plan 4a9e14b9f5b4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5655ba379c51'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '4a9e14b9f5b4'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '40b6df1de066606cab38e572d6e6d12ff61737c3cc65813333f14b354489046c'
+        UndoDigest = 'dc2c6494314b9c2dcb494300f26bf89d24e0d9a3da6f73377d89b0c2b4f66db9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan fcec76012294 of application robot, for the host itself.
+    rarms apply script: plan 253363da4945 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fcec76012294'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '253363da4945'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dde438673a282d0eb4834ecafcf332e0ee2b4419487a24e93cfea13c453411e9'
+        UndoDigest = 'da564980b7bb4c45a705d2999992f45433f5a933cf8449ced483dfacb02ffeab'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

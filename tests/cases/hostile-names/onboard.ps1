@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0734c403a32e of application robot, for the host itself.
+    rarms apply script: plan f407459c4b8a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0734c403a32e'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f407459c4b8a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9ab03cf9405df4ad36c9d112ad38b13ce96e72501e42cac00924f378d9d3b77e'
+        UndoDigest = '13ca909439d10aabca12a8fb571ec3184ffd4d92e167dbb7e94e4a56d4b6f45d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

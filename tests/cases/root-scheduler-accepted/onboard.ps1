@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5fbd00ad7b79 of application robot, for the host itself.
+    rarms apply script: plan e5ab7693ab11 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5fbd00ad7b79'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e5ab7693ab11'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1bb8e38d613a404607cc689df321367177cab3bb4d8dd686edebf659af0648d9'
+        UndoDigest = '6910a368b5daad5e45bfd04a784faac2708c278399ae0744e5339e123705199f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 22e1f450f074 of application robot, for the host itself.
+    rarms apply script: plan 2fcc74d86cf4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '22e1f450f074'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '2fcc74d86cf4'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4379604bc9f21d890cf552b49d6da93ade590b19a7f70664845bdcaed0089af2'
+        UndoDigest = '96bb24179eaaaad9535e9aee296c46ec77a45a17f3cb82067a6d04b16eb4e65f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 926722d92d38 of application robot, for the guest of partition vision.
+    rarms apply script: plan 68a9193d0d24 of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '926722d92d38'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '68a9193d0d24'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'e333d6cb08097b5058669ffcdb4ce445a20977bcc00b17219770c57e4c7a6381'
+        UndoDigest = '9ff177dc617a37c5e68ff05937cdee787fe23c594d2c940337f2eba40459ee58'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

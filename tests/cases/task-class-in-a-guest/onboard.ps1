@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 926722d92d38 of application robot, for the host itself.
+    rarms apply script: plan 68a9193d0d24 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '926722d92d38'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '68a9193d0d24'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c66ed1f04e634242580821ebd53611306237502d81553487d83412b8812d74fd'
+        UndoDigest = 'cd4a0daf81363f6e4c7eaf584d0506d047cd6d95935c015d595b3a86fba2b1ea'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

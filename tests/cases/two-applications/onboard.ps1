@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3b9ac59707c6 of application robot, for the host itself.
+    rarms apply script: plan 312194f9a75c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3b9ac59707c6'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '312194f9a75c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a8dd52798692d554c9cd330c10dde00b2fadfd8f6d9def0d3c600bcc4fac1850'
+        UndoDigest = '47154b9231b3076d95dc04d4cf8c4e523a115a5b65b33610125be1c18338af48'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5644023d5012 of application robot, for the host itself.
+    rarms apply script: plan 61130ac54050 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5644023d5012'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '61130ac54050'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd3d6f783e2ead75486f5b7004fc3d9dd537bc3204cc6c6b99dfafd51310da450'
+        UndoDigest = '9c457024379e0b2af7219225a85e6e41dbca1fc42d27259e67248c70b4f2a32c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -528,10 +528,10 @@ SITUATIONS = {
         messages=("not measured itself: ",),
         recommends=("rarms measure vision --verify",),
     ),
-    "somebody plays an intruder": Situation(
+    "a host is changed by another tool": Situation(
         steps=(write(MANIFEST), APPLY),
         words=("simulate", "change", "vision", "--reserve", "30"),
-        messages=("as somebody else would",),
+        messages=("as another tool would",),
         recommends=("rarms drift",),
     ),
     "there is no manifest, and no command": Situation(
@@ -800,7 +800,7 @@ PLACEHOLDERS = {
     "NAME": "onboard",
     "COMPONENT": "vision",
     "PARTITION": "vision",
-    "ID": "9e1779bf-fc56-5bd4-aaa4-a98d03c30f8d",  # of vision, as the simulated host makes it
+    "ID": "20c5a7c7-e9c1-5de6-83c7-54bf38e42344",  # of vision, as the simulated host makes it
     "LEVEL": "200 ms",
 }
 """What stands for what a person has to fill in."""

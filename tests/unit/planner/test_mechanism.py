@@ -45,7 +45,7 @@ def test_a_share_caps_nothing_and_nobody_has_a_weight_on_linux() -> None:
 
     settings = found.settings
     assert (settings.limit, settings.weight, settings.quota_period_us, settings.generation) == (100, 100, None, 0)
-    assert found.why_weight == "Linux shares what nobody reserved in proportion to the reservations"
+    assert found.why_weight == "Linux shares what is not reserved in proportion to the reservations"
     assert found.mechanism == "kept as a share, for then idle processors serve everybody (chosen by rarms)"
 
 
