@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from rarms_iac.cli.session import common_options
+from rarms_iac.cli.session import common_options, session_flag
 from rarms_iac.cli.table import COMMANDS, load_command
 
 HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
@@ -64,14 +64,7 @@ class LazyGroup(click.Group):
 
 def root_group() -> LazyGroup:
     """The whole command line."""
-    version = click.Option(
-        ["--version"],
-        is_flag=True,
-        expose_value=False,
-        is_eager=True,
-        callback=_version,
-        help="Show the version and exit.",
-    )
+    version = session_flag("--version", _version, "Show the version and exit.", is_eager=True)
     return LazyGroup(
         name="rarms",
         context_settings={"help_option_names": ["-h", "--help"]},  # the commands' contexts inherit it

@@ -65,10 +65,7 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> Exi
         session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
         return session.interrupts.exit_code or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
-    session.answer(
-        lambda: json_of(outcome),
-        lambda: proof_text(outcome.proofs, request.interference),
-    )
+    session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs, request.interference))
     if outcome.not_proven:
         session.terminal.tell(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
     return ExitCode.NO if outcome.findings else ExitCode.DONE

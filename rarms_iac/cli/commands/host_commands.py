@@ -37,11 +37,7 @@ def doctor_command(
     outputs = options.targets(session)
     hosts = select_hosts(load_manifest(source), host_selection)
     examined = examine_hosts(hosts)
-    write_outputs(
-        session.terminal,
-        outputs,
-        lambda form: doctor_as(form, examined, hosts.manifest.sources),
-    )
+    write_outputs(session.terminal, outputs, lambda form: doctor_as(form, examined, hosts.manifest.sources))
     return ExitCode.FOUND if has_errors(examined.findings) else ExitCode.DONE
 
 
