@@ -1,5 +1,7 @@
 """House rules that no linter knows: each class name has one meaning, names are nouns, contracts are whole, one reader.
 
+No code reads a sentence either.
+
 Prints each breach as `file:line: what is wrong` and exits 1 where there is one.
 """
 
@@ -38,6 +40,28 @@ WITH_CONTRACTS = ("app/", "diff/", "measuring/", "planner/", "providers/interfac
 """Where every public function and method says all of what it takes, gives back and raises."""
 
 
+PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment", "title"})
+"""Fields and variables that hold sentences for people."""
+RENDERING = ("show_", "describe_", "plain_text")
+"""How functions begin that make text of values."""
+READING = frozenset({"removeprefix", "removesuffix", "replace", "split", "rsplit", "partition", "rpartition"}) | {
+    "startswith",
+    "endswith",
+    "find",
+    "index",
+    "splitlines",
+}
+PATTERNS = frozenset({"search", "match", "fullmatch", "sub", "split", "findall", "finditer"})
+
+MAY_READ_PROSE = {
+    "running/": "what components print",
+    "powershell/": "text of scripts",
+    "providers/hyperv/": "what PowerShell prints",
+    "manifest/text/": "what the YAML parser says",
+}
+"""Where such a name holds what another program printed."""
+
+
 def breaches(package: Path) -> Iterator[str]:
     """Everything below the package that breaks a rule."""
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(package.rglob("*.py"))}
@@ -49,6 +73,8 @@ def breaches(package: Path) -> Iterator[str]:
             yield from _contracts_in_part(path, tree)
         if module not in MAY_READ:
             yield from _other_readers(path, tree)
+        if not module.startswith(tuple(MAY_READ_PROSE)):
+            yield from _readers_of_prose(path, tree)
         yield from _imports_of_the_laboratory(path, tree)
     for path in sorted(path for room in BESIDE_THE_PACKAGE for path in room.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -130,6 +156,43 @@ def _missing_sections(function: ast.FunctionDef) -> Iterator[str]:
 def _raises_something(node: ast.AST) -> bool:
     """Whether it makes an exception; a bare `raise` lets one pass, and `AssertionError` tells of our own mistake."""
     return isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and "AssertionError" not in ast.unparse(node)
+
+
+def _readers_of_prose(path: Path, tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        match node:
+            case ast.Call(func=ast.Attribute(attr=attr, value=text)) if attr in READING and _is_prose(text):
+                pass
+            case ast.Call(func=ast.Attribute(attr=attr), args=args) if attr in PATTERNS and any(map(_is_prose, args)):
+                pass
+            case ast.Compare(ops=ops, comparators=texts) if any(
+                isinstance(op, ast.In | ast.NotIn) and _is_prose(text) for op, text in zip(ops, texts, strict=True)
+            ):
+                pass
+            case _:
+                continue
+        yield f"{path.as_posix()}:{node.lineno}: this reads a sentence: what code needs is a field"
+
+
+def _is_prose(node: ast.expr) -> bool:
+    """Whether it is a field or variable of this name, text that a function made of a value, or made of such."""
+    match node:
+        case ast.Attribute(attr=name) | ast.Name(id=name):
+            return name in PROSE
+        case ast.Call(func=ast.Name(id="str"), args=[value]):
+            return _is_prose(value)
+        case ast.Call(func=ast.Name(id=name)):
+            return name == "render" or name.startswith(RENDERING)
+        case ast.Call(func=ast.Attribute(attr=name, value=value)):
+            return name.startswith(RENDERING) or _is_prose(value)
+        case ast.Subscript(value=value) | ast.FormattedValue(value=value):
+            return _is_prose(value)
+        case ast.JoinedStr(values=parts):
+            return any(map(_is_prose, parts))
+        case ast.BinOp(left=left, right=right):
+            return _is_prose(left) or _is_prose(right)
+        case _:
+            return False
 
 
 def _other_readers(path: Path, tree: ast.Module) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from enum import Enum
 
-from rarms_iac.model.commands import PLAN, prose
+from rarms_iac.model.commands import PLAN, Wording, plain_text, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources, first_of_each_kind
 
 IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
@@ -48,8 +48,15 @@ class UseCaseError(Exception):
 class RequestError(ValueError):
     """What was asked cannot be done as it was asked: an unknown name, or values that contradict each other.
 
-    Its text is a whole sentence for people. Nothing was done.
+    Nothing was done.
+
+    Attributes:
+        message: a whole sentence for people.
     """
+
+    def __init__(self, message: Wording) -> None:
+        super().__init__(plain_text(message))
+        self.message = message
 
 
 def bug_finding(error: BaseException) -> Diagnostic:

@@ -162,8 +162,8 @@ def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iter
     now = system.components[entry.component].apt.get(proven.index)
     if now is None:
         yield "there is no such threshold any more"
-    elif (text := show_threshold(index_named(proven.index), now)) != proven.threshold:
-        yield f"the threshold is {text} now"
+    elif now != proven.threshold:
+        yield f"the threshold is {show_threshold(index_named(proven.index), now)} now"
 
 
 def _layout_since(entry: Proven, system: System, reservations: ReservationSource) -> Iterator[str]:

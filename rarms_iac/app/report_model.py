@@ -177,7 +177,7 @@ class ComponentProof:
 
     component: str
     index: PerformanceIndex
-    threshold: str  # as it was then: at most 100 ms
+    threshold: Threshold  # as it was then
     value: float | None
     lower: float | None  # None: the samples say nothing about this side
     upper: float | None

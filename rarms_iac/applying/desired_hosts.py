@@ -14,7 +14,6 @@ from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
@@ -23,7 +22,6 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Disk, Partition, State
 from rarms_iac.model.system import System
 from rarms_iac.planner.desired import Desired, desired_state
-from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of, most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
@@ -52,12 +50,19 @@ def desired_hosts(
     if request.purpose is not Purpose.APPLY:
         return {name: _without_ours(state) for name, state in states}, ()
     views = {name: host_view(state, request.application) for name, state in states}
-    planning = plan_layout(system, request.reservations, views, places, max_disruption=request.limit)
+    namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
+    first = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
+    planning = plan_layout(
+        system,
+        request.reservations,
+        views,
+        places,
+        max_disruption=request.limit,
+        where_room_lacks=first if namesakes else "",
+    )
     layout = planning.answer
     if not isinstance(layout, Layout):
-        namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
-        lacking = map(_advise_namesake_first, planning.findings) if namesakes else planning.findings
-        return {}, (*namesakes, *lacking)
+        return {}, (*namesakes, *planning.findings)
     hosts = {name: desired_state(system, layout, state, places) for name, state in states}
     findings = list(planning.findings)
     for desired in hosts.values():
@@ -135,14 +140,6 @@ def _without_place(diagnostic: Diagnostic) -> Diagnostic:
         return diagnostic
     related = (*diagnostic.related, Related(place=diagnostic.place, message="wanted here"))
     return replace(diagnostic, place=None, related=related)
-
-
-def _advise_namesake_first(diagnostic: Diagnostic) -> Diagnostic:
-    """Other advice for what lacks room: ways out were sought beside the namesake, and taking it over may need none."""
-    if diagnostic.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
-        return diagnostic
-    advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
-    return replace(diagnostic, advice=prose(advice))
 
 
 def _locator(

@@ -81,12 +81,12 @@ def locked(error: HostLocked) -> Diagnostic:
             prose("This run changed nothing since. See what the other one did: ", HISTORY, "."),
             address=f"host/{error.host}",
         )
-    return LOCKED.at(
-        None,
-        f"{error.host} is held by {error.owner}.",
-        "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`.",
-        address=f"host/{error.host}",
-    )
+    return _locked(error.host, error.message)
+
+
+def _locked(host: str, detail: str) -> Diagnostic:
+    advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`."
+    return LOCKED.at(None, f"{host}: {detail}.", advice, address=f"host/{host}")
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
@@ -179,7 +179,7 @@ def no_script(host: str, plan: str) -> Diagnostic:
 def script_refused(host: str, event: RunEvent) -> Diagnostic:
     """The script ended with exit code 3: before a step, or before any."""
     if event.kind is EventKind.LOCK:
-        return locked(HostLocked(host, event.detail.removeprefix("it is held by ")))
+        return _locked(host, event.detail)
     if event.address == "host":
         return SCRIPT_REFUSED.at(
             None,

@@ -13,6 +13,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
@@ -51,8 +52,14 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         return report_end(session, finished)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
-            "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and apply "
-            f"that: `{_writing(request.purpose)} --out FILE`, then `rarms apply FILE`."
+            prose(
+                "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and "
+                "apply that: ",
+                command("plan" if request.purpose is Purpose.APPLY else request.purpose.value, out="FILE"),
+                ", then ",
+                command("apply", "FILE"),
+                ".",
+            )
         )
     plan = make_plan(hosts, request)
     text = plan_text(plan, sources=hosts.manifest.sources)
@@ -65,10 +72,6 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
     if not how.auto_approve:
         ask(session, "Do this?")
     return report_end(session, run(session, plan, hosts.folder, how))
-
-
-def _writing(purpose: Purpose) -> str:
-    return "rarms plan" if purpose is Purpose.APPLY else f"rarms {purpose.value}"
 
 
 def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:

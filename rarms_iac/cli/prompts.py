@@ -3,6 +3,7 @@
 import sys
 from functools import cache
 from pathlib import Path
+from textwrap import fill
 
 from rarms_iac.app.control import Control, StopConsent, always_consents, never_consents
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
@@ -16,10 +17,11 @@ from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.cli.ending import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
+from rarms_iac.model.commands import command, prose
 from rarms_iac.planner.combining.oracle import Members
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views import questions
-from rarms_iac.views.console import paragraph, render
+from rarms_iac.views.console import paragraph, visible
 from rarms_iac.views.questions import Question
 from rarms_iac.views.select import selection_text
 from rarms_iac.views.tune import TuningProgress, tuned_text
@@ -33,8 +35,11 @@ def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
     """
     if not session.terminal.answers:
         raise RequestError(
-            "There is no terminal to ask at. Leave --interactive out, and choose with "
-            "`rarms select COMPONENT --at LEVEL`."
+            prose(
+                "There is no terminal to ask at. Leave --interactive out, and choose with ",
+                command("select", "COMPONENT", at="LEVEL"),
+                ".",
+            )
         )
     refuse_standard_input(source)
 
@@ -175,7 +180,8 @@ def ask_yes_or_no(session: Session, question: Question) -> bool:
     Raises:
         SessionEnded: The answer was `q`, or a signal.
     """
-    text = render(paragraph(f"{question.text} [y/N/?/q]"), session.terminal.width).removesuffix("\n") + " "
+    words = f"{visible(question.text)} [y/N/?/q]"
+    text = fill(words, session.terminal.width, break_long_words=False, break_on_hyphens=False) + " "
     asked = Question(text=text, help_text=question.help_text)
     answer = read_answer(session, asked).lower()
     while answer not in {"", "y", "yes", "n", "no"}:

@@ -104,7 +104,7 @@ def _creation_step(address: Address, wanted: PartitionSettings, making: Making, 
         disruption=Disruption.LIVE,
         claim_before=claim_of(None),
         claim_after=claim_of(None),
-        comment=f"{reason.message}; off and under a pending name until all is set{boot}",
+        comment=f"off and under a pending name until all is set{boot}",
         place=reason.place,
     )
 
@@ -232,7 +232,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         disruption=Disruption.REMOVAL,
         claim_before=claim_of(builder.now),
         claim_after=claim_of(None),
-        comment=f"{reason.message}; removed before anything is made, so that there is room",
+        comment="removed before anything is made, so that there is room",
         place=reason.place,
     )
     yield removal

@@ -56,7 +56,7 @@ class StepBuilder:
         Args:
             operation: the call; on a new machine the removal of that machine takes it back.
             names: the readings that the step compares before and after.
-            why: told after the reason of the change.
+            why: the comment of the step.
             title: the call in a few words; empty: as the operation says it.
 
         Returns:
@@ -74,7 +74,7 @@ class StepBuilder:
             disruption=Disruption.LIVE,
             claim_before=claim_of(before),
             claim_after=claim_of(self.now),
-            comment=f"{self.reason.message}; {why}" if self.reason.message else why,
+            comment=why,
             place=self.reason.place,
         )
 

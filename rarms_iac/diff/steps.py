@@ -250,7 +250,7 @@ def _registry_step(
         disruption=disruption_of_task(address.partition),
         claim_before=NO_CLAIM,
         claim_after=NO_CLAIM,
-        comment=f"{reason.message}; {why}" if reason.message else why,
+        comment=why,
         place=reason.place,
     )
 

@@ -40,9 +40,14 @@ class Address(OutputText):
 
     def __str__(self) -> str:
         """As findings, plans and `--target` write it."""
+        return f"partition/{self.in_short}" if self.partition else self.in_short
+
+    @property
+    def in_short(self) -> str:
+        """The same without the word `partition`, for lists of partitions."""
         if self.responsiveness:
             return "mmcss/responsiveness"
-        parts = [f"partition/{self.partition}"] if self.partition else []
+        parts = [self.partition] if self.partition else []
         below = [f"task/{self.task}"] if self.task else []
         below += [f"disk/{self.disk.replace('/', SLASH).rpartition(SLASH)[2]}"] if self.disk else []
         return "/".join([*parts, *below])

@@ -75,7 +75,7 @@ class Step:
     disruption: Disruption
     claim_before: Internal[Claim]  # of its partition
     claim_after: Internal[Claim]
-    comment: str  # why it is done, and why here in the order
+    comment: str  # why here in the order; why at all is the reason of its change
     place: Place | None = None  # the manifest line behind it
 
     def reversed(self, title: str) -> "Step":

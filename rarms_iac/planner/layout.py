@@ -43,6 +43,7 @@ def plan_layout(
     places: Places,
     *,
     max_disruption: Disruption | None = None,
+    where_room_lacks: Wording = "",
 ) -> Planning:
     """Place every component in a partition on a host, within what the hosts have, or explain why that is impossible.
 
@@ -54,6 +55,7 @@ def plan_layout(
         hosts: the hosts that were observed, by name; of the others the manifest alone counts.
         places: lines of the manifest, for the findings.
         max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
+        where_room_lacks: advice that goes before any way out; empty: there is none.
 
     Returns:
         A layout; or `Infeasible` with the conflict and ways out. Findings come with both. The solver's work is limited
@@ -77,27 +79,31 @@ def plan_layout(
             may_move = limit is Disruption.REMOVAL
             start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
             answer = explain(answer, problem, start)
-        notes += causes_as_findings(answer, system, places)
+        notes += causes_as_findings(answer, system, places, where_room_lacks)
     return Planning(answer=answer, findings=tuple(notes))
 
 
-def causes_as_findings(answer: Infeasible, system: System, places: Places) -> Iterator[Diagnostic]:
+def causes_as_findings(
+    answer: Infeasible, system: System, places: Places, where_room_lacks: Wording = ""
+) -> Iterator[Diagnostic]:
     """Report why there is no layout.
 
     Args:
         answer: the causes; one without advice of its own is advised the ways out.
         system: the manifest.
         places: lines of the manifest.
+        where_room_lacks: advice that goes before any way out; empty: there is none.
 
     Yields:
         A finding for each cause.
     """
+    room = {findings.RESERVATIONS.code, findings.MEMORY.code, findings.PACKING.code}
     for cause in answer.causes:
         unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
         yield findings.KINDS[cause.code].at(
             _place(cause, system, places),
             f"{cause.message}{unproven}",
-            cause.advice or _advice(answer.relaxations),
+            (where_room_lacks if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
             address=cause.address,
         )
 

@@ -3,13 +3,14 @@
 from typing import TYPE_CHECKING, Protocol
 
 from rarms_iac.app.run_component import ComponentRunResult, SampleReporter
+from rarms_iac.model.indexes import index_named, show_bound
 from rarms_iac.model.outcomes import Estimate, NoEstimate, verdict_word
 from rarms_iac.model.quantities import show_number
 from rarms_iac.model.series import Sample
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.console import paragraph, stack, table, visible
-from rarms_iac.views.measure import show_bound, show_estimate
+from rarms_iac.views.measure import show_estimate
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -39,7 +40,7 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
 def summary_text(ran: ComponentRunResult) -> "RenderableType":
     """What the samples come to: a line, and a row an index of the APT."""
     verdicts = {index: f"{verdict_word(verdict)} here" for index, verdict in ran.verdicts.items()}
-    bounds = {index: show_bound(index, threshold) for index, threshold in ran.component.apt.items()}
+    bounds = {index: show_bound(index_named(index), threshold) for index, threshold in ran.component.apt.items()}
     rows = [
         (index, _estimate(index, estimate), bounds.get(index, ""), verdicts.get(index, ""))
         for index, estimate in ran.estimates.items()

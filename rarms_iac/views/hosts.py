@@ -119,7 +119,7 @@ def _host(host: HostDrift) -> "Iterator[RenderableType]":
             for attribute in (attributes_of(change, host.facts) if change is not None else ())
             if attribute.differs and attribute.before is not None and attribute.after is not None
         )
-        name = str(address).removeprefix("partition/")
+        name = address.in_short
         members = members_of(address.partition, {address.partition: drifted.components})
         amount = None if change is None else change.reserved_lp
         wanted = "" if amount is None else f", {show_processors(amount)} wanted"

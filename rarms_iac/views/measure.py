@@ -13,7 +13,7 @@ from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
+from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -29,7 +29,6 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Series
-from rarms_iac.model.system import Threshold
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error, describe_extreme
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
@@ -67,20 +66,10 @@ def summary_text(
 def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) -> Iterator[Row]:
     for member in experiment.members:
         name = member.name
-        bounds = [f"{index} {show_bound(index, threshold)}" for index, threshold in member.apt.items()]
+        bounds = [f"{index} {show_bound(index_named(index), threshold)}" for index, threshold in member.apt.items()]
         for threshold in bounds or ["none"]:
             yield name, threshold, reserve, processors, remark
             name = reserve = processors = remark = ""
-
-
-def show_bound(index: str, threshold: Threshold) -> str:
-    """`<= 100 ms`, as tables have it."""
-    return abbreviated(show_threshold(index_named(index), threshold))
-
-
-def abbreviated(threshold: str) -> str:
-    """`<= 100 ms` for `at most 100 ms`, which leaves room in a table."""
-    return threshold.replace("at most", "<=").replace("at least", ">=")
 
 
 def _outcome(result: ExperimentResult) -> tuple[str, str, str]:

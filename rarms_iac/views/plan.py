@@ -17,6 +17,7 @@ from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import (
     guaranteed,
     in_processors,
+    plain,
     show_bytes,
     show_milliseconds,
     show_percent,
@@ -187,7 +188,7 @@ def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence
 
 
 def _name(change: Change, part: HostPlan) -> "Text":
-    sign, address = SYMBOLS[change.action], str(change.address).removeprefix("partition/")
+    sign, address = SYMBOLS[change.action], change.address.in_short
     beside = "" if change.address.task else members_of(change.address.partition, part.components)
     return styled((sign, STYLES[sign]), " ", (address, STRONG), beside)
 
@@ -325,13 +326,10 @@ def _threads(part: HostPlan) -> "Iterator[RenderableType]":
 def _steps(part: HostPlan) -> "Iterator[RenderableType]":
     if part.steps:
         yield "  Steps, in this order:"
-    reasons = {change.address: change.reason.message for change in part.changes}
     for number, step in enumerate(part.steps, 1):
-        # The change's own reason stands above, beside the change.
-        comment = step.comment.removeprefix(f"{reasons.get(step.address, '')}; ")
         start = f"  {number:>{len(str(len(part.steps)))}}. "
         yield paragraph(f"{step.address}: {visible(step.title, keep='')}{_at(step.place)}", start=start)
-        yield paragraph(comment, indent=len(start))
+        yield paragraph(step.comment, indent=len(start))
 
 
 def _totals(part: HostPlan) -> str:
@@ -342,8 +340,9 @@ def _totals(part: HostPlan) -> str:
     kept_processors = Fraction(in_processors(part.host.keep_for_host.processor, processors))
     reserved, others = Fraction(totals.percent, 100), Fraction(totals.others_percent, 100)
     share = show_percent(reserved * 100 / processors) if processors else "0 %"
-    amount = show_processors(reserved).removesuffix(" LP")
-    sentences = [f"{amount} of {show_processors(processors)} ({share}) and {show_bytes(totals.memory)} reserved"]
+    sentences = [
+        f"{plain(reserved)} of {show_processors(processors)} ({share}) and {show_bytes(totals.memory)} reserved"
+    ]
     if totals.idle_percent or totals.idle_memory:
         idle = _amount(Fraction(totals.idle_percent, 100), totals.idle_memory)
         sentences.append(f"of these, {idle} by partitions that do not run")

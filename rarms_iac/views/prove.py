@@ -5,14 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
-from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
-from rarms_iac.views.measure import show_bound
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -36,7 +35,7 @@ def proven_table(rows: Sequence[tuple[str, str, str, str]]) -> "RenderableType":
 def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
     measured, index = verdict.measured, index_named(verdict.measured.index)
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
-    threshold = f"{index.name} {show_bound(index.name, measured.threshold)}"
+    threshold = f"{index.name} {show_bound(index, measured.threshold)}"
     return measured.component, threshold, value, describe_verdict(index, verdict_word(verdict.verdict))
 
 

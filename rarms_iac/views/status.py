@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatus
 from rarms_iac.model.commands import sentences
+from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import show_percent, show_processors
 from rarms_iac.model.state import StoppedBy
@@ -51,7 +52,7 @@ def _host(host: HostOverview) -> "Iterator[RenderableType]":
     if host.partitions:
         yield table([_row(partition) for partition in host.partitions], wrap=(0, 3), right=(1, 2), indent=2)
     for drift in host.other_drift:
-        name = str(drift.address).removeprefix("partition/")
+        name = drift.address.in_short
         yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)
     if host.last_run:
         yield paragraph(styled((f"Last run: {describe_run(host.last_run)}", DIM)), indent=2, more=2)
@@ -96,9 +97,8 @@ def _proven(proofs: Sequence[ComponentProof]) -> str:
         if proof.outdated:
             sentences.append(f"{proof.component} is outdated: {'; '.join(proof.outdated)}.")
         elif not proof.met:
-            sentences.append(
-                f"{proof.component}, {proof.index.name} {proof.threshold}: {proof.verdict} ({proof.note})."
-            )
+            threshold = show_threshold(proof.index, proof.threshold)
+            sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {proof.verdict} ({proof.note}).")
     return " ".join(dict.fromkeys(sentences))
 
 

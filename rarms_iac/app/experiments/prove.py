@@ -164,7 +164,7 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
     estimate = verdict.measured.estimate
     return ProvenIndex(
         index=verdict.measured.index,
-        threshold=show_threshold(index_named(verdict.measured.index), verdict.measured.threshold),
+        threshold=verdict.measured.threshold,
         value=estimate.value if estimate else None,
         lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
         upper=estimate.upper if estimate and isfinite(estimate.upper) else None,

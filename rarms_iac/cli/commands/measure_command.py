@@ -27,6 +27,7 @@ from rarms_iac.cli.prompts import (
     refuse_without_terminal,
 )
 from rarms_iac.cli.session import Session
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.storage.reading import STANDARD_INPUT
 from rarms_iac.views.json_output import json_of
@@ -138,7 +139,9 @@ def _combine(session: Session, hosts: Hosts, request: TuneRequest, control: Cont
     outcome = combine_if_wanted(hosts, request, prompt, control)
     prompt.ended()
     if outcome.ended:
-        session.terminal.talk("Ended. What is measured and written stays: `rarms tune` goes on with combining.")
+        session.terminal.talk(
+            prose("Ended. What is measured and written stays: ", command("tune"), " goes on with combining.")
+        )
         return session.interrupts.exit_code or ExitCode.DONE
     if outcome.result is None:
         return ExitCode.DONE

@@ -16,6 +16,7 @@ from typing import Literal
 from rarms_iac.model.measurement import Bench, EnvironmentSetup
 from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
+from rarms_iac.model.system import Threshold
 from rarms_iac.storage.codec import Json, decode, decode_union
 from rarms_iac.storage.datalog.files import FOLDER, append_to_log, decoded_records
 
@@ -44,7 +45,7 @@ class ProvenIndex:
     """One index beside its threshold."""
 
     index: str
-    threshold: str
+    threshold: Threshold
     value: float | None  # None: it could not be told
     lower: float | None
     upper: float | None

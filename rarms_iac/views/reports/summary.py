@@ -14,9 +14,9 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
-from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
-from rarms_iac.model.indexes import show_range, show_threshold, show_value
-from rarms_iac.model.quantities import guaranteed, show_lp_percent, show_percent, show_processors
+from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
+from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
+from rarms_iac.model.quantities import guaranteed, plain, show_lp_percent, show_percent
 from rarms_iac.planner.combining.candidates import ASSUMED, Node
 from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.prove import describe_verdict
@@ -31,9 +31,10 @@ class SummaryRow:
     component: str
     index: str = ""
     level: str = ""  # the APT
+    bound: str = ""  # the same as tables have it
     shows: str = ""  # what the curve says at the reserve
     reserve: str = ""
-    bandwidth: str = ""  # LPs
+    processors: str = ""  # LPs
     verdict: str
 
 
@@ -61,9 +62,10 @@ def _level(measurement: Measurement, curve: IndexCurve) -> SummaryRow:
         component=curve.component,
         index=curve.index.name,
         level=show_threshold(curve.index, curve.threshold),
+        bound=show_bound(curve.index, curve.threshold),
         shows="" if point is None else show_value(curve.index, point.value),
         reserve="none is enough" if reserve is None else show_percent(reserve),
-        bandwidth="" if reserve is None else show_processors(guaranteed(reserve, measurement.processors)),
+        processors="" if reserve is None else plain(guaranteed(reserve, measurement.processors)),
         verdict=verdict_of(curve, reserve),
     )
 
@@ -93,12 +95,12 @@ def error_text(point: MeasuredPoint) -> str:
 
 
 def _fixed(name: str, amount: Fraction) -> SummaryRow:
-    return SummaryRow(component=name, bandwidth=show_processors(amount), verdict="fixed by the manifest")
+    return SummaryRow(component=name, processors=plain(amount), verdict="fixed by the manifest")
 
 
 def _unmeasured(names: tuple[str, ...]) -> SummaryRow:
-    message = f"not measured: run `rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}`"
-    return SummaryRow(component=" + ".join(names), verdict=message)
+    run = command("measure", *names, together=len(names) > 1)
+    return SummaryRow(component=" + ".join(names), verdict=str(prose("not measured: run ", run)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +110,7 @@ class ProofRow:
     component: str
     index: str
     level: str
+    bound: str  # the level as tables have it
     value: str
     shows: str  # the value with its interval
     met: bool
@@ -125,7 +128,8 @@ def _proof_row(proof: ComponentProof) -> ProofRow:
     return ProofRow(
         component=proof.component,
         index=proof.index.name,
-        level=proof.threshold,
+        level=show_threshold(proof.index, proof.threshold),
+        bound=show_bound(proof.index, proof.threshold),
         value="cannot be told" if proof.value is None else show_value(proof.index, proof.value),
         shows=_band(proof),
         met=proof.met,
@@ -197,14 +201,14 @@ def _outdated(tuning: PlatformTuning, components: Sequence[str]) -> str:
 
 
 def tuned_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], ...]:
-    """A row a partition as it was left: name, components, CR, what it reserves, and what the parts of a new one did."""
+    """A row a partition as it was left: name, components, CR, its LPs, and those of the parts of a new one apart."""
     return tuple(
         (
             part.name,
             ", ".join(part.components) + _outdated(tuning, part.components),
             show_percent(part.reserve),
-            show_lp_percent(part.reserved),
-            "" if part.parts is None else show_lp_percent(part.parts),
+            plain(Fraction(part.reserved, 100)),
+            "" if part.parts is None else plain(Fraction(part.parts, 100)),
         )
         for part in tuning.run.partitions
     )

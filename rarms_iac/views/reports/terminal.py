@@ -13,7 +13,6 @@ from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack, table
-from rarms_iac.views.measure import abbreviated
 from rarms_iac.views.prove import proven_table
 from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.summary import fit_text, proof_rows, status_text, summary_rows, tuned_rows, tuning_text
@@ -87,9 +86,9 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     rows = [
         (
             level.component,
-            f"{level.index} {abbreviated(level.level)}" if level.index else level.verdict,
+            f"{level.index} {level.bound}" if level.index else level.verdict,
             level.reserve,
-            level.bandwidth.removesuffix(" LP"),
+            level.processors,
         )
         for level in summary_rows(report)
     ]
@@ -103,16 +102,15 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
         yield "All together, as `rarms prove` measured them last:"
         yield proven_table(
             [
-                (proof.component, f"{proof.index} {abbreviated(proof.level)}", proof.value, proof.verdict)
+                (proof.component, f"{proof.index} {proof.bound}", proof.value, proof.verdict)
                 for proof in proof_rows(report)
             ]
         )
     for tuning in report.tunings:
         yield ""
         yield paragraph(f"Combining on {tuning.platform}: {tuning_text(tuning)}")
-        tuned = [(*row[:3], *(amount.removesuffix(" LP") for amount in row[3:])) for row in tuned_rows(tuning)]
         header = ("partition", "components", "CR", "LP", "LP apart")
-        yield table(tuned, header=header, wrap=(1,), right=(2, 3, 4))
+        yield table(tuned_rows(tuning), header=header, wrap=(1,), right=(2, 3, 4))
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield ""

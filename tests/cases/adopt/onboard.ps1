@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 109cdb246ee8 of application robot, for the host itself.
+    rarms apply script: plan 477ee164720b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '109cdb246ee8'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '477ee164720b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0128e1a87bd0092f43963af26d582102b523e74f56928e0319b0c4163386af6c'
+        UndoDigest = 'e2799794ae4a153803d5460bf03d256234310230fa66dcc46662245ed6b0030c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

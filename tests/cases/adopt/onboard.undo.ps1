@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 109cdb246ee8 of application robot, for the host itself.
+    rarms undo script: plan 477ee164720b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (erase the mark)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '109cdb246ee8'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '477ee164720b'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 40d37249cf7c of application robot, for the host itself.
+    rarms apply script: plan 3f11d7470ef1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 55 -> 80 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '40d37249cf7c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '3f11d7470ef1'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0003bce3d9d1723e30bbbbc120cb7c98a5a4e68b67bbf72b0a37b02b4b81a42d'
+        UndoDigest = 'de85a8c2d7f6f262a469775151c9ffafd1dae90f399667d092a3302ef685d62f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 40d37249cf7c of application robot, for the host itself.
+    rarms undo script: plan 3f11d7470ef1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 55 %, limit 100 %, weight 100)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '40d37249cf7c'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '3f11d7470ef1'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c9af70343307 of application robot, for the host itself.
+    rarms apply script: plan f216fb33b6a5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c9af70343307'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f216fb33b6a5'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7d556f3551e7679e58544b3c31b75b4afaee65bb5db3fb17ccf570b5d5a29174'
+        UndoDigest = '69eb1cd840835f17686dd7adebb64a74d0474d5b10a7a58c270f3be6c7074ff9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

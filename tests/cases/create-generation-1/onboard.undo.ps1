@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c9af70343307 of application robot, for the host itself.
+    rarms undo script: plan f216fb33b6a5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c9af70343307'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'f216fb33b6a5'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan cdd698336991 of application robot, for the host itself.
+    rarms apply script: plan 9835b885d89d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'cdd698336991'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '9835b885d89d'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'efd4dc961a0ba2aa875d28232cd5c4d05c3495c6344bff56a0ef65c42b7d6552'
+        UndoDigest = '2d800a583f03dc66380da954b04f1f610d4f163bb0fd38a2db434031184c8ce0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

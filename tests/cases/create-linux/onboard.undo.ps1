@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan cdd698336991 of application robot, for the host itself.
+    rarms undo script: plan 9835b885d89d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'cdd698336991'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '9835b885d89d'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4a9e14b9f5b4 of application robot, for the host itself.
+    rarms apply script: plan f95588158ae9 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4a9e14b9f5b4'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f95588158ae9'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dc2c6494314b9c2dcb494300f26bf89d24e0d9a3da6f73377d89b0c2b4f66db9'
+        UndoDigest = 'de137b9ead5aa0c93a549f3f286527bd9df25d255c484a9bf1dab7cf7d0ba482'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

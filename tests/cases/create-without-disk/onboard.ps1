@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 253363da4945 of application robot, for the host itself.
+    rarms apply script: plan 310b8cc10ee0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '253363da4945'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '310b8cc10ee0'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'da564980b7bb4c45a705d2999992f45433f5a933cf8449ced483dfacb02ffeab'
+        UndoDigest = 'cad047a5aff77716f73066f9da22a609e500fa1c4c383166de4429e5a09d20af'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

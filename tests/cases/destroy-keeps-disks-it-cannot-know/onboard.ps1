@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7a83d15676ef of application robot, for the host itself.
+    rarms apply script: plan dd7b07732c5f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -40,9 +40,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7a83d15676ef'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'dd7b07732c5f'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cfcd84b85e59e11506c86fe74c9ef9ae2816ee15d8e7e5037f0547915db4b9af'
+        UndoDigest = '7ffffdd919d7ef8ff2c8714f271aa0e1c2985eecd54e3b31f06db86eabc403b1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 7a83d15676ef of application robot, for the host itself.
+    rarms undo script: plan dd7b07732c5f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -39,7 +39,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '7a83d15676ef'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'dd7b07732c5f'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 175325e8317b of application robot, for the host itself.
+    rarms apply script: plan 72cdc235d542 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -41,9 +41,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '175325e8317b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '72cdc235d542'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3f006025a87544e5cb25711e9c4cf771a2a86730fcb104b974b897a4b94aa195'
+        UndoDigest = '559aec89cc0442f61e0c8ee6fa07bbf57b4b51602f9a9c4287ff74ac17c19de1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

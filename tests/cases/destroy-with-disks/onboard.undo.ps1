@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 175325e8317b of application robot, for the host itself.
+    rarms undo script: plan 72cdc235d542 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -39,7 +39,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '175325e8317b'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '72cdc235d542'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

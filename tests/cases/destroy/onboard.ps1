@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d95c8af75531 of application robot, for the host itself.
+    rarms apply script: plan 91b0edf758aa of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -40,9 +40,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd95c8af75531'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '91b0edf758aa'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '03b8b0a1440dda0064f75ff225e9eefcbdc0b1a156d22821396c1cdbb285ce7c'
+        UndoDigest = '91e3c391364c35c47382bec26bf98aa48f4da88f329355ea6c55925af367afb0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

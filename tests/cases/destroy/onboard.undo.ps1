@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan d95c8af75531 of application robot, for the host itself.
+    rarms undo script: plan 91b0edf758aa of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -39,7 +39,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'd95c8af75531'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '91b0edf758aa'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b77935cf356f of application robot, for the host itself.
+    rarms apply script: plan dbb954f86cc6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b77935cf356f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'dbb954f86cc6'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e681774f0e798ded86d076e7a22747f4b3713c73258b2a192e2dbdfce46ec9ea'
+        UndoDigest = 'c646a222d0286e1336a04ac62621c5e3713973554157f51db0c9a288707dc7ae'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan b77935cf356f of application robot, for the host itself.
+    rarms undo script: plan dbb954f86cc6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'b77935cf356f'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'dbb954f86cc6'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e3156af1b145 of application robot, for the host itself.
+    rarms apply script: plan 4afd78feb7d4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for as long as it takes to start
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e3156af1b145'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '4afd78feb7d4'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '29d4715458bff189d45e8954b1e40fd59f6c4e75a3de04a1dab1cc0ac92cada2'
+        UndoDigest = 'f194a8d5763df26e1fb0aabf33f77bd87db93bfa6f012709a4b5177f8e680a30'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

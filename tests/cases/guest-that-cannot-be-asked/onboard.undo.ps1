@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e3156af1b145 of application robot, for the host itself.
+    rarms undo script: plan 4afd78feb7d4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100). It is down for as long as it takes to start
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e3156af1b145'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '4afd78feb7d4'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5548840aee3b of application robot, for the host itself.
+    rarms apply script: plan f206b1dd7ef2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 60 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5548840aee3b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f206b1dd7ef2'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1591681cc0d3b6cfafe2b8ffff2e41416bf1a9892e06a0aac7f710dbc0b744d0'
+        UndoDigest = '6c5ce53cd5ae61aa2dc2fb5137155477a5e9aafbf441ea80152361a0a73741d5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f407459c4b8a of application robot, for the host itself.
+    rarms apply script: plan 21eb93d56481 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f407459c4b8a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '21eb93d56481'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '13ca909439d10aabca12a8fb571ec3184ffd4d92e167dbb7e94e4a56d4b6f45d'
+        UndoDigest = '9dc9d0c3e185e12247ae7f07f57c0c26d8151c9e758e71c65b0aaf4f2c99c439'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

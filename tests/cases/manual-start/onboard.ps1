@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3c180ef8cfe9 of application robot, for the host itself.
+    rarms apply script: plan adfabe7ac829 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3c180ef8cfe9'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'adfabe7ac829'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bd3003ede7b8c432e93517298d57c4d5f58fc28e9667a9459f6c4f8c45c2102b'
+        UndoDigest = 'fefebaa49cba0a4d99c7b33017196f755931831c9d59dc9f5f2fa9dc7cd7e34c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 3c180ef8cfe9 of application robot, for the host itself.
+    rarms undo script: plan adfabe7ac829 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '3c180ef8cfe9'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'adfabe7ac829'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

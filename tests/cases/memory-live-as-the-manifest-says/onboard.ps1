@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 70281f557d6f of application robot, for the host itself.
+    rarms apply script: plan c48aa65cc40c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB -> 1 GiB)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '70281f557d6f'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c48aa65cc40c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b2e26ca1bd908c39421e281ef0081e34716aa2e0beae88c462aacacd7f273796'
+        UndoDigest = 'b75902e31af897b18033784c7aee5cf7a6c6b019b02b32c0494088f0e80858ad'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

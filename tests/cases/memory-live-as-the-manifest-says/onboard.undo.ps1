@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 70281f557d6f of application robot, for the host itself.
+    rarms undo script: plan c48aa65cc40c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '70281f557d6f'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'c48aa65cc40c'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6fda66bd76ff of application robot, for the host itself.
+    rarms apply script: plan 1fef68a68b93 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB -> 1 GiB)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6fda66bd76ff'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '1fef68a68b93'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '837e3713511bfa95b97d8359e097fc617245068eb7615eb7c19c075a63b302c4'
+        UndoDigest = '3ad9f4dff2ca79bebbd855583a87a11d08f2c0204ab68ab40f05cd899538f691'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

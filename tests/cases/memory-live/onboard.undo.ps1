@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6fda66bd76ff of application robot, for the host itself.
+    rarms undo script: plan 1fef68a68b93 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6fda66bd76ff'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '1fef68a68b93'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

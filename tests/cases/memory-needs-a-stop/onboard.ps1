@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a43a23e8fe8b of application robot, for the host itself.
+    rarms apply script: plan 33e67c4bfc06 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB -> 512 MiB, static). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a43a23e8fe8b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '33e67c4bfc06'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f64f7fdd3523fa42dc5277fa6cc6f1cd35ac33ea26852ced64d79b5742de3a62'
+        UndoDigest = 'f38db57a7da0912e08b3abaa13e615a575dc265a8001985f2541caf49b532ce9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan a43a23e8fe8b of application robot, for the host itself.
+    rarms undo script: plan 33e67c4bfc06 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB, dynamic). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'a43a23e8fe8b'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '33e67c4bfc06'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

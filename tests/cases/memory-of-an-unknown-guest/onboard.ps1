@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 26010fd23ebe of application robot, for the host itself.
+    rarms apply script: plan cbbf75c0d8de of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '26010fd23ebe'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'cbbf75c0d8de'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c0a630b227af1704a801258e4330899a1e4294544bf585f54bca86e00777b8a5'
+        UndoDigest = '6b3f4d8c087695d85ff09c15189665a0874faa4cff948be47a2f89f5f63ada2d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

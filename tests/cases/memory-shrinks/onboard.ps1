@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f15e7ee6e810 of application robot, for the host itself.
+    rarms apply script: plan e17e57e343ff of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (memory 1 GiB -> 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f15e7ee6e810'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e17e57e343ff'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f06bddbd794254edbbebf78c85617f5f4dbd4639a714e14754c5895092fac66d'
+        UndoDigest = '30d92c9dc6f8389a8ade5e8c5e17bd1ed5e7e5c971183093f3b939f97e14f70a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f15e7ee6e810 of application robot, for the host itself.
+    rarms undo script: plan e17e57e343ff of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (memory 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f15e7ee6e810'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'e17e57e343ff'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6c07af7acf80 of application robot, for the host itself.
+    rarms apply script: plan 199b1a47e6de of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (reserve 40 -> 20 %; processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6c07af7acf80'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '199b1a47e6de'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9ccd5209d60dfe4529a2b1db557847fb62685164c44b50b63c5fd166f7ec5868'
+        UndoDigest = '8220e843c298a0c033215128d8349e933c5d0ed21e7e67a8a52570555179ca93'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

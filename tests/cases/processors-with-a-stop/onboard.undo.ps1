@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6c07af7acf80 of application robot, for the host itself.
+    rarms undo script: plan 199b1a47e6de of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (processors 1; reserve 40 %, limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6c07af7acf80'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '199b1a47e6de'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c40b5e3be529 of application robot, for the host itself.
+    rarms apply script: plan 6dc2653056d0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (erase the mark)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c40b5e3be529'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6dc2653056d0'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bab97aaaf31db7adc99906b8543e090767235fe9dcf652113c1f03cbfc5ae9ff'
+        UndoDigest = '6e6de0e78cf2bc589ab0c4036bbe215868ff047f31a1bee64aaa17f99fe32513'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c40b5e3be529 of application robot, for the host itself.
+    rarms undo script: plan 6dc2653056d0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c40b5e3be529'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '6dc2653056d0'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 70a5fd2d1417 of application robot, for the host itself.
+    rarms apply script: plan bd95d096e5db of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '70a5fd2d1417'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'bd95d096e5db'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd7ffc35fc6d52606fb779401a69dd52bd8847caf5d287eac0ef7dc1355fa6545'
+        UndoDigest = '8f505d91261c2eb57af6e57ed76c6ac8b087c3ea5460c5b3648c52bc495369ed'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 70a5fd2d1417 of application robot, for the host itself.
+    rarms undo script: plan bd95d096e5db of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '70a5fd2d1417'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'bd95d096e5db'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

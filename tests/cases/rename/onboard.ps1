@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6b6d471252f5 of application robot, for the host itself.
+    rarms apply script: plan a678d5207b97 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (name speech -> voice)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6b6d471252f5'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'a678d5207b97'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '29e8b8ce0538f68ae2a16ffcd2a0ece829d8ee7b014a3108ac1bd35def81a46f'
+        UndoDigest = '4d8aaaa8ea4a462185c0bfccc8e31b4fed333a3d570d3e93684af2e8a97d811b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6b6d471252f5 of application robot, for the host itself.
+    rarms undo script: plan a678d5207b97 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (give it its name speech)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6b6d471252f5'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'a678d5207b97'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

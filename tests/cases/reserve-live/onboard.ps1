@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e4b3450efcd0 of application robot, for the host itself.
+    rarms apply script: plan 847bc378b8af of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e4b3450efcd0'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '847bc378b8af'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ebf09f0137e34a844670ff11bfb41733a56e8234888b2727bdeca8fa150fbe13'
+        UndoDigest = '87174c23aa842ded5179c86bb6f2ad633c3f4ae24385f6cc16f190ae43aeff21'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

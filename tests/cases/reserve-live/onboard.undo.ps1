@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e4b3450efcd0 of application robot, for the host itself.
+    rarms undo script: plan 847bc378b8af of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 %, limit 100 %, weight 100)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e4b3450efcd0'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '847bc378b8af'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e527af8f46d0 of application robot, for the host itself.
+    rarms apply script: plan 61d20c6b331f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (reserve 20 -> 60 %)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e527af8f46d0'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '61d20c6b331f'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e57eb7de12b84f902c0779d5159a691a6c95fafee9343b740b24130a293b0bdb'
+        UndoDigest = '548c3c929f417bc945c7db96edc4739776c396366dabccd6006dfda466fa8e1d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e527af8f46d0 of application robot, for the host itself.
+    rarms undo script: plan 61d20c6b331f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (reserve 20 %, limit 100 %, weight 100)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e527af8f46d0'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '61d20c6b331f'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e5ab7693ab11 of application robot, for the host itself.
+    rarms apply script: plan 75409d0d163c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e5ab7693ab11'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '75409d0d163c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6910a368b5daad5e45bfd04a784faac2708c278399ae0744e5339e123705199f'
+        UndoDigest = '5d78ce2c2ecc3072604a9af4537eb774583cc2510d39f6a3a7f87a61d63a87ae'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

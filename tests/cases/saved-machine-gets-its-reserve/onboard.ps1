@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d9a7812febab of application robot, for the host itself.
+    rarms apply script: plan 97a364b1b525 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, started (reserve 80 -> 40 %, weight 100 -> 200)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd9a7812febab'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '97a364b1b525'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd0d5f96fb7c3aaa74a97a5f37af9f54d2e7b78b2e7eeaf365047b3d420997aff'
+        UndoDigest = '16b3784fc289ad8c26da995fee7e85b55439fc0db704061a31f87e22e9880c81'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan d9a7812febab of application robot, for the host itself.
+    rarms undo script: plan 97a364b1b525 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped (reserve 80 %, limit 100 %, weight 100). It is off after 120 s at the latest, and stays off
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'd9a7812febab'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '97a364b1b525'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 9602f91f341d of application robot, for the host itself.
+    rarms apply script: plan f8253ca2af2b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (secure boot MicrosoftWindows -> off). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '9602f91f341d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f8253ca2af2b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '857e4c3e7921fe16b444cfed587fc3d18804ca9ae230895cdb62a6da3d4e7fcf'
+        UndoDigest = 'a51c1abc30c395c79676029f5766454b0a08e70642fcaecbcf009e982f6d0f6d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

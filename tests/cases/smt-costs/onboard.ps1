@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2fcc74d86cf4 of application robot, for the host itself.
+    rarms apply script: plan c48e9de05d64 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '2fcc74d86cf4'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'c48e9de05d64'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '96bb24179eaaaad9535e9aee296c46ec77a45a17f3cb82067a6d04b16eb4e65f'
+        UndoDigest = 'aafd2e113703b97f35bcb6eee21a51073f0a97dd892e9add673a7a498dc2157a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2

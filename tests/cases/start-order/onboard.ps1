@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c7fb582158b9 of application robot, for the host itself.
+    rarms apply script: plan d31eaffa8391 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c7fb582158b9'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'd31eaffa8391'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f5a0f80557125dbb2c60d97344ce32932af3d6e12168acc4fef389821cfaf0f9'
+        UndoDigest = 'bd50490db7638f9a1131d231729e13d8f0f2e01efc4deae2cecd27fbcecc8bf7'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c7fb582158b9 of application robot, for the host itself.
+    rarms undo script: plan d31eaffa8391 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c7fb582158b9'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'd31eaffa8391'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

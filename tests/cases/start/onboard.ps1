@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 768037ab2d45 of application robot, for the host itself.
+    rarms apply script: plan d7923ad9f6dd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '768037ab2d45'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'd7923ad9f6dd'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4713da2fc119db3b9e958c509d896e082167c9e761a6f78faa0867970e1d521b'
+        UndoDigest = '2e00d981a24a30eae5a2cc786c0a4a57ff7aa5c070cfa65cab9fc68167b4925b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

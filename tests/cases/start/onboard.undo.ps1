@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 768037ab2d45 of application robot, for the host itself.
+    rarms undo script: plan d7923ad9f6dd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '768037ab2d45'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'd7923ad9f6dd'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f7618d6f9ddd of application robot, for the host itself.
+    rarms apply script: plan 2c9e4a554fef of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f7618d6f9ddd'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '2c9e4a554fef'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9d72ed756716280d538ae522708cd1459033441ab16ca73b3859fd5ef2bcdb4f'
+        UndoDigest = 'ab0056cc47600e541f21515071f83deb3e26b8c7b7b315fd0f31d33b0f4ea8dd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f7618d6f9ddd of application robot, for the host itself.
+    rarms undo script: plan 2c9e4a554fef of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f7618d6f9ddd'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '2c9e4a554fef'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6d170d1031dd of application robot, for the host itself.
+    rarms apply script: plan c0aef4f0ef55 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: stopped. It is off after 120 s at the latest, and stays off
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6d170d1031dd'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c0aef4f0ef55'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd9cc4b1bf83e6a6746ba704e1f248712d2ca557d5f2a7d6b256f4377b6bcd365'
+        UndoDigest = '7c006169b86200b0bf0baf015b04210ec0dd6e7518a418ce0266a9a77f173def'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6d170d1031dd of application robot, for the host itself.
+    rarms undo script: plan c0aef4f0ef55 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6d170d1031dd'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'c0aef4f0ef55'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7ac00673757a of application robot, for the host itself.
+    rarms apply script: plan 097006aa20fe of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7ac00673757a'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '097006aa20fe'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b27680165520fc8e0d7b88bb8b3861d98c91674ebefc9db8f3eeafdc89b5a9d2'
+        UndoDigest = '95f94c43b7cddf7fbe3d5299d207e801faf319b8e1d5a97bd2f25f4f1bc1a8b3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 7ac00673757a of application robot, for the host itself.
+    rarms undo script: plan 097006aa20fe of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '7ac00673757a'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '097006aa20fe'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

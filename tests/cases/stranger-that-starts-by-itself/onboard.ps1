@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7c0a48ded9ad of application robot, for the host itself.
+    rarms apply script: plan 178650e4265f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7c0a48ded9ad'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '178650e4265f'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '38b0c72bb3d60b8b0234af330caaa4fa5fca7ee5b7fd7d56ef77bfa9bf3e5aa6'
+        UndoDigest = 'f9ec59940d2435aa1d034fa27a282120f3ab49c4b5613891c716841432294b2d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

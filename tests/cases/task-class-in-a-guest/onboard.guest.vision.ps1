@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 68a9193d0d24 of application robot, for the guest of partition vision.
+    rarms apply script: plan 608300945d1c of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '68a9193d0d24'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '608300945d1c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '9ff177dc617a37c5e68ff05937cdee787fe23c594d2c940337f2eba40459ee58'
+        UndoDigest = '9c6a36f91505ec0c79cde35903d29495e23c53a313b178316ff777cc4bc12571'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

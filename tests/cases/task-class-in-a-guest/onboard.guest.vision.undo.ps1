@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 68a9193d0d24 of application robot, for the guest of partition vision.
+    rarms undo script: plan 608300945d1c of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '68a9193d0d24'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '608300945d1c'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = 'vision'
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 68a9193d0d24 of application robot, for the host itself.
+    rarms apply script: plan 608300945d1c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '68a9193d0d24'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '608300945d1c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cd4a0daf81363f6e4c7eaf584d0506d047cd6d95935c015d595b3a86fba2b1ea'
+        UndoDigest = 'fe4e74ee7ce0314e2ada393618e5b0e15268c6d3442a38da477c76382500ab55'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

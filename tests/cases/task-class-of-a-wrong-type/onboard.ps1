@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ad6299659361 of application robot, for the host itself.
+    rarms apply script: plan 9339ff54b375 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ad6299659361'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '9339ff54b375'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '38b7be1b4c50cd5df7d3835f77d4838ba086bb838e8ddbc9cecaea00940e9ad4'
+        UndoDigest = '5e2a3d661f7a3ca93444ff52008c6534f00a1c42370b34e4ab39547fdf57d50b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

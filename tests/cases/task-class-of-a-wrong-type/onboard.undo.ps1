@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan ad6299659361 of application robot, for the host itself.
+    rarms undo script: plan 9339ff54b375 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'ad6299659361'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '9339ff54b375'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f8a4a02cb19a of application robot, for the host itself.
+    rarms apply script: plan fc8d58a71416 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f8a4a02cb19a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fc8d58a71416'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7d2df8efcb4edf2979c882cc31267b616301bb85621342d97393c601f5557c2e'
+        UndoDigest = 'b4a9a43b50114211d517a6c4ba1346aea644a4f3e8ebaccac478f56e6cea3c55'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f8a4a02cb19a of application robot, for the host itself.
+    rarms undo script: plan fc8d58a71416 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium; forget it: it is no longer ours)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f8a4a02cb19a'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'fc8d58a71416'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c71ba46f584c of application robot, for the host itself.
+    rarms apply script: plan f64fc9c8bbbb of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c71ba46f584c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f64fc9c8bbbb'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '06d1b7261395925f8a280aa230df6fc344599d8564fb7adbd1b7d51b0193089e'
+        UndoDigest = '092977308b7229a9b809871e39711a151c3afabac9572944e69b41ac8987dc38'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c71ba46f584c of application robot, for the host itself.
+    rarms undo script: plan f64fc9c8bbbb of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c71ba46f584c'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f64fc9c8bbbb'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e527d23cb9e6 of application robot, for the host itself.
+    rarms apply script: plan ae4474139557 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (record that it is ours, and what was there; set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e527d23cb9e6'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'ae4474139557'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b6015242ce39e6024787b469275952c20ba495a08b74d5aeaff450c97ce221e1'
+        UndoDigest = '3a0efec8df22a12546c930eac24e0337c5792a57d95510960804d5179343dd5f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e527d23cb9e6 of application robot, for the host itself.
+    rarms undo script: plan ae4474139557 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (remove the class; forget it: it is no longer ours)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e527d23cb9e6'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'ae4474139557'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

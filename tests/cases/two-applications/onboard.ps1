@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 312194f9a75c of application robot, for the host itself.
+    rarms apply script: plan 9097a09a1608 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '312194f9a75c'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '9097a09a1608'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '47154b9231b3076d95dc04d4cf8c4e523a115a5b65b33610125be1c18338af48'
+        UndoDigest = 'f5b38deb9082aedfd85399fd1c8aa9ada7652c5ed97616c5d517fcea41ea65aa'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

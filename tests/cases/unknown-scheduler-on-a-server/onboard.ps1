@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 61130ac54050 of application robot, for the host itself.
+    rarms apply script: plan 7ca85613a541 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '61130ac54050'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '7ca85613a541'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9c457024379e0b2af7219225a85e6e41dbca1fc42d27259e67248c70b4f2a32c'
+        UndoDigest = '54b2c7af5995230299551e2ce2eca5adf46c6b896e56ce23242b84fa814da676'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2df9ea559d9a of application robot, for the host itself.
+    rarms apply script: plan d779e276d9f9 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped (when the host starts: nothing). It is off after 120 s at the latest, and stays off
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '2df9ea559d9a'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'd779e276d9f9'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dac7b71351d951448b6e8f5107e65e6e20a2ec4d4203312836d0619365cd948b'
+        UndoDigest = '1bfa748d6ed981a5a01f6664066b0a4ccf8eadda53041b249ad4676f2cf3c416'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

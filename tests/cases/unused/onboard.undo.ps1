@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 2df9ea559d9a of application robot, for the host itself.
+    rarms undo script: plan d779e276d9f9 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, started (when the host starts: start)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '2df9ea559d9a'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'd779e276d9f9'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -15,6 +15,7 @@ from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entr
 from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
+from tests.builders import at_most
 from tests.builders_measured import TAKEN, a_bench
 from tests.measured_robot import a_measured_setting, face_detection
 from tests.unit.cli.running import rarms
@@ -188,7 +189,7 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
         missed = value > 100
         seen = ProvenIndex(
             index="mean_response_time",
-            threshold="at most 100 ms",
+            threshold=at_most(100),
             value=value,
             lower=None,
             upper=None,
@@ -207,7 +208,7 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
 def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
     seen = ProvenIndex(
         index="mean_response_time",
-        threshold="at most 120 ms",
+        threshold=at_most(120),
         value=99.0,
         lower=None,
         upper=None,
@@ -222,6 +223,6 @@ def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
     assert "; outdated: the threshold is at most 100 ms now; speech is gone; its partition reserves " in page
     assert "met (outdated)" in " ".join(text.split())
     now = int(page.partition("its partition reserves ")[2].partition(" ")[0])
-    held = replace(seen, threshold="at most 100 ms")
+    held = replace(seen, threshold=at_most(100))
     append_entry(path, replace(a_proof(held), beside=(), reserve=now))
     assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out

@@ -168,9 +168,9 @@ def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> N
 
     rows = summary_rows(report_of(system, the_logs(system)[:1]))
 
-    assert [(row.component, row.level, row.reserve, row.bandwidth) for row in rows] == [
-        ("face-detection", "at most 100 ms", "60 %", "1.2 LP"),
-        ("video-streaming", "", "", "0.2 LP"),
+    assert [(row.component, row.level, row.reserve, row.processors) for row in rows] == [
+        ("face-detection", "at most 100 ms", "60 %", "1.2"),
+        ("video-streaming", "", "", "0.2"),
         ("path-planning", "", "", ""),
         ("speech-recognition", "", "", ""),
     ]

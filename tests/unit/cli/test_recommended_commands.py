@@ -761,6 +761,7 @@ OTHER_TESTS = {
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
+    "See what the other one did: ": "tests/contracts/test_remote_linux.py",
     # On Linux, or at another moment, what a situation says:
     "or give it more samples: ": "settings below have no steady state",
     "That takes more samples: ": "settings below have no steady state",
@@ -800,7 +801,7 @@ PLACEHOLDERS = {
     "NAME": "onboard",
     "COMPONENT": "vision",
     "PARTITION": "vision",
-    "ID": "20c5a7c7-e9c1-5de6-83c7-54bf38e42344",  # of vision, as the simulated host makes it
+    "ID": "a0d6653b-e2bb-5339-a319-5455b97bb00a",  # of vision, as the simulated host makes it
     "LEVEL": "200 ms",
 }
 """What stands for what a person has to fill in."""

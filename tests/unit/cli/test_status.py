@@ -10,6 +10,7 @@ from rarms_iac.app.status import Overview
 from rarms_iac.model.indexes import index_named
 from rarms_iac.views.console import render
 from rarms_iac.views.status import status_text
+from tests.builders import at_most
 from tests.unit.cli.running import rarms
 
 MANIFEST = """schema: rarms/v1
@@ -178,7 +179,7 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
         ComponentProof(
             component=name,
             index=index_named("mean_response_time"),
-            threshold="at most 100 ms",
+            threshold=at_most(100),
             value=90.0,
             lower=None,
             upper=None,

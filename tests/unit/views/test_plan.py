@@ -144,7 +144,7 @@ def test_steps_are_shown_on_request_in_their_order() -> None:
 def test_a_step_does_not_repeat_the_reason_of_its_change() -> None:
     change = create(partition(), because("asked"))
 
-    steps = [step(change.address, comment="asked; why here")]
+    steps = [step(change.address, comment="why here")]
     shown = lines_of(plan(host_plan(changes=[change], steps=steps)), verbose=True)
 
     assert [line.strip() for line in shown].count("asked") == 1

@@ -11,7 +11,7 @@ from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.lock import hold
-from tests.builders import a_host
+from tests.builders import a_host, at_most
 from tests.unit.cli.running import Ran, rarms
 
 MANIFEST = """\
@@ -84,7 +84,7 @@ def test_from_nothing_to_a_proven_layout(here: Path) -> None:
     assert isinstance(proven, Proven)
     assert proven.reserve == chosen.reserve
     assert [(index.index, index.threshold, index.met) for index in proven.indexes] == [
-        ("mean_response_time", "at most 50 ms", True)
+        ("mean_response_time", at_most(50), True)
     ]
 
 

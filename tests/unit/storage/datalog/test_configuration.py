@@ -2,6 +2,7 @@ from pathlib import Path
 
 from rarms_iac.storage.datalog.decisions import Chosen, Proven, ProvenIndex, append_entry, last_chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
+from tests.builders import at_most
 from tests.builders_measured import a_bench, a_subject
 
 
@@ -34,7 +35,7 @@ def proven() -> Proven:
         indexes=(
             ProvenIndex(
                 index="mean_response_time",
-                threshold="at most 100 ms",
+                threshold=at_most(100),
                 value=97.5,
                 lower=97.0,
                 upper=98.0,

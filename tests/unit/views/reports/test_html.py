@@ -14,6 +14,7 @@ from rarms_iac.model.indexes import find_index
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.summary import MOST_CANDIDATES, candidate_rows
+from tests.builders import at_most
 from tests.measured_robot import a_robot, the_logs
 
 SYSTEM = a_robot()
@@ -127,7 +128,7 @@ def test_proofs_are_a_table_of_their_own() -> None:
     proof = ComponentProof(
         component="face-detection",
         index=index,
-        threshold="at most 100 ms",
+        threshold=at_most(100),
         value=113.4,
         lower=112.0,
         upper=114.8,
