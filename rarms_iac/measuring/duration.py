@@ -7,9 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
-from rarms_iac.measuring.methods import Method, Sweep, is_of_paper, reserves_of
+from rarms_iac.measuring.methods import Method, is_of_paper, reserves_of
 from rarms_iac.measuring.search.bracketing import MOST
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import Unit

@@ -6,7 +6,7 @@ from typing import assert_never
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import Goal
-from rarms_iac.measuring.strategies import Agreeing, Answering, Searching, Sweeping, Verifying
+from rarms_iac.measuring.strategies import Agreeing, Question, Searching, Sweep, Verifying
 
 PAPER = "paper"
 """The name of the paper's procedures, which know nothing of reservations beside P1's and P2's."""
@@ -23,23 +23,8 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep:
-    """Settings are measured, with any result."""
-
-    reserves: tuple[int, ...] = ()  # in per cent; none: a coarse curve, as far as the host can give it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
     """The reservation that the curve gives between two settings is measured."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """Are all thresholds met at this reservation?"""
-
-    reserve: int  # in per cent
-    strategy: str = "default"  # of tuning, which asks
 
 
 Method = Search | Sweep | Verification | Question
@@ -73,9 +58,9 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
     """
     match method:
         case Sweep():
-            return Sweeping(reserves=reserves_of(method, most))
-        case Question(reserve=reserve):
-            return Answering(reserve=reserve)
+            return Sweep(reserves=reserves_of(method, most))
+        case Question():
+            return method
         case Verification():
             return Verifying(goal=goal, most=most)
         case Search(strategy=name):

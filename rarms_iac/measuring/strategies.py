@@ -102,10 +102,10 @@ class Searching:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sweeping:
+class Sweep:
     """Performance measurement mode: these settings, with any result."""
 
-    reserves: tuple[int, ...]
+    reserves: tuple[int, ...] = ()  # in per cent; none: a coarse curve, as far as the host can give it
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
         """See `loop.Strategy`."""
@@ -114,10 +114,11 @@ class Sweeping:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answering:
-    """One threshold question: are all APTs met at this reservation? Ends as soon as the samples tell."""
+class Question:
+    """Are all thresholds met at this reservation? Ends as soon as the samples tell."""
 
-    reserve: int
+    reserve: int  # in per cent
+    strategy: str = "default"  # of tuning, which asks
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
         """See `loop.Strategy`."""

@@ -9,9 +9,10 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.measuring import findings
-from rarms_iac.measuring.methods import USUAL_STEP, Method, Search, Sweep, Verification
+from rarms_iac.measuring.methods import USUAL_STEP, Method, Search, Verification
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
+from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (

@@ -17,7 +17,7 @@ from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.duration import expected_duration, settings_to_run
 from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, measure
-from rarms_iac.measuring.methods import Method, Question, Search, Sweep, Verification, is_of_paper, strategy_of
+from rarms_iac.measuring.methods import Method, Search, Verification, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     highest_reserve,
@@ -27,7 +27,7 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import apts_of, goal_of
+from rarms_iac.measuring.strategies import Question, Sweep, apts_of, goal_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind

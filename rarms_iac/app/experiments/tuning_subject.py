@@ -9,10 +9,9 @@ from rarms_iac.app.experiments.run_experiment import run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.findings import CANNOT_MEASURE
-from rarms_iac.measuring.methods import Question
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
-from rarms_iac.measuring.strategies import apts_of
+from rarms_iac.measuring.strategies import Question, apts_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import pytest
 
 from rarms_iac.measuring.duration import DurationBounds, expected_duration, settings_to_run
-from rarms_iac.measuring.methods import Method, Search, Sweep
+from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.run import Elapsed, Run, SampleCount

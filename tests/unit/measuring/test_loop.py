@@ -8,7 +8,7 @@ import pytest
 
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.measuring.strategies import Sweeping, Verifying, goal_of
+from rarms_iac.measuring.strategies import Sweep, Verifying, goal_of
 from rarms_iac.model.measurement import P1, P2, SettingEvidence
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient
 from rarms_iac.model.run import SampleCount
@@ -80,7 +80,7 @@ def counting(monkeypatch: pytest.MonkeyPatch, loads: Sequence[float]) -> None:
 def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     counting(monkeypatch, [0.2, 1.0])
 
-    ended = bench.measure(Sweeping(reserves=(50,)))
+    ended = bench.measure(Sweep(reserves=(50,)))
 
     (setting,) = ended.settings
     assert len(bench.ran) == 2
@@ -94,7 +94,7 @@ def test_a_disturbed_setting_is_measured_again_and_says_so(bench: Bench, monkeyp
 def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     counting(monkeypatch, [0.2, 0.3, 0.4])
 
-    ended = bench.measure(Sweeping(reserves=(50,)))
+    ended = bench.measure(Sweep(reserves=(50,)))
 
     (setting,) = ended.settings
     assert setting.evidence is not None
@@ -103,7 +103,7 @@ def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, mo
 
 
 def test_the_papers_walk_is_its_own_whatever_else_was_measured(bench: Bench) -> None:
-    bench.measure(Sweeping(reserves=(20, 45, 90)))
+    bench.measure(Sweep(reserves=(20, 45, 90)))
     bench.ran.clear()
     ended = bench.measure(bench.search("paper"))
 
@@ -142,13 +142,13 @@ def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_
         )
         return fluid(machine, seed)
 
-    bench.measure(Sweeping(reserves=(50,)), simulate=looking)
+    bench.measure(Sweep(reserves=(50,)), simulate=looking)
 
     assert priorities["vision"] > priorities["speech"] > 16
 
 
 def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
-    bench.measure(Sweeping(reserves=(40, 60)))
+    bench.measure(Sweep(reserves=(40, 60)))
     ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=20))
 
     assert isinstance(ended.conclusion, NotResolved)

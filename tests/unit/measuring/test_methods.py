@@ -1,6 +1,7 @@
 """Methods of an experiment: the settings that each of them stands for."""
 
-from rarms_iac.measuring.methods import Sweep, reserves_of
+from rarms_iac.measuring.methods import reserves_of
+from rarms_iac.measuring.strategies import Sweep
 
 
 def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:
