@@ -80,8 +80,7 @@ def usage_text(error: click.UsageError) -> "RenderableType":
 
 def _code_of(session: Session, outcome: Outcome) -> ExitCode:
     """How the command ends; after a signal, as the signal asks."""
-    exit_code = session.interrupts.exit_code if outcome is Outcome.INTERRUPTED else None
-    return exit_code or CODES[outcome]
+    return (session.interrupts.exit_code if outcome is Outcome.INTERRUPTED else None) or CODES[outcome]
 
 
 def _usage_message(error: click.UsageError) -> str:
