@@ -5,23 +5,13 @@ from typing import get_args
 
 from rarms_iac.app.answers import Answer
 from rarms_iac.views.json_output import FORMAT_VERSION
-from rarms_iac.views.output import common, measuring
-from rarms_iac.views.output.common import Output
 from scripts.file_schemas import text_of
 from scripts.schema_of_types import output_schema_of
 
 
 def output_schema() -> str:
     """The text of `schemas/output.json`."""
-    answers = (
-        *get_args(Answer),
-        *(
-            kind
-            for module in (common, measuring)
-            for kind in vars(module).values()
-            if isinstance(kind, type) and issubclass(kind, Output) and kind is not Output
-        ),
-    )
+    answers = get_args(Answer)
     schema = output_schema_of(answers)
     for answer in answers:
         definition = schema["$defs"][answer.__name__]

@@ -5,6 +5,7 @@ from rarms_iac.app.drift import DriftReport
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.prove import ProveOutcome
 from rarms_iac.app.experiments.tune import TuningResult
+from rarms_iac.app.explanation import ComponentExplanation
 from rarms_iac.app.graph import CandidateGraph, LayoutGraph
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.app.manifest_files import FormattedManifests, WrittenFiles
@@ -22,6 +23,7 @@ from rarms_iac.storage.finding_pages import FindingPage
 
 Answer = (
     CandidateGraph
+    | ComponentExplanation
     | DriftReport
     | Examinations
     | FindingPage

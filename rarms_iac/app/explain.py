@@ -4,7 +4,7 @@ Begin at `explain_component`; the values that it returns are in `explanation`.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of, path_of, subject_of
@@ -18,14 +18,22 @@ from rarms_iac.app.explained_sharing import (
     rejected_compounds,
     why_together,
 )
-from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, HostPromises, MemberCurve
+from rarms_iac.app.explanation import (
+    ComponentExplanation,
+    DataLogSummary,
+    Explanation,
+    HostExplanation,
+    HostPromises,
+    MemberCurve,
+)
+from rarms_iac.app.explanation_steps import explain
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.claims import load_of
-from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
@@ -40,19 +48,6 @@ from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplainedComponent:
-    """The explanation, and what keeps it from an end."""
-
-    explanation: Explanation | HostExplanation
-    errors: tuple[Diagnostic, ...] = ()  # why nothing can be said of how much it needs
-
-    @property
-    def fits(self) -> bool:
-        """Whether there is a layout with it."""
-        return isinstance(self.explanation, HostExplanation) or not self.explanation.infeasibility
 
 
 def find_component(manifest: Manifest, name: str) -> Component:
@@ -75,7 +70,7 @@ def find_component(manifest: Manifest, name: str) -> Component:
     return component
 
 
-def explain_component(manifest: Manifest, name: str) -> ExplainedComponent:
+def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
     """Explain how a component comes to what it gets, as a plan places it.
 
     Args:
@@ -94,14 +89,12 @@ def explain_component(manifest: Manifest, name: str) -> ExplainedComponent:
     if group is None:
         allowed = component.hosts if component.hosts is not None else system.hosts
         homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
-        return ExplainedComponent(explanation=HostExplanation(component=component, hosts=homes))
+        return explain(HostExplanation(component=component, hosts=homes))
     hosts = select_hosts(manifest, HostSelection())
     partition = partition_to_explain(hosts, measurements_of(manifest), group, observe_hosts(hosts, needed=()))
     place = place_of(partition)
     errors = [finding for finding in partition.planning.findings if has_errors([finding])]
-    return ExplainedComponent(
-        explanation=_explanation(partition, place, component), errors=tuple(errors) if place.no_host_because else ()
-    )
+    return explain(_explanation(partition, place, component), tuple(errors) if place.no_host_because else ())
 
 
 def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component: Component) -> Explanation:

@@ -1,8 +1,10 @@
 """The values behind `rarms explain COMPONENT`: all that leads from the APT to the per cent of its partition."""
 
 from dataclasses import dataclass
+from typing import Literal
 
-from rarms_iac.model.commands import RecommendedCommand, Wording
+from rarms_iac.model.commands import Prose, RecommendedCommand, Wording
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.layout import PlacedPartition, Placement
 from rarms_iac.model.quantities import LogicalProcessors
@@ -86,3 +88,33 @@ class HostExplanation:
 
     component: Component
     hosts: tuple[Host, ...]  # that it may run on, by name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplanationStep:
+    """A step of an explanation: what it is about, and its sentences."""
+
+    topic: str
+    sentences: tuple[Prose, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentExplanation:
+    """How a component comes to what it gets; one that runs on the host itself has steps only."""
+
+    kind: Literal["walk"] = "walk"
+    component: str
+    criticality: int
+    partition: str | None = None
+    host: str | None = None  # where it runs; without a layout the first by name that could have it
+    fits: bool = True  # false: there is no layout
+    data_log: str | None = None
+    least: LeastReserve | None = None  # CR, of P1's virtual processors; None: nothing was looked up
+    wanted_lp: LogicalProcessors | None = None  # before rounding to the provider's grain; None: nothing says how much
+    reserved_lp: LogicalProcessors | None = None  # after it
+    reserve: int | None = None  # whole per cent of each virtual processor
+    processors: int | None = None
+    limit: int | None = None
+    weight: int | None = None
+    steps: tuple[ExplanationStep, ...]
+    errors: tuple[Diagnostic, ...] = ()  # why nothing can be said of how much it needs

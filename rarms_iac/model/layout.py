@@ -8,7 +8,7 @@ from typing import Literal
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.quantities import LogicalProcessors, guaranteed
+from rarms_iac.model.quantities import LogicalProcessors, guaranteed, show_processors
 from rarms_iac.model.state import PartitionSettings
 
 
@@ -84,6 +84,21 @@ class Placement:
     def verdict(self) -> Literal["optimal", "within the bound"]:
         """What may be said of it."""
         return "optimal" if self.proven else "within the bound"
+
+
+def describe_placement(placement: Placement) -> str:
+    """Say how good the choice of hosts is.
+
+    Args:
+        placement: of a layout.
+
+    Returns:
+        A sentence.
+    """
+    if placement.verdict == "optimal":
+        return "The choice of hosts is optimal: no other reserves less, and none that reserves as much moves fewer."
+    gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
+    return f"The choice of hosts is within {gap} and {placement.moves - placement.moves_bound} moves of the bound."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,14 +8,12 @@ import shlex
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.explanation import Explanation, HostExplanation
+from rarms_iac.app.explanation import ComponentExplanation
+from rarms_iac.app.explanation_steps import NO_LAYOUT
 from rarms_iac.app.guide import GuideFacts
 from rarms_iac.model.wording import each_processor
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
-from rarms_iac.views.explanation_steps import NO_LAYOUT, steps_of
-from rarms_iac.views.json_output import json_of
-from rarms_iac.views.output.measuring import ComponentExplanationOutput, ExplanationStepOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -61,49 +59,21 @@ def _code(line: str) -> "RenderableType":
     return indented(text, 4) if line else ""
 
 
-def explanation_text(explanation: Explanation | HostExplanation, *, without_errors: bool = False) -> "RenderableType":
+def explanation_text(explanation: ComponentExplanation, *, without_errors: bool = False) -> "RenderableType":
     """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below.
 
     Args:
         explanation: of a component.
         without_errors: leave out why there is no layout, since the findings beside the text say it.
     """
-    component = explanation.component
-    parts: list[RenderableType] = [paragraph(f"{component.name} (criticality {component.criticality})")]
-    for step in steps_of(explanation):
+    parts: list[RenderableType] = [paragraph(f"{explanation.component} (criticality {explanation.criticality})")]
+    for step in explanation.steps:
         if without_errors and step.topic == NO_LAYOUT:
             continue
         first, *others = step.sentences
         parts.append(paragraph(first, lead=styled((f"{step.topic}: ", STRONG)), more=2))
         parts += [paragraph(sentence, indent=2) for sentence in others]
     return stack(*parts)
-
-
-def explanation_json(explanation: Explanation | HostExplanation) -> str:
-    """The same for programs."""
-    component = explanation.component.name
-    steps = tuple(ExplanationStepOutput(topic=step.topic, sentences=step.sentences) for step in steps_of(explanation))
-    if isinstance(explanation, HostExplanation):
-        return json_of(ComponentExplanationOutput(component=component, steps=steps))
-    placed, has_host, least = explanation.placed, not explanation.no_host_because, explanation.least
-    return json_of(
-        ComponentExplanationOutput(
-            component=component,
-            partition=placed.name,
-            host=placed.host,
-            fits=not explanation.infeasibility,
-            data_log=None if explanation.measured is None else explanation.measured.path,
-            cr=None if least is None else least.reserve,
-            interpolated=least is not None and least.interpolated,
-            wanted_processors=None if explanation.wanted is None else float(explanation.wanted),
-            reserved_processors=float(placed.reserved) if has_host else None,
-            reserve=placed.settings.reserve if has_host else None,
-            processors=placed.settings.processors,
-            limit=placed.settings.limit,
-            weight=placed.settings.weight,
-            steps=steps,
-        )
-    )
 
 
 def guide(facts: GuideFacts) -> str:

@@ -7,12 +7,11 @@ from rarms_iac.storage.codec import encode_output
 
 if TYPE_CHECKING:
     from rarms_iac.app.answers import Answer
-    from rarms_iac.views.output.common import Output
 
 FORMAT_VERSION = "rarms-output/3"
 
 
-def json_of(answer: "Answer | Output", *, indent: int | None = 2) -> str:
+def json_of(answer: "Answer", *, indent: int | None = 2) -> str:
     """Write an answer in ASCII, keys in the order of its type.
 
     Args:

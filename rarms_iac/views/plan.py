@@ -11,7 +11,7 @@ from rarms_iac.applying.undo import is_removal
 from rarms_iac.model.changes import Change, Create, Delete, Update, count
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Place, Sources
-from rarms_iac.model.layout import Placement
+from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import (
@@ -83,14 +83,6 @@ def summary(plan: Plan) -> str:
     parts = [f"{counts['add']} to add", f"{counts['change']} to change", f"{counts['remove']} to remove"]
     parts += [f"{counts[name]} to {name}" for name in ("adopt", "release") if counts[name]]
     return f"Plan: {', '.join(parts)}.{' ' + held if held else ''}"
-
-
-def describe_placement(placement: Placement) -> str:
-    """How good the choice of hosts is, in a sentence."""
-    if placement.verdict == "optimal":
-        return "The choice of hosts is optimal: no other reserves less, and none that reserves as much moves fewer."
-    gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
-    return f"The choice of hosts is within {gap} and {placement.moves - placement.moves_bound} moves of the bound."
 
 
 def _nothing(plan: Plan) -> str:

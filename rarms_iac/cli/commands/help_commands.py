@@ -47,14 +47,13 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
     from rarms_iac.app.explain import explain_component
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.messages import tell
-    from rarms_iac.views.explain import explanation_json, explanation_text
+    from rarms_iac.views.explain import explanation_text
 
     manifest = load_manifest(source)
     explained = explain_component(manifest, name)
     tell(session.terminal, explained.errors, manifest.sources)
     session.answer(
-        lambda: explanation_json(explained.explanation),
-        lambda: explanation_text(explained.explanation, without_errors=bool(explained.errors)),
+        lambda: json_of(explained), lambda: explanation_text(explained, without_errors=bool(explained.errors))
     )
     return ExitCode.DONE if explained.fits else ExitCode.NO
 

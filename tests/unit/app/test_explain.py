@@ -55,7 +55,8 @@ def test_what_lies_between_two_settings_is_said_to(here: Path) -> None:
 
     check(answer.out)
     document = json.loads(answer.out)
-    assert (document["cr"], document["interpolated"], document["reserve"], document["fits"]) == (63, True, 63, True)
+    assert document["least"] == {"reserve": 63, "interpolated": True}
+    assert (document["reserve"], document["fits"]) == (63, True)
     verdicts = next(step["sentences"] for step in document["steps"] if step["topic"] == "setting and verdict")
     assert any("between the settings at 60 % and 70 %, not measured itself" in verdict for verdict in verdicts)
 

@@ -1,18 +1,26 @@
 """The sentences of `rarms explain COMPONENT`, step by step; each says something, if only that there is nothing."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, MemberCurve
-from rarms_iac.model.commands import PLAN, Prose, Wording, prose
+from rarms_iac.app.explanation import (
+    ComponentExplanation,
+    DataLogSummary,
+    Explanation,
+    ExplanationStep,
+    HostExplanation,
+    MemberCurve,
+)
+from rarms_iac.model.commands import PLAN, Wording, prose
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
+from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.errors import describe_error, describe_extreme
-from rarms_iac.views.plan import describe_placement
 
 NO_LAYOUT = "no layout"
 """The topic of the step that says why not everything fits."""
@@ -138,19 +146,41 @@ def _value(apt: MemberCurve, value: float) -> str:
     return show_value(index_named(apt.index), value)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplanationStep:
-    """A step of an explanation: what it is about, and its sentences."""
+def explain(explanation: Explanation | HostExplanation, errors: tuple[Diagnostic, ...] = ()) -> ComponentExplanation:
+    """Say step by step what leads to what a component gets.
 
-    topic: str
-    sentences: tuple[Prose, ...]
+    Args:
+        explanation: the facts.
+        errors: why nothing says how much it needs.
 
-
-def steps_of(explanation: Explanation | HostExplanation) -> tuple[ExplanationStep, ...]:
-    """The steps in order."""
+    Returns:
+        Steps with at least one sentence each, and what they come to.
+    """
     topics = _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
     steps = ((topic, tuple(map(prose, sentences))) for topic, sentences in topics)
-    return tuple(ExplanationStep(topic=topic, sentences=sentences) for topic, sentences in steps if sentences)
+    walk = ComponentExplanation(
+        component=explanation.component.name,
+        criticality=explanation.component.criticality,
+        steps=tuple(ExplanationStep(topic=topic, sentences=sentences) for topic, sentences in steps if sentences),
+        errors=errors,
+    )
+    if isinstance(explanation, HostExplanation):
+        return walk
+    placed, settings, has_host = explanation.placed, explanation.placed.settings, not explanation.no_host_because
+    return replace(
+        walk,
+        partition=placed.name,
+        host=placed.host,
+        fits=not explanation.infeasibility,
+        data_log=None if explanation.measured is None else explanation.measured.path,
+        least=explanation.least,
+        wanted_lp=explanation.wanted,
+        reserved_lp=placed.reserved if has_host else None,
+        reserve=settings.reserve if has_host else None,
+        processors=settings.processors,
+        limit=settings.limit,
+        weight=settings.weight,
+    )
 
 
 def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[Wording]]]:
