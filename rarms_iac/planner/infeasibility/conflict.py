@@ -5,14 +5,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
+from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
-PACKINGS_TRIED = 80
-"""Sets that are packed to find a smallest one: a count, so that equal inputs have equal answers."""
+NODES_TO_EXPLAIN = 500
+"""Nodes of the solver in which a smallest set is looked for: a count, so that equal inputs have equal answers."""
 
-PARTITIONS_PER_UNKNOWN = 5
-"""A packing that ends undecided took long: it counts as one more for so many places that its partitions may take."""
+PACKINGS_TRIED = 80
+"""The same in sets that are packed, as most take no node."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +23,7 @@ class Conflict:
     items: Sequence[Item]  # by name
     bins: Sequence[Bin]
     proven: bool = True  # otherwise it is only that nothing was found
+    smallest: bool = True  # otherwise the search for a smaller one ended at its limit
     lacking: str = ""  # in sum, processors or memory; empty: neither, but there is no way to place them
 
 
@@ -34,8 +36,7 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Se
         proven: Whether there is none.
 
     Returns:
-        One or two conflicts. Without any one of its partitions the rest of each would fit, unless `PACKINGS_TRIED` ends
-        the search before.
+        One or two conflicts. Without any one of its partitions the rest of each would fit, where it is `smallest`.
     """
     return _by_sums(items, bins) or [_by_packing(items, bins, proven=proven)]
 
@@ -114,19 +115,20 @@ def _fewest_beyond(
 
 def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Conflict:
     """Leave out the small ones first, by halves, quarters and so on, as long as those that stay still conflict."""
-    tried = 0
+    tried, nodes, smallest = 0, Nodes(NODES_TO_EXPLAIN), True
 
     def conflict(remaining: Sequence[Item]) -> bool:
-        nonlocal tried
-        if tried >= PACKINGS_TRIED or not remaining:
+        nonlocal tried, smallest
+        if not remaining:
             return False
-        fits = can_pack(remaining, _hosts_of(remaining, bins))
-        tried += 1 if fits is not None else 1 + sum(len(item.claims) for item in remaining) // PARTITIONS_PER_UNKNOWN
+        tried += 1
+        fits = can_pack(remaining, _hosts_of(remaining, bins), nodes=nodes) if tried <= PACKINGS_TRIED else None
+        smallest = smallest and fits is not None
         return fits is False
 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
     if start is items and not proven:
-        return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False)
+        return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False, smallest=False)
     remaining = sorted(start, key=lambda item: (least_cost(item), least_memory(item), item.name))
     step = len(remaining)
     while step > 1:
@@ -138,4 +140,4 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
                 remaining = without
             else:
                 at += step
-    return Conflict(items=_by_name(remaining), bins=_hosts_of(remaining, bins))
+    return Conflict(items=_by_name(remaining), bins=_hosts_of(remaining, bins), smallest=smallest)

@@ -86,6 +86,8 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
             finding = findings.PLACEMENT
             reason = "together these have enough, but each partition needs room on one of them"
             message = f"{cannot_share}: {reason}."
+    if conflict.proven and not conflict.smallest:
+        message += " Whether fewer of them conflict was not searched to the end."
     if conflict.lacking != "memory":
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
     return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code)

@@ -45,7 +45,8 @@ def best_first_fit(
         one, which does not say that there is none.
     """
     best: tuple[Objective, dict[str, str]] | None = None
-    for order, preference in islice(product(_orders(items, bins), _PREFERENCES), ways):
+    tries = ((order, preference) for order in _orders(items, bins) for preference in _PREFERENCES)
+    for order, preference in islice(tries, ways):
         host_of = _first_fit(order, bins, preference, skips=False)
         if len(host_of) < len(items):
             continue
@@ -133,20 +134,21 @@ def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
     free = [free_in(host) for host in bins]
     percent = max(1, max((load.percent for load in free), default=1))
     memory = max(1, max((load.memory for load in free), default=1))
+    sizes = {item.name: (least_cost(item), least_memory(item)) for item in items}
+    both = {name: -cost / percent - ram / memory for name, (cost, ram) in sizes.items()}
     measures: tuple[Callable[[Item], tuple[float, ...]], ...] = (
-        lambda item: (-least_cost(item), -least_memory(item)),
-        lambda item: (-least_cost(item) / percent - least_memory(item) / memory,),
-        lambda item: (len(item.claims), -least_cost(item) / percent - least_memory(item) / memory),
-        lambda item: (-least_memory(item), -least_cost(item)),
+        lambda item: (-sizes[item.name][0], -sizes[item.name][1]),
+        lambda item: (both[item.name],),
+        lambda item: (len(item.claims), both[item.name]),
+        lambda item: (-sizes[item.name][1], -sizes[item.name][0]),
     )
     orders = [sorted(items, key=measure) for measure in measures]
     random = Random(0)  # noqa: S311  # no secret: the same orders for the same partitions
     for _ in range(RANDOM_ORDERS):
         weight, spread = random.random(), random.choice((0.1, 0.3, 0.6))
         shares = {
-            item.name: (weight * least_cost(item) / percent + (1 - weight) * least_memory(item) / memory)
-            * random.uniform(1 - spread, 1 + spread)
-            for item in items
+            name: (weight * cost / percent + (1 - weight) * ram / memory) * random.uniform(1 - spread, 1 + spread)
+            for name, (cost, ram) in sizes.items()
         }
         orders.append(sorted(items, key=lambda item: -shares[item.name]))
     if any(item.current_host for item in items):

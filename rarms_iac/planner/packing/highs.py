@@ -30,6 +30,13 @@ class Row:
     high: float
 
 
+@dataclass(slots=True)
+class Nodes:
+    """Nodes that several searches may look at in all: a count, never a time."""
+
+    left: int
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolverAnswer:
     """What HiGHS found."""
@@ -44,7 +51,12 @@ def is_installed() -> bool:
 
 
 def minimise(
-    costs: Sequence[int], rows: Sequence[Row], *, nodes: int, start: Sequence[int] | None = None
+    costs: Sequence[int],
+    rows: Sequence[Row],
+    *,
+    nodes: int,
+    start: Sequence[int] | None = None,
+    budget: Nodes | None = None,
 ) -> SolverAnswer:
     """Find the cheapest choice of variables that are 0 or 1.
 
@@ -53,16 +65,19 @@ def minimise(
         rows: What must hold.
         nodes: After so many nodes of the search the best solution so far is taken.
         start: Variables that are 1 in a solution that is known.
+        budget: What other searches left, too; a search takes one node at least. None: `nodes` alone counts.
 
     Returns:
         The best solution that was found, with a bound; in floating point, so that the solution has to be checked.
     """
+    if budget is not None and budget.left <= 0:
+        return SolverAnswer(ones=None, bound=0)
     import highspy
 
     solver = highspy.Highs()
     for name, value in _OPTIONS.items():
         solver.setOptionValue(name, value)
-    solver.setOptionValue("mip_max_nodes", nodes)
+    solver.setOptionValue("mip_max_nodes", nodes if budget is None else min(nodes, budget.left))
     for cost in costs:
         solver.addCol(float(cost), 0.0, 1.0, 0, [], [])
     integer = highspy.HighsVarType.kInteger
@@ -76,9 +91,11 @@ def minimise(
         solution.col_value = [float(at in chosen) for at in range(len(costs))]
         solver.setSolution(solution)
     solver.run()
+    info = solver.getInfo()
+    if budget is not None:
+        budget.left -= max(1, info.mip_node_count)
     if solver.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
         return SolverAnswer(ones=None, bound=None)
-    info = solver.getInfo()
     bound = max(0, math.ceil(info.mip_dual_bound - _NEARLY)) if math.isfinite(info.mip_dual_bound) else 0
     if not math.isfinite(info.objective_function_value) or info.primal_solution_status != 2:
         return SolverAnswer(ones=None, bound=bound)

@@ -3,14 +3,14 @@
 Of packings that are equally good the first by name, so that equal inputs have equal answers, however they were found.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import Effort, holds
 from rarms_iac.model.claims import Claim
 from rarms_iac.planner.packing.assignment import Assignment
 from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit, exceeds_capacity, lower_bound
-from rarms_iac.planner.packing.highs import is_installed, minimise
+from rarms_iac.planner.packing.highs import Nodes, is_installed, minimise
 from rarms_iac.planner.packing.repair import find_by_repacking
 from rarms_iac.planner.packing.values import (
     Bin,
@@ -83,11 +83,11 @@ MOST_NODES = 5_000
 NODES_FOR_ANY = 200_000
 """Nodes of the search for any packing, good or not, times the variables; most proofs of none take fewer."""
 
-MOST_NODES_FOR_ANY = 500
+MOST_NODES_FOR_ANY = 300
 """The same, however few variables there are."""
 
-FEW_REPACKINGS, MANY_REPACKINGS = 30, 400
-"""Times that a few hosts are packed anew before that search, since it is often enough, and after it."""
+FEW_REPACKING_NODES, MANY_REPACKING_NODES = 50, 100
+"""Nodes of packing a few hosts anew before that search, since it is often enough, and after it."""
 
 ROUNDS = 40
 """Times that a stage is solved anew because virtual processors found no logical ones."""
@@ -123,13 +123,16 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, node_budget: int = NODES
     return _first_of_equals(_packing(host_of, objective_of(items, host_of), bound), items, bins)
 
 
-def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool = False) -> bool | None:
+def can_pack(
+    items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool = False, nodes: Nodes | None = None
+) -> bool | None:
     """Say whether a short search finds any packing, good or not.
 
     Args:
         items: As of `pack`.
         bins: As of `pack`.
         by_first_fit: The solver is not asked: a hundred times as fast, and more often neither is known.
+        nodes: What the solver may look at here and in other searches; None: as much as one search may.
 
     Returns:
         True: there is one; False: there is none; None: none was found, and there may be one.
@@ -143,7 +146,7 @@ def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool =
         return True
     if by_first_fit or not is_installed():
         return None
-    found = _find_any(items, bins)
+    found = _find_any(items, bins, nodes)
     return found.host_of is not None or (False if found.bound is None else None)
 
 
@@ -158,17 +161,24 @@ def without_hopeless_claims(items: Sequence[Item], bins: Sequence[Bin]) -> tuple
         Partitions and hosts by name; a partition may be without claims then.
     """
     bins = sorted(bins, key=lambda host: host.name)
-    return [_with_possible_claims(item, bins) for item in sorted(items, key=lambda item: item.name)], bins
+    kinds: dict[Hashable, list[Bin]] = {}
+    for host in bins:
+        kinds.setdefault((host.capacity, host.foreign_claims), []).append(host)
+    return [_with_possible_claims(item, kinds) for item in sorted(items, key=lambda item: item.name)], bins
 
 
-def _with_possible_claims(item: Item, bins: Sequence[Bin]) -> Item:
-    claims = {
-        host.name: item.claims[host.name]
-        for host in bins
-        if host.name in item.claims
-        and holds(host.capacity, (*host.foreign_claims, item.claims[host.name])) is not False
-    }
-    return replace(item, claims=claims)
+def _with_possible_claims(item: Item, kinds: Mapping[Hashable, Sequence[Bin]]) -> Item:
+    """Each claim is looked at once for all hosts that are alike."""
+    claims = {}
+    for hosts in kinds.values():
+        possible: dict[Claim, bool] = {}
+        for host in hosts:
+            if (claim := item.claims.get(host.name)) is not None:
+                if claim not in possible:
+                    possible[claim] = holds(host.capacity, (*host.foreign_claims, claim)) is not False
+                if possible[claim]:
+                    claims[host.name] = claim
+    return replace(item, claims=dict(sorted(claims.items())))
 
 
 def _is_too_much(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
@@ -217,7 +227,9 @@ def _solve(
     least, fewest = bound
     # A start: one with everybody at its cheapest ends the first stage before it begins; otherwise any packing will do.
     if any(excesses) and (start is None or objective_of(items, start)[0] > least):
-        start = _find_any_or_repack([_with_cheapest_claims(item) for item in items], bins).host_of or start
+        cheapest = [_with_cheapest_claims(item) for item in items]
+        repacked = find_by_repacking(cheapest, bins, Nodes(FEW_REPACKING_NODES))
+        start = repacked or _find_any(cheapest, bins).host_of or start
     if start is None:
         found = _find_any_or_repack(items, bins)
         if found.host_of is None:
@@ -243,23 +255,24 @@ def _solve(
     return _first_of_equals(_packing(host_of, objective, bound), items, bins)
 
 
-def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
+def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = None) -> "_StageResult":
     """Any packing, good or not; without one, whether there is none."""
     program = Assignment(items, bins)
     variables = len(program.pairs)
-    found = _minimise_costs(program, [0] * variables, None, min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables))
+    most = min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables)
+    found = _minimise_costs(program, [0] * variables, None, most, nodes or Nodes(most))
     return replace(found, bound=0) if program.forbids_unproven else found
 
 
 def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
     """The same; a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
-    host_of = find_by_repacking(items, bins, rounds=FEW_REPACKINGS)
+    host_of = find_by_repacking(items, bins, Nodes(FEW_REPACKING_NODES))
     if host_of is not None:
         return _StageResult(host_of=host_of, bound=0)
     found = _find_any(items, bins)
     if found.host_of is not None or found.bound is None:
         return found
-    return replace(found, host_of=find_by_repacking(items, bins, rounds=MANY_REPACKINGS))
+    return replace(found, host_of=find_by_repacking(items, bins, Nodes(MANY_REPACKING_NODES)))
 
 
 def _with_cheapest_claims(item: Item) -> Item:
@@ -276,13 +289,17 @@ class _StageResult:
 
 
 def _minimise_costs(
-    program: Assignment, costs: Sequence[int], start: Mapping[str, str] | None, nodes: int
+    program: Assignment,
+    costs: Sequence[int],
+    start: Mapping[str, str] | None,
+    nodes: int,
+    budget: Nodes | None = None,
 ) -> _StageResult:
     """Solve, and solve again without the sets that do not fit, until each host can keep what is put there."""
     bound = 0
     known = None if start is None else program.variables_of(start)
     for _ in range(ROUNDS):
-        answer = minimise(costs, program.rows, nodes=nodes, start=known)
+        answer = minimise(costs, program.rows, nodes=nodes, start=known, budget=budget)
         if answer.bound is None:
             return _StageResult(host_of=start, bound=bound if start is not None else None)
         bound = max(bound, answer.bound)

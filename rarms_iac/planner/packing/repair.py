@@ -10,7 +10,7 @@ from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing.assignment import Assignment
 from rarms_iac.planner.packing.first_fit import partial_first_fit
-from rarms_iac.planner.packing.highs import minimise
+from rarms_iac.planner.packing.highs import Nodes, minimise
 from rarms_iac.planner.packing.values import Bin, Item
 
 HOSTS = (2, 3, 4, 5)
@@ -23,13 +23,13 @@ NOWHERE = ""
 """The host of those that are left over: everything has room there, and nothing should be."""
 
 
-def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], *, rounds: int) -> Mapping[str, str] | None:
+def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes) -> Mapping[str, str] | None:
     """Find any packing, good or not.
 
     Args:
         items: The partitions, by name.
         bins: The hosts, by name.
-        rounds: Times that some hosts are packed anew, at most.
+        nodes: Of the solver, in all rounds.
 
     Returns:
         The host of each partition; None: no packing was found.
@@ -38,20 +38,23 @@ def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], *, rounds: int
     host_of = partial_first_fit(items, bins)
     by_name = {item.name: item for item in items}
     names = [host.name for host in bins]
-    for _ in range(rounds):
+    while True:
         left_over = [item for item in items if item.name not in host_of]
         if not left_over:
             return host_of
+        if nodes.left <= 0:
+            return None
         first = random.choice(sorted({name for item in left_over for name in item.claims}))
         chosen = {first, *random.sample(names, min(len(names), random.choice(HOSTS) - 1))}
         packed_anew = [by_name[name] for name, host in host_of.items() if host in chosen]
         packed_anew += [item for item in left_over if item.claims.keys() & chosen]
-        packed = _pack_as_much_as_possible(packed_anew, [host for host in bins if host.name in chosen], host_of)
+        packed = _pack_as_much_as_possible(packed_anew, [host for host in bins if host.name in chosen], host_of, nodes)
         host_of = {name: host for name, host in host_of.items() if host not in chosen} | packed
-    return None
 
 
-def _pack_as_much_as_possible(items: Sequence[Item], bins: Sequence[Bin], before: Mapping[str, str]) -> dict[str, str]:
+def _pack_as_much_as_possible(
+    items: Sequence[Item], bins: Sequence[Bin], before: Mapping[str, str], nodes: Nodes
+) -> dict[str, str]:
     """The hosts of those partitions that find room on these hosts; who is left over is as little as possible."""
     names = {host.name for host in bins}
     nothing = Claim(processors=0, reserve=0, memory=0)
@@ -73,7 +76,7 @@ def _pack_as_much_as_possible(items: Sequence[Item], bins: Sequence[Bin], before
                 + 1000 * max(claim.memory for claim in claims) // memory
             )
     start = {item.name: before.get(item.name, NOWHERE) for item in items}
-    answer = minimise(costs, program.rows, nodes=NODES, start=program.variables_of(start))
+    answer = minimise(costs, program.rows, nodes=NODES, start=program.variables_of(start), budget=nodes)
     if answer.ones is not None and not program.forbid(answer.ones):
         start = program.host_of(answer.ones)
     return {name: host for name, host in start.items() if host != NOWHERE}

@@ -13,6 +13,7 @@ from rarms_iac.model.capacity import Capacity, fits, packed
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing import pack as packing_module
+from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.repair import find_by_repacking
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
@@ -112,7 +113,7 @@ def test_a_few_hosts_at_a_time_are_packed_anew_until_nobody_is_left_over() -> No
     items, bins = a_tight_fleet(1, hosts=4)
     items.sort(key=lambda item: item.name)
 
-    hosts = find_by_repacking(items, bins, rounds=100)
+    hosts = find_by_repacking(items, bins, Nodes(1_000))
 
     assert hosts is not None
     assert hosts.keys() == {item.name for item in items}
