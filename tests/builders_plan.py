@@ -10,7 +10,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Totals, Undo, UndoLevel
+from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Undo, UndoLevel
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
@@ -27,6 +27,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import Disruption
+from rarms_iac.model.totals import Totals
 from rarms_iac.storage.digest import set_of_settings
 from tests.builders import a_host, memory
 

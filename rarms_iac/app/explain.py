@@ -5,7 +5,6 @@ Begin at `explain_component`; the values that it returns are in `explanation`.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from fractions import Fraction
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of, path_of, subject_of
 from rarms_iac.app.errors import RequestError
@@ -31,8 +30,6 @@ from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.measuring.setup import interference_of
-from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout
@@ -42,8 +39,9 @@ from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.alternatives import ChosenPlace, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning
-from rarms_iac.planner.problem import HostView, by_name
+from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
@@ -200,19 +198,13 @@ def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[MemberCurve]
 
 
 def _on_host(partition: ExplainedPartition, layout: Layout, place: ExplainedPlace) -> HostPromises:
-    view = partition.views.get(place.host.name, HostView())
-    capacity = capacity_of(place.host, view.facts)
     others = sorted(
         (other.name, other.reserved)
         for other in layout.partitions
         if other.host == place.host.name and other.name != place.placed.name
     )
-    kept_for_host = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
-    unmanaged = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
     return HostPromises(
-        capacity=capacity.processors,
-        kept_for_host=kept_for_host,
-        unmanaged=unmanaged,
+        totals=totals_by_host(partition.system, layout.partitions, partition.views)[place.host.name],
         beside=tuple(others),
         placement=layout.placement,
     )

@@ -9,6 +9,7 @@ from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.layout import PlacedPartition, Placement
 from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.system import Component, Threshold
+from rarms_iac.model.totals import HostTotals
 from rarms_iac.planner.alternatives import Elsewhere
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, LeastReserve
@@ -47,9 +48,7 @@ class MemberCurve:
 class HostPromises:
     """What the partition's host has promised in the layout."""
 
-    capacity: LogicalProcessors
-    kept_for_host: LogicalProcessors
-    unmanaged: LogicalProcessors  # what machines hold that rarms does not manage
+    totals: HostTotals
     beside: tuple[tuple[str, LogicalProcessors], ...]  # other partitions there, by name
     placement: Placement | None = None  # how good the choice of hosts is, where there was one
 

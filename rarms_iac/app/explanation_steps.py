@@ -340,13 +340,12 @@ def _host(explanation: Explanation) -> Iterator[str]:
     beside = ", ".join(f"{partition} {show_processors(amount)}" for partition, amount in explanation.on_host.beside)
     if beside:
         yield f"beside it: {beside}"
-    if explanation.on_host.unmanaged:
-        yield f"unmanaged machines: {share(explanation.on_host.unmanaged)}"
-    if explanation.on_host.kept_for_host:
-        yield f"kept for the host: {share(explanation.on_host.kept_for_host)}"
-    promised = explanation.placed.reserved + explanation.on_host.unmanaged
-    promised += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
-    yield f"headroom: {share(explanation.on_host.capacity - promised)}"
+    totals = explanation.on_host.totals
+    if totals.unmanaged_lp:
+        yield f"unmanaged machines: {share(totals.unmanaged_lp)}"
+    if totals.kept_lp:
+        yield f"kept for the host: {share(totals.kept_lp)}"
+    yield f"headroom: {share(totals.free_lp)}"
     if explanation.on_host.placement is not None:
         yield describe_placement(explanation.on_host.placement)
 

@@ -17,6 +17,7 @@ from rarms_iac.app.planning import plan_request, with_reservations
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.commands import command, prose
@@ -85,7 +86,8 @@ def measured_report(manifest: Manifest, components: Sequence[str] = ()) -> Repor
 
 
 def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[LogBesideManifest]) -> Report:
-    report = report_of(manifest.system, logs, tuple(_proofs(manifest, components)))
+    planned = totals_at_hand(manifest)
+    report = report_of(manifest.system, logs, tuple(_proofs(manifest, components)), planned)
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
     return replace(report, tunings=tuple(tunings_of(measurements_of(manifest))))

@@ -1,6 +1,6 @@
 """Data logs beside the manifest -> report model. Reads no file: whoever calls hands the logs down."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import assert_never
@@ -14,8 +14,10 @@ from rarms_iac.app.report_model import (
     PlatformCapacity,
     Report,
 )
+from rarms_iac.app.totals import placed_without_log
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
+from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Met,
@@ -27,12 +29,31 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
     verdict_word,
 )
-from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
+from rarms_iac.model.quantities import (
+    CpuAmount,
+    LogicalProcessors,
+    ProcessorTime,
+    per_virtual_processor,
+    show_bytes,
+    show_percent,
+    show_processors,
+)
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
-from rarms_iac.model.system import Component, Measured, System, Threshold, run_of
+from rarms_iac.model.system import Component, System, Threshold, run_of
+from rarms_iac.model.totals import sum_of
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
+from rarms_iac.planner.reservations import (
+    FixedReservations,
+    Names,
+    NotMeasured,
+    ReservationSource,
+    fixed,
+    names_of,
+    rests_on_a_log,
+    to_be_measured,
+)
+from rarms_iac.planner.totals import PlannedTotals, planned_totals
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.statistics.errors import ERROR, describe_extreme
 from rarms_iac.statistics.samples import failures
@@ -57,6 +78,7 @@ def report_of(
     system: System,
     logs: Sequence[LogBesideManifest],
     proofs: Sequence[ComponentProof] = (),
+    planned: PlannedTotals | None = None,
 ) -> Report:
     """Make a report of data logs.
 
@@ -64,6 +86,7 @@ def report_of(
         system: What the manifest says.
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
+        planned: What the hosts promise; None: by these logs alone, on hosts as the manifest has them.
 
     Returns:
         Measurements by platform, falling criticality and name; amounts in LPs.
@@ -71,11 +94,12 @@ def report_of(
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = sorted((_measurement(system, logged) for logged in current), key=_order)
     rested = {measurement.components for measurement in measurements if measurement.rests}
+    planned = planned or planned_totals(system, _shown(measurements), {})
     return Report(
         application=system.application.name,
         description=system.application.description,
         measurements=tuple(measurements),
-        capacities=tuple(_capacity(system, platform, measurements) for platform in sorted(_platforms(system))),
+        capacities=tuple(_capacity(system, platform, planned, measurements) for platform in sorted(_platforms(system))),
         unmeasured=tuple(
             names_of(group.members)
             for group in groups_of(system)
@@ -140,67 +164,61 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
     return platforms
 
 
-def _capacity(system: System, platform: str, measurements: Sequence[Measurement]) -> PlatformCapacity:
+def _capacity(
+    system: System, platform: str, planned: PlannedTotals, measurements: Sequence[Measurement]
+) -> PlatformCapacity:
     rested = [measurement for measurement in measurements if measurement.rests and measurement.platform == platform]
-    hosts = _platforms(system)[platform]
-    kept_for_hosts = sum(
-        (in_processors(host.keep_for_host.processor, host.logical_processors) for host in hosts), Fraction(0)
-    )
-    fixed = tuple(fixed_reservations(system, hosts))
-    processors = sum(host.logical_processors for host in hosts)
+    hosts = tuple(sorted(host.name for host in _platforms(system)[platform]))
+    total = sum_of(planned.hosts[name] for name in hosts)
     return PlatformCapacity(
         platform=platform,
-        hosts=tuple(sorted(host.name for host in hosts)),
-        processors=processors,
-        capacity_lp=processors - kept_for_hosts,
-        fixed=fixed,
-        reserved_lp=sum((part.reserved_lp for part in fixed), Fraction(0))
-        + sum((measurement.reserved_lp or Fraction(0) for measurement in rested), Fraction(0)),
+        hosts=hosts,
+        processors=total.host_lp,
+        capacity_lp=total.capacity_lp,
+        fixed=tuple(
+            FixedReservation(
+                name=partition.name, components=tuple(sorted(partition.components)), reserved_lp=partition.reserved
+            )
+            for partition in placed_without_log(system, planned, hosts)
+        ),
+        reserved_lp=total.reserved_lp,
+        unmanaged_lp=total.unmanaged_lp,
+        placed=tuple(partition.name for partition in planned.placed if partition.host in hosts),
         missing=tuple(measurement.name for measurement in rested if measurement.wants and measurement.reserve is None),
     )
 
 
-def fixed_reservations(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
-    """Yield what the manifest itself reserves on these hosts, a partition each, by name.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ShownReservations:
+    """Reservations as the measurements of a report show them."""
 
-    Args:
-        system: What the manifest says.
-        hosts: Of one platform; shares are of the first one's processors. Partitions that may run on any of them count.
+    amounts: Mapping[tuple[str, Names], Fraction]  # by platform and components: LPs
 
-    Yields:
-        Amounts in LPs.
-    """
-    host, names = hosts[0], {host.name for host in hosts}
-    for group in groups_of(system):
-        if rests_on_a_log(group) or not all(
-            member.hosts is None or names & set(member.hosts) for member in group.members
-        ):
-            continue
-        own = group.request.cpu.reserve
-        if own is None or isinstance(own, Measured):
-            amount = fixed(group.members, host)
-        else:
-            amount = in_processors(own, host.logical_processors)
-        if amount:
-            yield FixedReservation(name=group.name, components=names_of(group.members), reserved_lp=amount)
+    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
+        """See `ReservationSource.reservation`."""
+        unknown = to_be_measured(members)
+        if not unknown:
+            return FixedReservations().reservation(members, host)
+        amount = self.amounts.get((host.platform, names_of(members)))
+        return NotMeasured(components=unknown) if amount is None else ProcessorTime(LogicalProcessors(amount))
+
+    def depends_on(self, host: Host) -> Hashable:
+        """See `ReservationSource.depends_on`."""
+        return host.logical_processors, host.platform
+
+    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
+        """See `ReservationSource.remarks`: the report has its own."""
+        return ()
 
 
-def fixed_on(system: System, host: str) -> tuple[FixedReservation, ...]:
-    """Return what the manifest itself reserves on a host, of partitions that can run nowhere else, by name.
-
-    Args:
-        system: What the manifest says.
-        host: The name of one of its hosts.
-
-    Returns:
-        Amounts in LPs.
-    """
-
-    def is_here(name: str) -> bool:
-        return set(system.components[name].hosts or system.hosts) == {host}
-
-    on_host = fixed_reservations(system, [system.hosts[host]])
-    return tuple(fixed for fixed in on_host if all(map(is_here, fixed.components)))
+def _shown(measurements: Sequence[Measurement]) -> ReservationSource:
+    return _ShownReservations(
+        amounts={
+            (measurement.platform, measurement.components): measurement.reserved_lp
+            for measurement in measurements
+            if measurement.rests and measurement.reserved_lp is not None
+        }
+    )
 
 
 def _facts(log: DataLog) -> Iterator[tuple[str, str]]:

@@ -155,14 +155,16 @@ class PlatformCapacity:
     processors: int
     capacity_lp: Fraction  # without what is kept for the hosts
     fixed: tuple[FixedReservation, ...]  # promised by the manifest itself
-    reserved_lp: Fraction  # by all measurements that reservations rest on, and what is fixed
+    reserved_lp: Fraction  # for all partitions that are placed there
+    unmanaged_lp: Fraction  # by machines of others
+    placed: Internal[tuple[str, ...]]  # names of those partitions
     missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in that sum
 
     @property
     @output
     def headroom_lp(self) -> Fraction:
         """LPs that are not promised; below nothing where it does not fit."""
-        return self.capacity_lp - self.reserved_lp
+        return self.capacity_lp - self.reserved_lp - self.unmanaged_lp
 
     @property
     @output

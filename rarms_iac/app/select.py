@@ -12,6 +12,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
+from rarms_iac.app.totals import states_at_hand
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -26,8 +27,10 @@ from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size
+from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import Curve, Point
 
 
@@ -242,11 +245,13 @@ def _fits(index: PerformanceIndex, at: str) -> bool:
 def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Selection:
     """Work out what follows from the choice; `changed`: the measurements with the level in the manifest."""
     system, name = changed.system, choice.component.name
-    reservations = measured_reservations(changed, {})
+    states = states_at_hand(manifest)
+    reservations = measured_reservations(changed, states)
+    views = {host: host_view(state, system.application.name) for host, state in states.items()}
     group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
     logs = () if group is None else tuple(_logs(group, system, reservations))
     _refuse_far(choice, logs)
-    planning = plan_layout(system, reservations, {}, manifest.places)
+    planning = plan_layout(system, reservations, views, manifest.places)
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
     if group is not None and rests_on_a_log(group) and not levels:
         addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
@@ -265,7 +270,7 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Se
         after=choice.threshold,
         levels=levels,
         rests_on_a_log=group is not None and rests_on_a_log(group),
-        headrooms=_headrooms(planning, system),
+        headrooms=_headrooms(planning, system, views),
         why_no_headroom=_why_no_layout(planning),
         findings=() if has_errors(planning.findings) else planning.findings,
     )
@@ -332,19 +337,12 @@ def _levels(
     return tuple(levels.values())
 
 
-def _headrooms(planning: Planning, system: System) -> tuple[HostHeadroom, ...]:
+def _headrooms(planning: Planning, system: System, views: Mapping[str, HostView]) -> tuple[HostHeadroom, ...]:
     if not isinstance(planning.answer, Layout):
         return ()
+    totals = totals_by_host(system, planning.answer.partitions, views)
     return tuple(
-        HostHeadroom(
-            host=name,
-            headroom_lp=capacity_of(host, None).processors
-            - sum(
-                (partition.reserved for partition in planning.answer.partitions if partition.host == name), Fraction(0)
-            ),
-            host_lp=host.logical_processors,
-        )
-        for name, host in sorted(system.hosts.items())
+        HostHeadroom(host=name, headroom_lp=host.free_lp, host_lp=host.host_lp) for name, host in totals.items()
     )
 
 

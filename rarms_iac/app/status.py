@@ -12,14 +12,14 @@ from rarms_iac.app.report import NOTHING_MEASURED, measured_report
 from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
-from rarms_iac.model.capacity import capacity_of, foreign_claims
-from rarms_iac.model.claims import load_of
+from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import PastRun, history_of
-from rarms_iac.model.output import output
+from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
 from rarms_iac.model.system import System
+from rarms_iac.model.totals import HostTotals, host_totals, totals_of
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
@@ -54,8 +54,7 @@ class HostOverview:
     """A host, or why it could not be looked at."""
 
     name: str
-    capacity_lp: Fraction = Fraction(0)  # LPs that may be promised: without what is kept for the host
-    unmanaged_lp: Fraction = Fraction(0)  # LPs that machines of others reserve
+    totals: Internal[HostTotals | None] = None  # None: it could not be looked at
     partitions: tuple[PartitionStatus, ...] = ()  # by name
     other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
     last_run: PastRun | None = None
@@ -65,7 +64,25 @@ class HostOverview:
     @output
     def reserved_lp(self) -> Fraction:
         """What the application's partitions are guaranteed, in LPs."""
-        return sum((partition.reserved_lp for partition in self.partitions), Fraction(0))
+        return self.totals.reserved_lp if self.totals else Fraction(0)
+
+    @property
+    @output
+    def capacity_lp(self) -> Fraction:
+        """LPs that may be promised: without what is kept for the host."""
+        return self.totals.capacity_lp if self.totals else Fraction(0)
+
+    @property
+    @output
+    def unmanaged_lp(self) -> Fraction:
+        """LPs that machines of others reserve."""
+        return self.totals.unmanaged_lp if self.totals else Fraction(0)
+
+    @property
+    @output
+    def free_lp(self) -> Fraction:
+        """LPs that nobody is promised."""
+        return self.totals.free_lp if self.totals else Fraction(0)
 
     @property
     def drift_kinds(self) -> frozenset[DriftKind]:
@@ -222,8 +239,11 @@ def _host_overview(
     names = {partition.mark.name for partition in own if partition.mark}
     return HostOverview(
         name=name,
-        capacity_lp=capacity_of(system.hosts[name], state.facts).processors,
-        unmanaged_lp=load_of(foreign_claims(state, application)).processors,
+        totals=host_totals(
+            system.hosts[name],
+            state.facts,
+            totals_of((partition.claim for partition in own), foreign_claims(state, application)),
+        ),
         partitions=tuple(
             PartitionStatus(
                 name=partition.mark.name,

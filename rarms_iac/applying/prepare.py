@@ -24,11 +24,11 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Adopt, Change, Delete, Release
-from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors, in_order
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, Totals
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step
 from rarms_iac.model.state import Partition, State, StoppedBy
+from rarms_iac.model.totals import Totals, totals_of
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.desired import Desired
@@ -122,7 +122,7 @@ def _host_plan(
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_of(observed, _wanted_of(request, desired), application, held.allowed, steps),
+        totals=totals_after(observed, _wanted_of(request, desired), application, held.allowed, steps),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.placed},
         mechanisms=mechanisms or None,
@@ -225,7 +225,7 @@ def _suggestion(target: str, addresses: Sequence[str]) -> str:
     return next((message for word in words if (message := suggestion(word, addresses))), "")
 
 
-def totals_of(
+def totals_after(
     observed: State, desired: State, application: str, changes: Sequence[Change], steps: Sequence[Step]
 ) -> Totals:
     """The promises to this application's partitions after these steps, and those to all others then.
@@ -261,13 +261,5 @@ def totals_of(
         if partition.mark and partition.mark.stopped_by is not StoppedBy.NO_USER and partition.mark.name not in removed
     }
     layout = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
-    idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
-    own, foreign = load_of(claims.values()), load_of(others)
-    return Totals(
-        percent=own.percent + idle.percent,
-        memory=own.memory + idle.memory,
-        others_percent=foreign.percent,
-        others_memory=foreign.memory,
-        idle_percent=idle.percent,
-        idle_memory=idle.memory,
-    )
+    idle = [layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout]
+    return totals_of(claims.values(), others, idle)

@@ -10,7 +10,8 @@ from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.plan import HostPlan, Totals
+from rarms_iac.model.plan import HostPlan
+from rarms_iac.model.totals import Totals
 
 
 class RunEnding(StrEnum):

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from fractions import Fraction
 from itertools import groupby
 from math import ceil
 from typing import Literal
@@ -24,6 +23,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import SPARSE, HostFacts, RegistryValue
 from rarms_iac.model.system import Disruption
+from rarms_iac.model.totals import HostTotals, Totals, host_totals
 
 Reading = bool | int | str
 Readings = Mapping[str, Reading]
@@ -102,36 +102,6 @@ class HeldBack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Totals:
-    """The sums that a host has promised once the plan is done: to this application's partitions, and to all others."""
-
-    percent: Internal[int]  # of one logical processor: 140 is 1.4 LP
-    memory: int  # bytes
-    others_percent: Internal[int] = 0
-    others_memory: int = 0
-    idle_percent: Internal[int] = 0  # of `percent`: to partitions that do not run then
-    idle_memory: int = 0  # of `memory`
-
-    @property
-    @output
-    def reserved_lp(self) -> Fraction:
-        """LPs that are promised to this application's partitions."""
-        return Fraction(self.percent, 100)
-
-    @property
-    @output
-    def others_lp(self) -> Fraction:
-        """LPs that are promised to all others."""
-        return Fraction(self.others_percent, 100)
-
-    @property
-    @output
-    def idle_lp(self) -> Fraction:
-        """LPs of what is promised to this application's partitions that do not run then."""
-        return Fraction(self.idle_percent, 100)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ThreadClass:
     """What the threads of a task class run at in one operating system, once its Windows has started again."""
 
@@ -191,6 +161,11 @@ class HostPlan:
     def name(self) -> str:
         """The host's, as the manifest calls it."""
         return self.host.name
+
+    @property
+    def host_totals(self) -> HostTotals | None:
+        """What the host has, and has promised once the plan is done; None: not known."""
+        return None if self.totals is None else host_totals(self.host, self.facts, self.totals)
 
 
 class Purpose(StrEnum):

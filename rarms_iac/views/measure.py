@@ -1,18 +1,15 @@
 """`rarms measure`: progress, the summary with a row a component, and the same for programs."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from fractions import Fraction
 from math import isfinite
-from types import MappingProxyType
 from typing import TYPE_CHECKING, assert_never
 
+from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.app.report_model import FixedReservation
 from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
@@ -42,25 +39,17 @@ Row = tuple[str, str, str, str, str]
 HEADER = ("component", "threshold", "CR", "LP", "remark")
 
 
-FixedOnHosts = Mapping[str, Sequence[FixedReservation]]
-"""By host: what the manifest itself reserves there."""
-
-
-def summary_text(
-    results: Sequence[ExperimentResult], waiting: Sequence[Experiment] = (), fixed: FixedOnHosts = MappingProxyType({})
-) -> "RenderableType":
+def summary_text(outcome: MeasureOutcome) -> "RenderableType":
     """A table, a row a threshold of a component; below it what the reservations add up to, and how sure they are.
 
     The reservation stands in the first row of the components that were measured together.
 
     Args:
-        results: of the experiments that were begun.
-        waiting: those that an early end left out.
-        fixed: what counts beside the results, or instead of what was measured of the same components.
+        outcome: of all experiments; those that an early end left out have rows, too.
     """
-    rows = [row for result in results for row in _rows(result.experiment, *_outcome(result))]
-    rows += [row for experiment in waiting for row in _rows(experiment, "-", "", "not begun")]
-    return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(results, fixed)))
+    rows = [row for result in outcome.experiments for row in _rows(result.experiment, *_outcome(result))]
+    rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "-", "", "not begun")]
+    return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(outcome)))
 
 
 def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) -> Iterator[Row]:
@@ -122,22 +111,12 @@ def _planned(result: ExperimentResult, reserve: int | None) -> str:
     return f"a plan reserves {planned.reserve} %{', interpolated' if planned.interpolated else ''}"
 
 
-def _totals(results: Sequence[ExperimentResult], fixed: FixedOnHosts) -> Iterator[str]:
-    for name, size in {result.experiment.host.name: result.experiment.host for result in results}.items():
+def _totals(outcome: MeasureOutcome) -> Iterator[str]:
+    results = outcome.experiments
+    for name in dict.fromkeys(result.experiment.host.name for result in results):
         here = [result for result in results if result.experiment.host.name == name]
-        fixed_here = fixed.get(name, ())
-        own = {component for partition in fixed_here for component in partition.components}
-        by_manifest = sum((partition.reserved_lp for partition in fixed_here), Fraction(0))
-        amount = by_manifest + sum(
-            map(_reserved, (each for each in here if not own & set(each.experiment.setup.members)))
-        )
-        note = f" ({show_processors(by_manifest)} of it fixed in the manifest)" if by_manifest else ""
         settings = counted(sum(len(result.settings) for result in here), "setting")
-        new = sum(result.new for result in here)
-        yield (
-            f"{name}: {show_processors(amount)} of {show_processors(capacity_of(size, None).processors)} in all{note}, "
-            f"by {settings}, {new} of them new."
-        )
+        yield (f"{name}: {_reserved_on(name, outcome)}{settings}, {sum(result.new for result in here)} of them new.")
     extremes = {index_named(measured.index).is_extreme for measured in _concluded_indexes(results)}
     footnotes = []
     if False in extremes:
@@ -148,10 +127,12 @@ def _totals(results: Sequence[ExperimentResult], fixed: FixedOnHosts) -> Iterato
         yield f"{'; '.join(footnotes).capitalize()}."
 
 
-def _reserved(result: ExperimentResult) -> Fraction:
-    reserve = result.conclusion.reserve if isinstance(result.conclusion, Sufficient) else 0
-    reserve = result.planned.reserve if result.planned else reserve
-    return Fraction(guaranteed(reserve, result.experiment.setup.processors))
+def _reserved_on(host: str, outcome: MeasureOutcome) -> str:
+    if host not in outcome.totals:
+        return ""
+    totals, fixed = outcome.totals[host], outcome.fixed_lp[host]
+    note = f" ({show_processors(fixed)} of it fixed in the manifest)" if fixed else ""
+    return f"{show_processors(totals.reserved_lp)} of {show_processors(totals.capacity_lp)} in all{note}, by "
 
 
 def _concluded_indexes(results: Sequence[ExperimentResult]) -> Iterator[MeasuredIndex]:

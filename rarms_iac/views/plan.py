@@ -14,16 +14,9 @@ from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
-from rarms_iac.model.quantities import (
-    guaranteed,
-    in_processors,
-    plain,
-    show_bytes,
-    show_milliseconds,
-    show_percent,
-    show_processors,
-)
+from rarms_iac.model.quantities import guaranteed, plain, show_bytes, show_milliseconds, show_percent, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
+from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted
 from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
@@ -135,8 +128,8 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
             yield paragraph(f"partition/{name} is {mechanism}.", indent=2)
         yield from _threads(part)
         yield from _steps(part)
-    if part.totals is not None:
-        yield paragraph(_totals(part), indent=2)
+    if part.host_totals is not None:
+        yield paragraph(_totals(part.host_totals), indent=2)
 
 
 def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
@@ -324,28 +317,21 @@ def _steps(part: HostPlan) -> "Iterator[RenderableType]":
         yield paragraph(step.comment, indent=len(start))
 
 
-def _totals(part: HostPlan) -> str:
+def _totals(totals: HostTotals) -> str:
     """What the host has promised once the plan is done, in one sentence."""
-    totals = part.totals
-    assert totals is not None
-    processors, kept_memory = part.facts.logical_processors, part.host.keep_for_host.memory
-    kept_processors = Fraction(in_processors(part.host.keep_for_host.processor, processors))
-    reserved, others = Fraction(totals.percent, 100), Fraction(totals.others_percent, 100)
-    share = show_percent(reserved * 100 / processors) if processors else "0 %"
+    promised, whole = totals.promised, totals.host_lp
+    share = show_percent(totals.reserved_lp * 100 / whole) if whole else "0 %"
     sentences = [
-        f"{plain(reserved)} of {show_processors(processors)} ({share}) and {show_bytes(totals.memory)} reserved"
+        f"{plain(totals.reserved_lp)} of {show_processors(whole)} ({share}) and {show_bytes(promised.memory)} reserved"
     ]
-    if totals.idle_percent or totals.idle_memory:
-        idle = _amount(Fraction(totals.idle_percent, 100), totals.idle_memory)
+    if promised.idle_percent or promised.idle_memory:
+        idle = _amount(Fraction(promised.idle_percent, 100), promised.idle_memory)
         sentences.append(f"of these, {idle} by partitions that do not run")
-    if totals.others_percent or totals.others_memory:
-        sentences.append(f"unmanaged machines have {_amount(others, totals.others_memory)}")
-    if kept_processors or kept_memory:
-        sentences.append(f"{_amount(kept_processors, kept_memory)} kept for the host")
-    memory = part.facts.memory - totals.memory - totals.others_memory - kept_memory
-    sentences.append(
-        f"{show_processors(processors - reserved - others - kept_processors)} and {show_bytes(memory)} free"
-    )
+    if promised.others_percent or promised.others_memory:
+        sentences.append(f"unmanaged machines have {_amount(totals.unmanaged_lp, promised.others_memory)}")
+    if totals.kept_lp or totals.kept_memory:
+        sentences.append(f"{_amount(totals.kept_lp, totals.kept_memory)} kept for the host")
+    sentences.append(f"{show_processors(totals.free_lp)} and {show_bytes(totals.free_memory)} free")
     return f"Afterwards: {'; '.join(sentences)}."
 
 

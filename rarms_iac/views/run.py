@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -240,10 +239,10 @@ def _host(report: HostReport, *, partial: bool) -> str:
 
 def _reserved(part: HostPlan | None) -> str:
     """As ` 1.92 LP of 2 LP are reserved.`; nothing where that is not known."""
-    if part is None or part.totals is None:
+    totals = None if part is None else part.host_totals
+    if totals is None:
         return ""
-    amount, whole = Fraction(part.totals.percent, 100), part.facts.logical_processors
-    return f" {show_processors(amount)} of {show_processors(whole)} are reserved."
+    return f" {show_processors(totals.reserved_lp)} of {show_processors(totals.host_lp)} are reserved."
 
 
 def _resources(part: HostPlan) -> str:

@@ -41,7 +41,7 @@
     const cards = data.cards.filter((card) => card.platform === capacity.platform && counts(card));
     const replaced = new Set(cards.flatMap((card) => card.fixed));
     const remaining = capacity.fixed.filter(([names]) => !names.every((name) => replaced.has(name)));
-    const fixed = remaining.reduce((sum, [, amount]) => sum + amount, 0);
+    const fixed = remaining.reduce((sum, [, amount]) => sum + amount, capacity.other);
     return cards.reduce((sum, card) => sum + (reserveOf(card) ?? 0) * card.processors, fixed);
   };
 
@@ -168,7 +168,7 @@
   const showTotals = () => {
     data.capacities.forEach((capacity, place) => {
       const total = totalOf(capacity);
-      const headroom = capacity.capacity - total;
+      const headroom = capacity.capacity - capacity.unmanaged - total;
       const share = (amount) => `${figure(amount / capacity.processors)} %`;
       const fits = headroom >= 0;
       const message = fits

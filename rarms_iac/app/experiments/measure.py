@@ -5,6 +5,7 @@ Begin at `measure_components`. A single experiment is `run_experiment`'s.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -26,9 +27,8 @@ from rarms_iac.app.experiments.run_experiment import make_room, run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
-from rarms_iac.app.report_measurements import fixed_on
-from rarms_iac.app.report_model import FixedReservation
 from rarms_iac.app.scripts import PlanScript
+from rarms_iac.app.totals import placed_without_log, totals_at_hand
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.partitions import host_budget
@@ -36,6 +36,7 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.output import Internal
+from rarms_iac.model.totals import HostTotals
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
 
@@ -48,7 +49,8 @@ class MeasureOutcome:
     experiments: tuple[ExperimentResult, ...]
     findings: tuple[Diagnostic, ...]
     not_begun: tuple[Experiment, ...] = ()
-    fixed: Mapping[str, tuple[FixedReservation, ...]] = field(default_factory=dict)  # by host, by the manifest itself
+    totals: Mapping[str, HostTotals] = field(default_factory=dict)  # by host that was measured on, as a plan has them
+    fixed_lp: Mapping[str, Fraction] = field(default_factory=dict)  # by host: LPs of it that the manifest itself fixes
     ended: Internal[bool] = False  # somebody asked for an end at a question
 
     @property
@@ -132,11 +134,16 @@ def _measure_all(
             results.append(result)
             if is_stopped or ended:
                 break
+    planned = totals_at_hand(hosts.manifest)
     outcome = MeasureOutcome(
         experiments=tuple(results),
         findings=(*findings, *still_stopped),
         not_begun=experiments[len(results) :],
-        fixed={name: fixed_on(hosts.system, name) for name in names},
+        totals={name: planned.hosts[name] for name in names},
+        fixed_lp={
+            name: sum((each.reserved for each in placed_without_log(hosts.system, planned, [name])), Fraction(0))
+            for name in names
+        },
         ended=ended,
     )
     return outcome, complete

@@ -99,7 +99,7 @@ def measure_command(
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(
         lambda: json_of(outcome),
-        lambda: summary_text(outcome.experiments, outcome.not_begun, outcome.fixed),
+        lambda: summary_text(outcome),
     )
     if options.interactive and not (outcome.stopped or outcome.ended or has_errors(outcome.findings)):
         further = TuneRequest(samples=request.samples, on_busy_host=request.on_busy_host)

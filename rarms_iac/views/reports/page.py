@@ -4,12 +4,12 @@ Lengths are per cent of a plot, from its top left corner. The reserve's axis run
 lies at 62 %. Nothing here decides anything.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
 
-from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, Report
+from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
 from rarms_iac.model.indexes import show_range, show_value
 from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
@@ -198,12 +198,15 @@ def _point_cells(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
 
 def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
     """What the page's script looks up: the same numbers, to the last bit, as the planner's curve holds."""
+    counted = _counted(report)
     return {
         "capacities": [
             {
                 "name": ", ".join(capacity.hosts),
                 "platform": capacity.platform,
                 "capacity": float(100 * capacity.capacity_lp),
+                "unmanaged": float(100 * capacity.unmanaged_lp),
+                "other": float(100 * _uncounted_lp(capacity, counted)),
                 "processors": capacity.processors,
                 "fixed": [[list(part.components), float(100 * part.reserved_lp)] for part in capacity.fixed],
             }
@@ -215,7 +218,7 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
                 "name": card.measurement.name,
                 "platform": card.measurement.platform,
                 "processors": card.measurement.processors,
-                "rests": card.measurement.rests,
+                "rests": card.measurement in counted,
                 "fixed": list(card.measurement.fixed),
                 "floor": card.measurement.floor,
                 "plots": [_plot_data(plot) for plot in card.plots],
@@ -223,6 +226,23 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
             for card in cards
         ],
     }
+
+
+def _counted(report: Report) -> tuple[Measurement, ...]:
+    """The measurements whose partitions are placed on their platforms: those that its total is made of."""
+    placed = {(capacity.platform, name) for capacity in report.capacities for name in capacity.placed}
+    return tuple(
+        measurement
+        for measurement in report.measurements
+        if measurement.rests and (measurement.platform, measurement.partition) in placed
+    )
+
+
+def _uncounted_lp(capacity: PlatformCapacity, counted: Iterable[Measurement]) -> Fraction:
+    """What is reserved there beside what the manifest fixes and the page's cards: idle threads, logs left out."""
+    here = (measurement for measurement in counted if measurement.platform == capacity.platform)
+    cards = sum((measurement.reserved_lp or Fraction(0) for measurement in here), Fraction(0))
+    return capacity.reserved_lp - cards - sum((part.reserved_lp for part in capacity.fixed), Fraction(0))
 
 
 def _plot_data(plot: Plot) -> dict[str, object]:

@@ -1,11 +1,12 @@
 from dataclasses import replace
 
-from rarms_iac.applying.prepare import totals_of
+from rarms_iac.applying.prepare import totals_after
 from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
-from rarms_iac.model.plan import Purpose, Step, Totals
+from rarms_iac.model.plan import Purpose, Step
 from rarms_iac.model.state import State
 from rarms_iac.model.system import StartMode
+from rarms_iac.model.totals import Totals
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.plan import plan_text
 from tests.builders import a_component, a_host, a_partition, a_system
@@ -25,7 +26,7 @@ def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> N
     lowered = step(Address(partition="vision"))
     removed = step(Address(partition="video", machine="id-of-video"))
 
-    after = totals_of(
+    after = totals_after(
         observed,
         State(facts=facts()),
         "robot",

@@ -55,7 +55,9 @@ def outcome_of(result: ExperimentResult) -> MeasureOutcome:
 
 
 def text(results: list[ExperimentResult], waiting: list[Experiment] | None = None) -> str:
-    return render(summary_text(results, waiting or []), 120)
+    return render(
+        summary_text(MeasureOutcome(experiments=tuple(results), findings=(), not_begun=tuple(waiting or ()))), 120
+    )
 
 
 def test_a_setting_below_that_misses_is_not_enough() -> None:

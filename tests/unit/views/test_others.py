@@ -13,7 +13,8 @@ from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.plan import Step, Totals, UndoLevel
+from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.totals import Totals
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.hosts import drift_text

@@ -1,0 +1,69 @@
+"""The totals of hosts, for commands that show them beside something else and make no plan."""
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+
+from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.hosts import observe_host, select_hosts
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import HostSelection
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.layout import PlacedPartition
+from rarms_iac.model.state import State
+from rarms_iac.model.system import System
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.problem import host_view
+from rarms_iac.planner.reservations import rests_on_a_log
+from rarms_iac.planner.totals import PlannedTotals, planned_totals
+
+
+def states_at_hand(manifest: Manifest) -> Mapping[str, State]:
+    """Look at the hosts that are files of this machine: the simulated ones. No other is asked, and none is waited for.
+
+    Args:
+        manifest: without errors.
+
+    Returns:
+        By name; one whose file is damaged is left out: every command that is about hosts says so.
+    """
+    states: dict[str, State] = {}
+    hosts = select_hosts(manifest, HostSelection())
+    for name, host in sorted(manifest.system.hosts.items()):
+        if host.provider is ProviderKind.SIMULATED:
+            with suppress(UseCaseError):
+                states[name] = observe_host(hosts.open(name))
+    return states
+
+
+def totals_at_hand(manifest: Manifest) -> PlannedTotals:
+    """Add up what a plan would have the hosts promise, by the data logs beside the manifest.
+
+    Args:
+        manifest: without errors.
+
+    Returns:
+        The totals of every host; those that cannot be looked at for nothing count as the manifest has them.
+    """
+    states = states_at_hand(manifest)
+    reservations = measured_reservations(measurements_of(manifest), states)
+    views = {name: host_view(state, manifest.system.application.name) for name, state in states.items()}
+    return planned_totals(manifest.system, reservations, views)
+
+
+def placed_without_log(system: System, planned: PlannedTotals, hosts: Collection[str]) -> Iterator[PlacedPartition]:
+    """Yield the partitions on these hosts whose reservation the manifest itself says, by name.
+
+    Args:
+        system: What the manifest says.
+        planned: Where each partition is placed.
+        hosts: Their names.
+
+    Yields:
+        Those that reserve something.
+    """
+    here = {partition.name: partition for partition in planned.placed if partition.host in hosts}
+    for group in groups_of(system):
+        partition = here.get(group.name)
+        if partition is not None and partition.reserved and not rests_on_a_log(group):
+            yield partition

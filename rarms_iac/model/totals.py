@@ -1,0 +1,143 @@
+"""Totals of a host: what it has promised, and what is left; every sum that a person reads is made here."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.claims import WHOLE, Claim, load_of
+from rarms_iac.model.host import Host
+from rarms_iac.model.output import Internal, output
+from rarms_iac.model.state import HostFacts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Totals:
+    """The sums that a host has promised: to this application's partitions, and to all others."""
+
+    percent: Internal[int]  # of one logical processor: 140 is 1.4 LP
+    memory: int  # bytes
+    others_percent: Internal[int] = 0
+    others_memory: int = 0
+    idle_percent: Internal[int] = 0  # of `percent`: to partitions that do not run then
+    idle_memory: int = 0  # of `memory`
+
+    @property
+    @output
+    def reserved_lp(self) -> Fraction:
+        """LPs that are promised to this application's partitions."""
+        return Fraction(self.percent, WHOLE)
+
+    @property
+    @output
+    def others_lp(self) -> Fraction:
+        """LPs that are promised to all others."""
+        return Fraction(self.others_percent, WHOLE)
+
+    @property
+    @output
+    def idle_lp(self) -> Fraction:
+        """LPs of what is promised to this application's partitions that do not run then."""
+        return Fraction(self.idle_percent, WHOLE)
+
+
+def totals_of(own: Iterable[Claim], others: Iterable[Claim] = (), idle: Iterable[Claim] = ()) -> Totals:
+    """Add up what a host has promised.
+
+    Args:
+        own: the claims of the application's partitions that run, one each.
+        others: those of machines that it does not manage.
+        idle: those of its partitions that do not run and keep what they reserve.
+
+    Returns:
+        The sums; `percent` and `memory` are of all of the application's partitions.
+    """
+    running, foreign, waiting = load_of(own), load_of(others), load_of(idle)
+    return Totals(
+        percent=running.percent + waiting.percent,
+        memory=running.memory + waiting.memory,
+        others_percent=foreign.percent,
+        others_memory=foreign.memory,
+        idle_percent=waiting.percent,
+        idle_memory=waiting.memory,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostTotals:
+    """What hosts have and have promised, in LPs and bytes; less than nothing is free where it does not fit."""
+
+    host_lp: int  # all that they have
+    memory: int
+    kept_lp: Fraction  # for the hosts themselves
+    kept_memory: int
+    promised: Totals
+
+    @property
+    def reserved_lp(self) -> Fraction:
+        """LPs that the application's partitions are promised."""
+        return self.promised.reserved_lp
+
+    @property
+    def unmanaged_lp(self) -> Fraction:
+        """LPs that machines of others reserve."""
+        return self.promised.others_lp
+
+    @property
+    @output
+    def capacity_lp(self) -> Fraction:
+        """LPs that may be promised."""
+        return self.host_lp - self.kept_lp
+
+    @property
+    @output
+    def free_lp(self) -> Fraction:
+        """LPs that nobody is promised."""
+        return self.capacity_lp - self.reserved_lp - self.unmanaged_lp
+
+    @property
+    def free_memory(self) -> int:
+        """Bytes that nobody is promised."""
+        return self.memory - self.kept_memory - self.promised.memory - self.promised.others_memory
+
+
+def host_totals(host: Host, facts: HostFacts | None, promised: Totals) -> HostTotals:
+    """Set what a host has promised against what it has.
+
+    Args:
+        host: of the manifest.
+        facts: what was observed of it; None: nobody looked.
+        promised: as `totals_of` adds it up.
+
+    Returns:
+        The host's totals.
+    """
+    capacity = capacity_of(host, facts)
+    memory = int(host.memory) if facts is None else min(int(host.memory), facts.memory)
+    return HostTotals(
+        host_lp=capacity.logical_processors,
+        memory=memory,
+        kept_lp=capacity.logical_processors - capacity.processors,
+        kept_memory=memory - capacity.memory,
+        promised=promised,
+    )
+
+
+def sum_of(totals: Iterable[HostTotals]) -> HostTotals:
+    """Add up the totals of several hosts; free LPs of one may be too few for a partition all the same."""
+    hosts = tuple(totals)
+    promised = [host.promised for host in hosts]
+    return HostTotals(
+        host_lp=sum(host.host_lp for host in hosts),
+        memory=sum(host.memory for host in hosts),
+        kept_lp=sum((host.kept_lp for host in hosts), Fraction(0)),
+        kept_memory=sum(host.kept_memory for host in hosts),
+        promised=Totals(
+            percent=sum(each.percent for each in promised),
+            memory=sum(each.memory for each in promised),
+            others_percent=sum(each.others_percent for each in promised),
+            others_memory=sum(each.others_memory for each in promised),
+            idle_percent=sum(each.idle_percent for each in promised),
+            idle_memory=sum(each.idle_memory for each in promised),
+        ),
+    )

@@ -1,0 +1,64 @@
+"""What hosts promise by the manifest and what was measured, for commands that show sums without making a plan."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from rarms_iac.model.layout import Layout, PlacedPartition
+from rarms_iac.model.system import System
+from rarms_iac.model.totals import HostTotals, host_totals, totals_of
+from rarms_iac.planner.problem import HostView, Problem, problem_of, solve
+from rarms_iac.planner.reservations import ReservationSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedTotals:
+    """Each partition on one host, and what the hosts have and promise, by name."""
+
+    placed: tuple[PlacedPartition, ...]
+    hosts: Mapping[str, HostTotals]
+
+
+def planned_totals(system: System, reservations: ReservationSource, views: Mapping[str, HostView]) -> PlannedTotals:
+    """Place each partition once, as a plan would, and add up what each host promises.
+
+    Args:
+        system: the manifest.
+        reservations: where reservations come from; a partition whose reservation is not known does not count.
+        views: the hosts that were looked at, by name; of the others the manifest alone counts.
+
+    Returns:
+        The totals of every host of the manifest.
+    """
+    placed = _place_once(problem_of(system, reservations, views, may_move=False))
+    return PlannedTotals(placed=placed, hosts=totals_by_host(system, placed, views))
+
+
+def totals_by_host(
+    system: System, placed: Iterable[PlacedPartition], views: Mapping[str, HostView]
+) -> Mapping[str, HostTotals]:
+    """Add up what each host of the manifest promises to the partitions that are placed there, and to others.
+
+    Args:
+        system: the manifest.
+        placed: each partition once.
+        views: the hosts that were looked at, by name.
+
+    Returns:
+        By host, in the order of the names.
+    """
+    partitions = tuple(placed)
+    found: dict[str, HostTotals] = {}
+    for name, host in sorted(system.hosts.items()):
+        view = views.get(name, HostView())
+        own = (partition.claim for partition in partitions if partition.host == name)
+        found[name] = host_totals(host, view.facts, totals_of(own, view.claims))
+    return found
+
+
+def _place_once(problem: Problem) -> tuple[PlacedPartition, ...]:
+    """The layout; without one, what has a size counts where it is, or on the first host that it may run on."""
+    answer = solve(problem)
+    if isinstance(answer, Layout):
+        return answer.partitions
+    chosen = ((problem.current_hosts.get(name, ""), sizes) for name, sizes in sorted(problem.sizes.items()) if sizes)
+    return tuple(sizes.get(host) or next(iter(sizes.values())) for host, sizes in chosen)

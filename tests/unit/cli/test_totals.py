@@ -1,0 +1,87 @@
+"""What is reserved and what is free is the same figure in every command."""
+
+import json
+import re
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+
+HEAD = "schema: rarms/v1\napplication: { name: robot }\n"
+ONE_HOST = "hosts:\n  onboard: { logical_processors: 2, memory: 4 GiB }\n"
+KEPT = """\
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 %, memory: 512 MiB } }
+"""
+TWO_HOSTS = """\
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 % }, platform: cell }
+  spare: { logical_processors: 2, memory: 4 GiB, platform: cell }
+"""
+TWO_PLATFORMS = TWO_HOSTS.replace(", platform: cell", "").replace(
+    "spare: { logical_processors: 2", "spare: { logical_processors: 4"
+)
+CORES = """\
+hosts:
+  onboard:
+    logical_processors: 4
+    memory: 4 GiB
+    simulated: { scheduler: core, smt: true }
+"""
+VISION = """\
+components:
+  vision:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 50 ms } }
+    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+SPEECH = "  speech: { criticality: 1, memory: 256 MiB, cpu: { reserve: 0.5 LP }, processors: 1 }\n"
+AT_HOME = SPEECH.replace("speech:", "audio:").replace("processors: 1", "processors: 1, hosts: [onboard]")
+BY_HAND = "partitions:\n  speech: { components: [speech], start: manual }\n"
+
+MANIFESTS = {
+    "a measured component": ONE_HOST + VISION,
+    "a fixed one beside it": ONE_HOST + VISION + SPEECH,
+    "something is kept for the host": KEPT + VISION + SPEECH,
+    "several that may run on two hosts": TWO_HOSTS + VISION + SPEECH,
+    "one that may run on one of two hosts": TWO_HOSTS + VISION + AT_HOME,
+    "two platforms": TWO_PLATFORMS + VISION + SPEECH + AT_HOME,
+    "components together": ONE_HOST + VISION + SPEECH + AT_HOME + BY_HAND.replace("[speech]", "[speech, audio]"),
+    "one that is started by hand": ONE_HOST + VISION + SPEECH + BY_HAND,
+    "threads that stand idle": CORES + VISION + SPEECH,
+    "a limit": ONE_HOST + VISION + SPEECH.replace("0.5 LP", "0.5 LP, limit: 0.8 LP"),
+}
+
+
+@pytest.mark.parametrize("manifest", MANIFESTS.values(), ids=MANIFESTS)
+def test_every_command_counts_what_is_placed(manifest: str, tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(HEAD + manifest, encoding="utf-8")
+    with chdir(tmp_path):
+        measured = rarms("measure", "--samples", "60", "--on-busy-host")
+        text = " ".join(rarms("plan").out.split())
+        assert rarms("apply", "--auto-approve").code == 0
+        planned = json.loads(rarms("plan", "--json").out)
+        status = json.loads(rarms("status", "--json").out)
+        selected = json.loads(rarms("select", "vision", "--at", "50 ms", "--json").out)
+        report = json.loads(rarms("report", "--json").out)
+        explained = " ".join(rarms("explain", "vision").out.split())
+
+    reserved = {host["name"]: host["totals"]["reserved_lp"] for host in planned["hosts"]}
+    free = {host["name"]: host["free_lp"] for host in status["hosts"]}
+    assert sum(reserved.values()) > 0
+    assert {host["name"]: host["reserved_lp"] for host in status["hosts"]} == pytest.approx(reserved)
+    assert {host["host"]: host["headroom_lp"] for host in selected["headrooms"]} == pytest.approx(free)
+    for capacity in report["capacities"]:
+        assert capacity["reserved_lp"] == pytest.approx(sum(reserved[name] for name in capacity["hosts"]))
+        assert capacity["headroom_lp"] == pytest.approx(sum(free[name] for name in capacity["hosts"]))
+    told = re.findall(r"; ([\d.]+) LP and [^;]* free", text) + re.findall(r"headroom: ([\d.]+) LP", explained)
+    assert len(told) >= 2
+    assert {float(figure) for figure in told} <= {round(amount, 2) for amount in free.values()}
+    in_all = re.findall(r"(\w+): ([\d.]+) LP of [\d.]+ LP in all", measured.out)
+    assert {name: float(figure) for name, figure in in_all} == {name: round(reserved[name], 2) for name, _ in in_all}
+    assert in_all
