@@ -86,8 +86,8 @@ NODES_FOR_ANY = 200_000
 MOST_NODES_FOR_ANY = 300
 """The same, however few variables there are."""
 
-FEW_REPACKING_NODES, MANY_REPACKING_NODES = 50, 100
-"""Nodes of packing a few hosts anew before that search, since it is often enough, and after it."""
+REPACKING_NODES, REPACKING_NODES_A_PARTITION = 50, 3
+"""Nodes of packing a few hosts anew: before that search, since it is often enough, and for each partition after it."""
 
 ROUNDS = 40
 """Times that a stage is solved anew because virtual processors found no logical ones."""
@@ -228,7 +228,7 @@ def _solve(
     # A start: one with everybody at its cheapest ends the first stage before it begins; otherwise any packing will do.
     if any(excesses) and (start is None or objective_of(items, start)[0] > least):
         cheapest = [_with_cheapest_claims(item) for item in items]
-        repacked = find_by_repacking(cheapest, bins, Nodes(FEW_REPACKING_NODES))
+        repacked = find_by_repacking(cheapest, bins, Nodes(REPACKING_NODES))
         start = repacked or _find_any(cheapest, bins).host_of or start
     if start is None:
         found = _find_any_or_repack(items, bins)
@@ -266,13 +266,13 @@ def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = 
 
 def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
     """The same; a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
-    host_of = find_by_repacking(items, bins, Nodes(FEW_REPACKING_NODES))
+    host_of = find_by_repacking(items, bins, Nodes(REPACKING_NODES))
     if host_of is not None:
         return _StageResult(host_of=host_of, bound=0)
     found = _find_any(items, bins)
     if found.host_of is not None or found.bound is None:
         return found
-    return replace(found, host_of=find_by_repacking(items, bins, Nodes(MANY_REPACKING_NODES)))
+    return replace(found, host_of=find_by_repacking(items, bins, Nodes(REPACKING_NODES_A_PARTITION * len(items))))
 
 
 def _with_cheapest_claims(item: Item) -> Item:
