@@ -37,7 +37,7 @@ def apply(
 ) -> RunReport:
     """Do exactly what a plan says, host by host, or refuse before the first step.
 
-    A plan of several hosts that was interrupted goes on where it stopped. Nobody is asked.
+    A plan of several hosts that was interrupted goes on where it stopped. No question is asked.
 
     Args:
         plan: as `planning.plan` made it, or as `files.read_plan_file` read it.
@@ -269,7 +269,7 @@ def undo_applies(
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
 ) -> RunReport:
-    """Take these applies back, finished or not: the undo of each step, the last step first. Nobody is asked.
+    """Take these applies back, finished or not: the undo of each step, the last step first. No question is asked.
 
     Args:
         applies: as `last_applies` returns them; the hosts are held meanwhile.

@@ -11,7 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Sources
 
 
 class StopSignal(Protocol):
-    """Says whether somebody wants the work to end."""
+    """Says whether the work is to end."""
 
     def should_stop(self) -> bool:
         """Whether the work ends at the next safe place; asked between steps and settings, so it must be quick.
@@ -31,7 +31,7 @@ class StopSignal(Protocol):
 
 
 class NeverStop:
-    """Nobody asks for an end."""
+    """No end is asked for."""
 
     def should_stop(self) -> bool:
         """Return False."""

@@ -28,7 +28,7 @@ def drift_of_hosts(
         observed: the hosts by name.
 
     Returns:
-        The drift by host name, and what the planner found. Where errors keep it from a layout, nobody knows what is
+        The drift by host name, and what the planner found. Where errors keep it from a layout, it is unknown what is
         wanted: then only what was changed on the hosts is told.
     """
     hosts, findings = desired_hosts(request, observed)

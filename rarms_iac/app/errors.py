@@ -60,7 +60,7 @@ class RequestError(ValueError):
 
 
 def bug_finding(error: BaseException) -> Diagnostic:
-    """Make the finding for an exception that nobody foresaw.
+    """Make the finding for an unforeseen exception.
 
     Args:
         error: the exception; the first 300 characters of its text are shown.

@@ -61,7 +61,7 @@ class Explanation:
     group: Group
     host: Host
     placed: PlacedPartition  # without a reserve, where that cannot be told
-    no_host_because: str  # why no host can have it, whatever else is there; empty: one can
+    no_host_because: str  # why no host can have it, even alone; empty: one can
     wanted: LogicalProcessors | None  # before rounding; None: nothing says how much
     fixed_by: str  # who fixes the reserve in the manifest; empty: it rests on the data log, or there is none
     measured: DataLogSummary | None

@@ -71,14 +71,14 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         return
     inconclusive = sorted({at for apt in explanation.curves for at in apt.curve.inconclusive if at <= less})
     if less in inconclusive:
-        yield f"{less} %, one less: it was measured and gave no verdict, so nobody knows whether it is enough"
+        yield f"{less} %, one less: it was measured and gave no verdict, so it is unknown whether it is enough"
     elif inconclusive:
         yield (
             f"{less} %, one less: not measured; lower settings gave no verdict ({_list_reserves(inconclusive)}), "
-            "so nobody knows whether it is enough"
+            "so it is unknown whether it is enough"
         )
     else:
-        yield f"{less} %, one less: nothing so low was measured, so nobody knows whether it is enough"
+        yield f"{less} %, one less: nothing so low was measured, so it is unknown whether it is enough"
 
 
 def _why_not_measured(explanation: Explanation) -> str:
@@ -88,7 +88,7 @@ def _why_not_measured(explanation: Explanation) -> str:
         return _measured_beside_fixed(explanation, explanation.beside_fixed)
     if explanation.fixed_by:
         met = (
-            "nobody knows whether its APT is met"
+            "it is unknown whether its APT is met"
             if any(member.apt for member in explanation.group.members)
             else "no APT asks"
         )
@@ -216,8 +216,8 @@ def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[W
         iter(["none: only partitions have one; `keep_for_host` is for all that runs outside", *kept_for_hosts]),
     )
     yield "rounding", iter(["none: nothing is reserved"])
-    yield "partition", iter(["none: it is combined with nobody"])
-    yield "host", iter([f"wherever it is started: {hosts}"])
+    yield "partition", iter(["none: it is combined with no other"])
+    yield "host", iter([f"where it is started: {hosts}"])
     yield "limit and weight", iter(["none: both are of partitions", task])
     yield "rejected", iter(["nothing: nothing is placed, combined or measured"])
 

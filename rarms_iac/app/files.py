@@ -38,7 +38,7 @@ def read_input_file(path: str, limit: int, origin: str) -> bytes:
 def write_file(path: str, data: bytes) -> None:
     """Replace what a file holds, whole or not at all; its rights stay.
 
-    Nothing is written through a link, whoever made it; what leads to a device or a pipe (`/dev/stdout`) is written to.
+    Nothing is written through a link; what leads to a device or a pipe (`/dev/stdout`) is written to.
 
     Args:
         path: as the user gave it; its folder exists.

@@ -339,7 +339,7 @@ def owner() -> str:
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):
-        user = "somebody"
+        user = "an unknown user"
     return f"{user}@{platform.node() or 'this computer'}, process {os.getpid()}"
 
 

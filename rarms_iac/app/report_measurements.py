@@ -1,4 +1,4 @@
-"""Data logs beside the manifest -> report model. Reads no file: whoever calls hands the logs down."""
+"""Data logs beside the manifest -> report model. Reads no file: the caller hands the logs down."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

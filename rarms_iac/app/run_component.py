@@ -149,7 +149,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     Args:
         manifest: Words of `run` that name files are relative to its folder.
         request: Which of them, for how long, against what.
-        reporter: Hears of every sample; None: nobody does.
+        reporter: Hears of every sample; None: no reporter.
 
     Returns:
         The samples of each component in the order in which they ran, and a finding for each that failed.
@@ -173,7 +173,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         finding = _load_problem(name, problem.message) if of_load else _cannot_start(manifest, name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
-        finding = CANNOT_START.at(None, f"{problem}.", "Somebody ended it from outside: run it again.")
+        finding = CANNOT_START.at(None, f"{problem}.", "It was ended from outside: run it again.")
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     findings = tuple(
         finding
@@ -184,7 +184,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
 
 
 def become_component(manifest: Manifest, name: str, reporter: SampleReporter) -> NoReturn:
-    """Turn this process into a component, in its partition and task class: nobody takes samples or ends it.
+    """Turn this process into a component, in its partition and task class: no samples are taken, and it is not ended.
 
     Args:
         manifest: As of `run_components`.

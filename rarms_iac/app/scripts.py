@@ -1,4 +1,4 @@
-"""The scripts of a plan: chosen, inspected, written out, compared, and checked after somebody edited them."""
+"""The scripts of a plan: chosen, inspected, written out, compared, and checked after an edit."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -90,7 +90,7 @@ def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
     """Refuse scripts that must not be shown or written.
 
     Args:
-        scripts: of a plan, as rarms made them or somebody edited them.
+        scripts: of a plan, as rarms made them, or edited since.
 
     Raises:
         UseCaseError: one of them does not pass the inspection (failed).
@@ -191,7 +191,7 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
 
 
 def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
-    """The text of a script that somebody edited, and what is wrong with it.
+    """The text of a script that was edited, and what is wrong with it.
 
     Args:
         path: as the user gave it.

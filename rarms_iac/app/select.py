@@ -96,7 +96,7 @@ class BeyondMeasured(UseCaseError):
 
 
 FAR = 10
-"""So many times worse than the worst that was measured is no level that somebody wants."""
+"""So many times worse than the worst that was measured is no level that a user wants."""
 
 
 def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> Wording:

@@ -1,4 +1,4 @@
-"""Somebody else at a simulated host: changes a partition there as a person with Hyper-V's own tools would."""
+"""Another tool at a simulated host: changes a partition there as a person with Hyper-V's own tools would."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from rarms_iac.providers.interface import StepwiseHost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntruderChange:
-    """What somebody else does to a partition; nothing is written into marks or journal."""
+    """What another tool does to a partition; nothing is written into marks or journal."""
 
     event: Literal["change"] = argument()
     partition: str = argument()

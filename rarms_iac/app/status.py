@@ -45,7 +45,7 @@ class PartitionStatus:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether rarms stopped it, and nobody started it since."""
+        """Whether rarms stopped it, and it was not started since."""
         return self.stopped_by is not StoppedBy.NO_USER and not self.running
 
 
@@ -196,7 +196,7 @@ def _measured_groups(system: System) -> Iterator[tuple[str, ...]]:
 
 
 def _observe_alone(hosts: Hosts, name: str) -> State:
-    """Look at this host and no other, so that one that is out of reach keeps nobody from the rest."""
+    """Look at this host and no other, so that one that is out of reach does not hide the rest."""
     snapshot = hosts.snapshots.hosts.get(name)
     state = snapshot.state if snapshot else observe_host(hosts.open(name))
     if state.facts.rights is not Rights.PROVEN:

@@ -22,7 +22,7 @@ from rarms_iac.storage.codec import NotDecodable
 
 HOSTS = ".rarms/hosts"
 SIGNED = ".rarms/signed"
-"""Scripts of this manifest's plans as somebody signed them, by their names."""
+"""Scripts of this manifest's plans as they were signed, by their names."""
 
 
 def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
@@ -115,7 +115,7 @@ def open_measuring_host(system: System, name: str, folder: str, state_path: str)
             named = {name: request.guest.credential for name, request in system.partitions.items()}
             credentials = {name: credential for name, credential in named.items() if credential}
             if not credentials and not (isinstance(host.settings, HypervHost) and host.settings.credential):
-                return None  # nobody says how guests are entered
+                return None  # it is not said how guests are entered
             return HypervMeasuringHost(
                 host, transport_to(host), Path(folder) / SIGNED, Path(folder).resolve(), credentials
             )
@@ -233,7 +233,8 @@ def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
         folder: the folder of a manifest. Journals say all that is needed, so the manifest is not read.
 
     Returns:
-        The hosts, in the order of their files. Journals that cannot be read are passed over: whoever names such a host
+        The hosts, in the order of their files. Journals that cannot be read are passed over: a command that names such
+        a host
             gets the finding of the damage.
     """
     from rarms_iac.providers.journaled import LocalFiles, journal_in
@@ -243,7 +244,7 @@ def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
         try:
             journal = journal_in(LocalFiles().content(path), path)
         except (Damaged, NotDecodable, OSError):
-            continue  # whoever names the host gets the finding of the damage
+            continue  # a command that names the host gets the finding of the damage
         if journal is not None and journal.unfinished:
             part = journal.started.host_plan
             found.append(open_host(part.host, folder, part.state_path))
@@ -251,7 +252,7 @@ def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
 
 
 def _below(path: str, folder: str) -> str:
-    """The path as seen from the folder, so that it is the same from wherever rarms is started."""
+    """The path as seen from the folder, so that it is the same from any folder."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # another drive

@@ -76,7 +76,7 @@ class Channel:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._process.poll() is None:
-            self._kill()  # and whatever it started: what lives on would hold the pipes
+            self._kill()  # and all that it started: what lives on would hold the pipes
         self.close()
         self._process.wait()
         for thread in self._threads:
@@ -150,13 +150,13 @@ class Channel:
 if sys.platform == "win32":
 
     def _start(words: Sequence[str]) -> "tuple[subprocess.Popen[bytes], Callable[[], None]]":
-        """In a job object, which ends whatever it started; it does not end with rarms, as a script must not."""
+        """In a job object, which ends all that it started; it does not end with rarms, as a script must not."""
         import win32job
 
         group = subprocess.CREATE_NEW_PROCESS_GROUP
         process = subprocess.Popen(words, stdin=PIPE, stdout=PIPE, stderr=PIPE, creationflags=group)
         job = win32job.CreateJobObject(None, "")
-        win32job.AssignProcessToJobObject(job, int(process._handle))  # noqa: SLF001 - nobody else has it
+        win32job.AssignProcessToJobObject(job, int(process._handle))  # noqa: SLF001 - no other object has it
         return process, lambda: win32job.TerminateJobObject(job, 1)
 
 else:

@@ -1,4 +1,4 @@
-"""The interface of hosts, whatever enforces their reservations."""
+"""The interface of hosts, for every provider."""
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
@@ -276,7 +276,7 @@ class ScriptedHost(Protocol):
             The run, as the host's own journal has it.
 
         Raises:
-            HostDamaged: it cannot be read, or belongs to somebody whom nobody should believe.
+            HostDamaged: it cannot be read, or belongs to an account that must not be believed.
             HostError: the host cannot be reached or read.
         """
         ...
@@ -301,7 +301,7 @@ class ScriptedHost(Protocol):
             abandoning: whether the script only closes its unfinished run.
 
         Returns:
-            The exit code, or why nobody heard the end.
+            The exit code, or why the end was not heard.
 
         Raises:
             HostError: the host cannot be reached or runs no scripts; nothing happened.

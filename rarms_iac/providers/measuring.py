@@ -59,8 +59,8 @@ class RunningWork(Protocol):
         """Yield a component's name and the sample of a job of it, in the order in which the jobs ended.
 
         It ends when every component had its `until`, and `least_ms` have passed; a component that has enough goes on
-        meanwhile, so that the others see it. Whoever has seen enough before stops asking. Called once; each step waits
-        for the next job.
+        meanwhile, so that the others see it. A caller that has seen enough before stops asking. Called once; each step
+        waits for the next job.
 
         Raises:
             HostError: it cannot go on.
@@ -114,7 +114,7 @@ class WorkHost(Protocol):
 
     What is measured must hold in service, where nothing but the reservation is promised. So P1 gets exactly CR as soon
     as it asks for more: P2 reserves all that the host's processors have, less CR and less what machines of others
-    reserve, what is kept for the host included, and has the highest weight for what is claimed by nobody
+    reserve, what is kept for the host included, and has the highest weight for what is not claimed
     (`model.measurement.CONFINEMENT`, a part of each log's identity). Both are set by ordinary operations. A provider
     keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the same about
     otherwise, and change that part for its logs.
@@ -158,7 +158,7 @@ class WorkHost(Protocol):
         ...
 
     def run(self, work: Work) -> AbstractContextManager[RunningWork]:
-        """Have all of it running while the context lasts; when it ends, whatever still runs of it is ended.
+        """Have all of it running while the context lasts; when it ends, what still runs of it is ended.
 
         Args:
             work: Its partitions are there and run; nothing is made for it here. At most one work runs at a time, and

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 Content: TypeAlias = Union["Text", str]
-"""Text of one style, or of several; a `str` is made harmless wherever it is shown."""
+"""Text of one style, or of several; a `str` is made harmless where it is shown."""
 
 _MANIFEST = ContextVar("manifest", default="")
 """What recommended commands end with while something is rendered: ` -f cell`."""

@@ -161,7 +161,7 @@ def _check(facts: GuideFacts) -> Iterator[str]:
     yield "## Afterwards"
     yield ""
     yield f"Run it under its usual load and compare with: {'; '.join(facts.apt) or 'what you expect'}."
-    yield "Write down what was set and when; whatever changes its program, memory, processors or task class asks for"
+    yield "Write down what was set and when; all that changes its program, memory, processors or task class asks for"
     yield "measuring again."
 
 

@@ -122,7 +122,7 @@ def _totals(outcome: MeasureOutcome) -> Iterator[str]:
     if False in extremes:
         footnotes.append(f"each of these is {describe_error()} (docs/measuring.md)")
     if True in extremes:
-        footnotes.append("a maximum or minimum is met so far")  # nobody can say how often that is wrong
+        footnotes.append("a maximum or minimum is met so far")  # how often that is wrong is unknown
     if footnotes:
         yield f"{'; '.join(footnotes).capitalize()}."
 

@@ -119,7 +119,7 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
         )
     for name in part.stopped:
         yield paragraph(
-            prose(f"partition/{name} stays stopped, as somebody asked for. ", command("start", name), " starts it."),
+            prose(f"partition/{name} stays stopped, as asked for. ", command("start", name), " starts it."),
             indent=2,
         )
     yield from _not_undone(part)
@@ -228,7 +228,7 @@ def _note(change: Change, part: HostPlan) -> str:
 
 
 def _left_stopped(change: Change) -> str:
-    """Why a partition starts that nobody named."""
+    """Why a partition starts that was not named."""
     match change:
         case Update(before=Partition(mark=Mark(stopped_by=StoppedBy.MEASUREMENT))):
             return "a measurement stopped it and did not start it again"

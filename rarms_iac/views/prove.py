@@ -40,7 +40,7 @@ def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
-    """`met`; of a maximum or minimum `met so far`, since nobody can say what the next job does."""
+    """`met`; of a maximum or minimum `met so far`, since the next job may do worse."""
     return "met so far" if index.is_extreme and verdict == "met" else verdict
 
 

@@ -103,7 +103,7 @@ def failure_comment(manifest: str, findings: Sequence[Diagnostic]) -> str:
     return "\n\n".join([marker(manifest), head, *finding_parts(in_repository(findings))]) + "\n"
 
 
-_STAYS_OFF = "and stays off until somebody starts it"
+_STAYS_OFF = "and stays off until it is started"
 
 
 def _downtimes(part: HostPlan) -> Iterator[tuple[str, str]]:
@@ -190,7 +190,7 @@ def _place(change: Change, part: HostPlan) -> str:
 
 
 def _lower_settings(change: Change) -> Iterator[tuple[str, str, str]]:
-    """What a partition is promised less of; a weight promises nothing, it only shares out what nobody reserved."""
+    """What a partition is promised less of; a weight promises nothing, it only shares out what is not reserved."""
     old, new = _settings_of(change) or (None, None)
     if old is None or new is None:
         return

@@ -58,7 +58,7 @@ class _PartitionProgress:
 
     name: str
     described: str  # with its components
-    total: int  # steps; 0: nobody said how many
+    total: int  # steps; 0: unknown
     since: float = 0.0
     took: float = 0.0  # seconds in its steps
     done: int = 0
@@ -165,7 +165,7 @@ class RunProgress(RunReporter):
             self._end(partition)
 
     def host_output(self, host: str, line: str) -> None:
-        """Show it apart from the partitions, without whatever would move the cursor."""
+        """Show it apart from the partitions, without what would move the cursor."""
         text = f"  {host} says: {visible(line[:LONGEST], keep='')}"
         if self._live is not None:
             self._live.console.print(text, markup=False)

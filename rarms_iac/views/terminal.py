@@ -34,9 +34,9 @@ class Terminal:
     colour: bool = False  # on standard output
     talk_colour: bool = False  # on standard error
     lively: bool = False  # standard error is a terminal: lines may be written over
-    answers: bool = False  # somebody can be asked
+    answers: bool = False  # a user can be asked
     width: int = DEFAULT_WIDTH
-    piped: bool = False  # nobody looks at standard output: its lines stay whole, however long
+    piped: bool = False  # standard output is no terminal: its lines stay whole, however long
     talk_piped: bool = False  # the same of standard error
     debug: bool = False
     answered: bool = False  # data was written
@@ -149,7 +149,7 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
 
 
 def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
-    """Columns of a terminal or as `COLUMNS` says, within reason; 80 where nobody looks."""
+    """Columns of a terminal or as `COLUMNS` says, within reason; 80 elsewhere."""
     if not _has_width(out, environment):
         return DEFAULT_WIDTH
     return max(NARROWEST, min(shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns, WIDEST))
@@ -160,7 +160,7 @@ def _has_width(stream: TextIO, environment: Mapping[str, str]) -> bool:
 
 
 def no_stream() -> TextIO:
-    """A stream for a process that was started without one (`>&-`): what is written there reaches nobody."""
+    """A stream for a process that was started without one (`>&-`): what is written there is lost."""
     return Path(os.devnull).open("w", encoding="utf-8")
 
 

@@ -21,7 +21,7 @@ function Invoke-Run {
         Open-Run
         Complete-Run
     } catch {
-        # An event is given to the pipeline here, where it cannot end up in somebody's variable.
+        # An event is given to the pipeline here, where it cannot end up in a caller's variable.
         $detail = [string] $_.Exception.Message
         if ($script:Refusal) {
             Write-RunEvent -Kind $script:Refusal -Step $script:Current -Status 'refused' -Detail $detail
@@ -167,7 +167,7 @@ function Invoke-Step {
         return
     }
     if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
-        # Whoever made that file beside the script wants it to end before the next step.
+        # The maker of that file beside the script wants it to end before the next step.
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
         exit 1
     }
@@ -210,13 +210,13 @@ function Invoke-Step {
 }
 
 function Test-Wanted {
-    # What -WhatIf or whoever sits at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
     param([string] $Address, [string] $Action)
     if ($AsJson -and $WhatIfPreference) { return $false }
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and nobody can answer here: run the script in a console, or without -Confirm'
+        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
     }
 }
 

@@ -1,4 +1,4 @@
-"""After levels were chosen: where they need more than there is, components are combined, if somebody wants it.
+"""After levels were chosen: where they need more than there is, components are combined, if the user wants it.
 
 Begin at `combine_if_wanted`. `combining_offer` says what is needed, what there is, and what would probably be needed.
 """
@@ -19,7 +19,7 @@ from rarms_iac.planner.combining.questions import expected
 from rarms_iac.planner.findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
 
 NO_SUBJECT = {finding.code for finding in (UNMEASURED, STALE, NOT_MET, PLATFORMS)}
-"""Codes of findings with which there is nothing to combine yet; whoever plans or tunes is told of them."""
+"""Codes of findings with which there is nothing to combine yet; `plan` and `tune` tell of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +50,8 @@ class CombiningPrompt(TuningPrompt, Protocol):
 class CombiningOutcome:
     """What came of the offer."""
 
-    result: TuningResult | None = None  # None: nothing had to be combined, or nobody wanted to
-    ended: bool = False  # somebody asked for an end at a question
+    result: TuningResult | None = None  # None: nothing had to be combined, or the user declined
+    ended: bool = False  # the user asked for an end at a question
 
 
 def combine_if_wanted(

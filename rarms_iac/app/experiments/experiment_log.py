@@ -50,7 +50,7 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
         The log with what changed since; empty where there is no file.
 
     Raises:
-        UseCaseError: It is damaged (negative); nobody replaces it unasked, as it may be all that there is.
+        UseCaseError: It is damaged (negative); it is not replaced unasked, as it may be all that there is.
     """
     path, header = data_log_path(session.hosts, experiment), _header(session, experiment)
     with log_errors():

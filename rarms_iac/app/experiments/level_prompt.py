@@ -1,4 +1,4 @@
-"""The use scenario of the paper: somebody picks a level of performance from a curve, sees what follows, refines it."""
+"""The use scenario of the paper: the user picks a level of performance from a curve, sees what follows, refines it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,11 +18,11 @@ from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
 class SessionEnded(Exception):
-    """Somebody asked for an end at a question; what was measured and written stays."""
+    """The user asked for an end at a question; what was measured and written stays."""
 
 
 class LevelPrompt(Protocol):
-    """Asks somebody for the level of performance that is good enough; on a terminal, or on a page.
+    """Asks the user for the level of performance that is good enough; on a terminal, or on a page.
 
     Every method that asks may raise `SessionEnded`.
     """
@@ -112,7 +112,7 @@ def ask_levels(
         measure: Measures these settings; none: searches what the manifest then asks for.
 
     Raises:
-        SessionEnded: Somebody asked for an end.
+        SessionEnded: an end was asked for.
 
     Returns:
         The result beside the thresholds that the manifest has then; what was searched for others is left out.
@@ -148,7 +148,7 @@ def _extended(
     prompt: LevelPrompt,
     measure: Callable[[tuple[int, ...]], ExperimentResult],
 ) -> ExperimentResult | None:
-    """What higher settings came to, where the level needs them and somebody wants them; else None."""
+    """What higher settings came to, where the level needs them and the user wants them; else None."""
     if not isinstance(problem, BeyondMeasured) or not prompt.extends(problem):
         return None
     try:

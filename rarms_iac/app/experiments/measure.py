@@ -51,11 +51,11 @@ class MeasureOutcome:
     not_begun: tuple[Experiment, ...] = ()
     totals: Mapping[str, HostTotals] = field(default_factory=dict)  # by host that was measured on, as a plan has them
     fixed_lp: Mapping[str, Fraction] = field(default_factory=dict)  # by host: LPs of it that the manifest itself fixes
-    ended: Internal[bool] = False  # somebody asked for an end at a question
+    ended: Internal[bool] = False  # the user asked for an end at a question
 
     @property
     def stopped(self) -> bool:
-        """Whether somebody asked for an end."""
+        """Whether an end was asked for."""
         return any(isinstance(result.conclusion, Stopped) for result in self.experiments)
 
 

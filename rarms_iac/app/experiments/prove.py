@@ -67,7 +67,7 @@ class ProveOutcome:
     proofs: tuple[LayoutProof, ...]  # a host each
     findings: tuple[Diagnostic, ...]  # thresholds that are not shown to be met
     not_proven: tuple[str, ...] = ()  # partitions on hosts that cannot run components
-    stopped: Internal[bool] = False  # somebody asked for an end: nothing is proven
+    stopped: Internal[bool] = False  # an end was asked for: nothing is proven
 
     @property
     @output
@@ -88,7 +88,7 @@ def prove_layout(
 ) -> ProveOutcome:
     """Run all components together where they are applied, and judge every index beside its threshold.
 
-    What they show is written into the configuration logs, whatever came of it.
+    What they show is written into the configuration logs, with any result.
 
     Args:
         hosts: Those that can run components are held meanwhile.
@@ -133,7 +133,7 @@ def prove_layout(
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
-    """Write every PI beside its APT into the configuration logs, whatever came of it."""
+    """Write every PI beside its APT into the configuration logs, with any result."""
     for proof in proofs:
         application = proof.layout.application
         reserves = {

@@ -1,6 +1,6 @@
 """Partitions of the application are stopped while it is measured where they run, and started again afterwards.
 
-They are stopped and started by plans like any other, under the lock of whoever measures. Their marks say that a
+They are stopped and started by plans like any other, under the lock of the measurement. Their marks say that a
 measurement stopped them, so that after a kill the next `measure`, `start` or `apply` starts them.
 """
 
@@ -167,5 +167,5 @@ def _run(hosts: Hosts, host: MeasuringHost, purpose: Purpose, names: tuple[str, 
 
 
 def _never() -> bool:
-    """All of it is done: partitions that are stopped half-way help nobody."""
+    """All of it is done: partitions that are stopped half-way are of no use."""
     return False

@@ -1,4 +1,4 @@
-"""The search of `rarms tune`: a strategy asks for settings until it has an answer, or somebody stops it."""
+"""The search of `rarms tune`: a strategy asks for settings until it has an answer, or is stopped."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -57,7 +57,7 @@ class TuningConclusion:
 def search_combinations(
     subject: TuningSubject, inquiry: Inquiry, strategy: TuningStrategy, *, repeat: bool
 ) -> TuningConclusion:
-    """Ask for settings by this strategy, until there is an answer or somebody asks for an end.
+    """Ask for settings by this strategy, until there is an answer or an end is asked for.
 
     Args:
         subject: What is tuned.
@@ -85,7 +85,7 @@ def search_combinations(
 
 
 class _TrailReporter:
-    """A reporter that collects the answers, also when somebody asks for an end, and passes all on to another."""
+    """A reporter that collects the answers, also when an end is asked for, and passes all on to another."""
 
     def __init__(self, reporter: PlannerReporter, trail: list[Answer]) -> None:
         self._reporter = reporter

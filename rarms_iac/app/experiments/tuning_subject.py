@@ -272,7 +272,7 @@ class Experiments:
 
         Raises:
             Unanswered: Too many samples failed.
-            TuningStopped: Somebody asked for an end.
+            TuningStopped: an end was asked for.
             UseCaseError: The host is busy (refused), or there is nothing to run (negative).
             HostError: The host did not do what was asked.
         """

@@ -143,7 +143,7 @@ def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDe
 def out_of_range(settings: PartitionSettings) -> str:
     """Describe the first setting that no control group can have; empty where all are possible.
 
-    NOTE: a limit below the reserve is possible. Somebody may have written it by hand, and the undo of its repair does.
+    NOTE: a limit below the reserve is possible. It may have been written by hand, and the undo of its repair does.
     """
     if not 0 < len(settings.name) <= LONGEST_NAME or "/" in settings.name or settings.name in {".", ".."}:
         return f"a partition's name has 1 to {LONGEST_NAME} characters and no slash"

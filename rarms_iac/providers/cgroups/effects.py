@@ -36,7 +36,7 @@ class LinuxEffects(Protocol):
     """A Linux host. What raises OSError passes on the answer of its kernel; paths are those of the host."""
 
     def look(self) -> None:
-        """See the host as it is now, whatever was seen before."""
+        """See the host as it is now, not as it was seen before."""
 
     def content(self, path: Path) -> bytes | None:
         """Return the bytes of a file that rarms keeps; None: there is none. Raises OSError."""
@@ -54,7 +54,7 @@ class LinuxEffects(Protocol):
         """Return whether groups can be made in a folder."""
 
     def is_private(self, folder: Path) -> bool:
-        """Return whether nobody but root may write to a folder that is there."""
+        """Return whether only root may write to a folder that is there."""
 
     def folders(self, folder: Path) -> tuple[str, ...]:
         """Return the names of the folders in a folder, sorted; none where it is not there."""

@@ -178,7 +178,7 @@ class GroupTree(ABC):
 
         Args:
             name: of the group.
-            percent: of each processor; its processes get no more, also where nobody else wants it.
+            percent: of each processor; its processes get no more, also where the rest is idle.
 
         Raises:
             OSError: other groups have budgets that leave too little.

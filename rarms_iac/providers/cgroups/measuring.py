@@ -162,7 +162,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             raise HostRefused(
                 self.name,
                 message,
-                prose("Somebody changed cpuset.cpus of its group: ", PLAN, " shows it, ", APPLY, " takes it back."),
+                prose("cpuset.cpus of its group was changed by hand: ", PLAN, " shows it, ", APPLY, " takes it back."),
             )
         return deadline_words(values.shares_percent, part.deadline_period_us)
 

@@ -163,7 +163,7 @@ class LinuxHostProvider(JournaledHost):
                 self._effects.commit()
 
     def _look_unless_held(self) -> None:
-        """See the host anew where it may have changed: between the batches of a run nobody else changes it."""
+        """See the host anew where it may have changed: between the batches of a run no other run changes it."""
         if not self._is_held:
             self._refresh()
 
@@ -327,7 +327,7 @@ class LinuxHostProvider(JournaledHost):
     def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
         """Change the settings of a running partition: the kernel first, then the definition.
 
-        The kernel's values may differ from `before`, where somebody changed them by hand and the plan takes that back.
+        The kernel's values may differ from `before`, where they were changed by hand and the plan takes that back.
         """
         self._save(replace(before, changing=True))
         try:
@@ -425,7 +425,7 @@ class LinuxHostProvider(JournaledHost):
     def _foreign(
         self, running: dict[str, RunningGroup], definitions: list[GroupDefinition]
     ) -> Iterator[GroupDefinition]:
-        """Yield the groups below the slice that somebody else made, as unmanaged partitions."""
+        """Yield the groups below the slice that other tools made, as unmanaged partitions."""
         known = {definition.group for definition in definitions if definition.boot in {"", self.machine.boot}}
         for name, group in running.items():
             if name not in known:

@@ -57,7 +57,7 @@ def condition_of(observation: HostObservation) -> HostCondition:
 
 
 def _role(observation: HostObservation) -> bool | None:
-    """Without the role Windows has no such namespace (windows.md 5); None: nobody could ask."""
+    """Without the role Windows has no such namespace (windows.md 5); None: it could not be asked."""
     if isinstance(observation.host_visible, ReadProbe):
         return True
     return False if NO_NAMESPACE in observation.host_visible.error.lower() else None

@@ -26,7 +26,7 @@ class JournalDamaged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalPlanted:
-    """It belongs to somebody who must not tell an administrator what to do."""
+    """It belongs to an account that must not tell an administrator what to do."""
 
     owner: str
 

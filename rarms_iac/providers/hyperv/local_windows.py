@@ -33,7 +33,7 @@ from rarms_iac.storage.reading import read_file
 assert sys.platform == "win32"
 
 with warnings.catch_warnings():
-    # Its texts hold what Python 3.12 warns of wherever it compiles them first.
+    # Its texts hold what Python 3.12 warns of where it compiles them first.
     warnings.simplefilter("ignore", SyntaxWarning)
     import wmi
 
@@ -155,7 +155,7 @@ class ThisWindows:
         return owner, text
 
     def is_script_running(self) -> bool:
-        """See the protocol: the mutex is taken for no longer than it takes to see that nobody has it."""
+        """See the protocol: the mutex is taken for no longer than it takes to see that it is free."""
         try:
             mutex = win32event.OpenMutex(MUTEX_ALL_ACCESS, False, MUTEX)
         except pywintypes.error as problem:

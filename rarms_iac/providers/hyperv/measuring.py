@@ -207,7 +207,7 @@ class HypervMeasuringHost(LiveHypervHost):
             silence_s: how many seconds it may say nothing.
 
         Returns:
-            A line of its output, whatever it is.
+            Any line of its output.
 
         Raises:
             HostRefused: the script refused to go on.

@@ -275,7 +275,7 @@ def is_denied(probe: Probe[Any]) -> bool:
 
 
 def document_of(data: bytes) -> Json:
-    """The JSON of a file, whichever PowerShell wrote it, and whatever else that said: the document is one line.
+    """The JSON of a file, from any PowerShell, with anything else that it said: the document is one line.
 
     Raises:
         NotDecodable: it is no JSON, or too large.
@@ -291,7 +291,7 @@ def document_of(data: bytes) -> Json:
 
 
 def is_observation(document: Json) -> bool:
-    """Whether it says that it came from `observe.ps1`, of whatever version."""
+    """Whether it says that it came from `observe.ps1`, of any version."""
     return isinstance(document, dict) and str(document.get("format", "")).startswith("rarms-observation/")
 
 

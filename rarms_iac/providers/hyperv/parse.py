@@ -71,7 +71,7 @@ _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {kind.value: kind 
 
 
 def to_state(observation: HostObservation, name: str) -> State:
-    """The host that the manifest calls `name`: without proven rights no machines, whatever a list has (windows.md 5).
+    """The host that the manifest calls `name`: without proven rights no machines (windows.md 5).
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
@@ -248,7 +248,7 @@ def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
 
 
 def run_state(state: str) -> RunState:
-    """The state of a machine by Hyper-V's name for it (windows.md 3): whatever is on its way somewhere is busy."""
+    """The state of a machine by Hyper-V's name for it (windows.md 3): what is on its way to another state is busy."""
     if state.endswith("Critical"):
         return RunState.CRITICAL
     return _AT_REST.get(state, RunState.BUSY)

@@ -109,7 +109,7 @@ class LiveHypervHost:
     def _run(
         self, script: ScriptBundle, arguments: tuple[str, ...], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """Run the files, each as somebody signed it, where its signed copy says the same to the byte."""
+        """Run the files, each as it was signed, where its signed copy says the same to the byte."""
         return self._transport.run(self._as_signed(script), arguments, silence_s, listener)
 
     def _as_signed(self, script: ScriptBundle) -> ScriptBundle:
@@ -174,7 +174,7 @@ class LiveHypervHost:
 
 
 def open_hyperv(host: Host, signed: Path) -> LiveHypervHost:
-    """The host that this describes: over ssh, or this computer; with the folder of what somebody signed for it."""
+    """The host that this describes: over ssh, or this computer; with the folder of what was signed for it."""
     return LiveHypervHost(host, transport_to(host), signed)
 
 
@@ -201,7 +201,7 @@ class _Events:
 
 
 class _Document:
-    """The one line that is a document; whatever stands around it is noise of the host."""
+    """The one line that is a document; what stands around it is noise of the host."""
 
     def __init__(self) -> None:
         self.text = ""

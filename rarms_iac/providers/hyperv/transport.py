@@ -37,7 +37,7 @@ from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited
 
 STOPPING_SECONDS = 120.0  # for a script to remove what it made
 OURS_ONLY = "D:P(A;OICI;FA;;;OW)(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
-"""Nobody but the owner, Administrators and SYSTEM, wherever `TEMP` points."""
+"""Only the owner, Administrators and SYSTEM, at any place that `TEMP` names."""
 
 
 class Listener(Protocol):

@@ -159,7 +159,7 @@ def read_processors(source: WmiSource) -> Json:
 def read_numa_nodes(source: WmiSource) -> Json:
     r"""The host's nodes, `Microsoft:PhysicalNode\0` and so on; a block of memory is 1 MiB.
 
-    WMI's pages name no total of a node's memory: 0 stands for not known, and nobody goes by it.
+    WMI's pages name no total of a node's memory: 0 stands for not known, and no rule goes by it.
     """
     return [
         {

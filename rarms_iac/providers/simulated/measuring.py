@@ -48,7 +48,7 @@ MEBIBYTE = 2**20
 
 
 class NoDemand(ValueError):
-    """The component has no `simulation`, so nobody knows what it asks of a simulated host."""
+    """The component has no `simulation`, so it is unknown what it asks of a simulated host."""
 
     def __init__(self, component: str) -> None:
         super().__init__(f"{component} has no `simulation`: say there what a job demands on a simulated host")

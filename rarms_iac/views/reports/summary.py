@@ -90,7 +90,7 @@ def verdict_of(curve: IndexCurve, reserve: int | None) -> str:
 
 
 def error_text(point: MeasuredPoint) -> str:
-    """How probably the verdict is wrong, as the end of a sentence; nothing where nobody says."""
+    """How probably the verdict is wrong, as the end of a sentence; nothing where that is unknown."""
     return "" if point.error is None else f" ({describe_error(point.error)})"
 
 

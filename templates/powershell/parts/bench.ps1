@@ -56,7 +56,7 @@ function Add-TestMachine {
 }
 
 function Clear-TestPartition {
-    # Removes every test partition with its disk, whoever made it: who holds this computer knows that nobody measures.
+    # Removes every test partition with its disk, made by any run: who holds this computer knows that no run measures.
     param([switch] $Tell)
     foreach ($vm in @(Hyper-V\Get-VM)) {
         $mark = Get-Mark -Vm $vm

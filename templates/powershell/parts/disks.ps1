@@ -13,7 +13,7 @@ function Read-Disk {
 }
 
 function Read-MadePartition {
-    # As Read-NewPartition, and what somebody gave the machine since: an undo must not take it away with that.
+    # As Read-NewPartition, and what the machine was given since: an undo must not take it away with that.
     param([string] $Name, [string] $Disk = '')
     $live = Read-NewPartition -Name $Name
     if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }

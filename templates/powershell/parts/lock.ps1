@@ -9,10 +9,10 @@ $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'an unknown user' }
     $held = $false
     try {
         $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
@@ -21,7 +21,7 @@ function Enter-Host {
         $held = $true
         Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
     } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets nobody else open it, so it is alive.
+        # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
     if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
@@ -54,7 +54,7 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
+    # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {

@@ -35,7 +35,7 @@ function Get-PendingName {
 }
 
 function Test-Stranger {
-    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    # Whether a machine of this name is foreign: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
         if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }

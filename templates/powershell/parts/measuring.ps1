@@ -51,7 +51,7 @@ function Invoke-Measuring {
 }
 
 function Clear-Bench {
-    # Whoever listened may be gone: nothing is written here. A guest that is lost does not keep its partition.
+    # The listener may be gone: nothing is written here. A guest that is lost does not keep its partition.
     try {
         Clear-Work
         foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }

@@ -76,7 +76,7 @@ function Get-GuestRunner {
         $clock = [System.Diagnostics.Stopwatch]::StartNew()
         $running = @()
         try {
-            # When this session is gone, whatever it started is ended: its guard waits for that.
+            # When this session is gone, all that it started is ended: its guard waits for that.
             $guard = '-NoProfile -Command Wait-Process -Id {0}; ' -f $PID
             $guard += 'Get-CimInstance Win32_Process -Filter ParentProcessId={0}' -f $PID
             # It is such a child itself, and the oldest.

@@ -1,5 +1,5 @@
 # --- part unseen: the same bytes in every script that carries it -------------------------------
-# Task classes of a guest: nobody could look into it, so that its own record decides.
+# Task classes of a guest that could not be looked into, so that its own record decides.
 
 function Read-GuestTaskClass {
     # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '4afd78feb7d4'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f194a8d5763df26e1fb0aabf33f77bd87db93bfa6f012709a4b5177f8e680a30'
+        UndoDigest = 'eb191a1689e4e4dcb24be704521821787ab1425a2ebcad84bba99dc18d7c396e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -94,7 +94,7 @@ function Invoke-Run {
         Open-Run
         Complete-Run
     } catch {
-        # An event is given to the pipeline here, where it cannot end up in somebody's variable.
+        # An event is given to the pipeline here, where it cannot end up in a caller's variable.
         $detail = [string] $_.Exception.Message
         if ($script:Refusal) {
             Write-RunEvent -Kind $script:Refusal -Step $script:Current -Status 'refused' -Detail $detail
@@ -240,7 +240,7 @@ function Invoke-Step {
         return
     }
     if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
-        # Whoever made that file beside the script wants it to end before the next step.
+        # The maker of that file beside the script wants it to end before the next step.
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
         exit 1
     }
@@ -283,13 +283,13 @@ function Invoke-Step {
 }
 
 function Test-Wanted {
-    # What -WhatIf or whoever sits at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
     param([string] $Address, [string] $Action)
     if ($AsJson -and $WhatIfPreference) { return $false }
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and nobody can answer here: run the script in a console, or without -Confirm'
+        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
     }
 }
 
@@ -390,10 +390,10 @@ $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'an unknown user' }
     $held = $false
     try {
         $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
@@ -402,7 +402,7 @@ function Enter-Host {
         $held = $true
         Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
     } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets nobody else open it, so it is alive.
+        # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
     if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
@@ -435,7 +435,7 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
+    # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {

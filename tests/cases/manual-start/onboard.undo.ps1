@@ -90,7 +90,7 @@ function Invoke-Run {
         Open-Run
         Complete-Run
     } catch {
-        # An event is given to the pipeline here, where it cannot end up in somebody's variable.
+        # An event is given to the pipeline here, where it cannot end up in a caller's variable.
         $detail = [string] $_.Exception.Message
         if ($script:Refusal) {
             Write-RunEvent -Kind $script:Refusal -Step $script:Current -Status 'refused' -Detail $detail
@@ -236,7 +236,7 @@ function Invoke-Step {
         return
     }
     if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
-        # Whoever made that file beside the script wants it to end before the next step.
+        # The maker of that file beside the script wants it to end before the next step.
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
         exit 1
     }
@@ -279,13 +279,13 @@ function Invoke-Step {
 }
 
 function Test-Wanted {
-    # What -WhatIf or whoever sits at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
     param([string] $Address, [string] $Action)
     if ($AsJson -and $WhatIfPreference) { return $false }
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and nobody can answer here: run the script in a console, or without -Confirm'
+        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
     }
 }
 
@@ -386,10 +386,10 @@ $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'an unknown user' }
     $held = $false
     try {
         $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
@@ -398,7 +398,7 @@ function Enter-Host {
         $held = $true
         Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
     } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets nobody else open it, so it is alive.
+        # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
     if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
@@ -431,7 +431,7 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
+    # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {
@@ -774,7 +774,7 @@ function Get-PendingName {
 }
 
 function Test-Stranger {
-    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    # Whether a machine of this name is foreign: it carries no mark of our application.
     param([string] $Name)
     foreach ($vm in @(Get-MachineList)) {
         if (-not [string]::Equals($vm.Name, $Name, [System.StringComparison]::Ordinal)) { continue }
@@ -849,7 +849,7 @@ function Read-Disk {
 }
 
 function Read-MadePartition {
-    # As Read-NewPartition, and what somebody gave the machine since: an undo must not take it away with that.
+    # As Read-NewPartition, and what the machine was given since: an undo must not take it away with that.
     param([string] $Name, [string] $Disk = '')
     $live = Read-NewPartition -Name $Name
     if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }

@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bd95d096e5db'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8f505d91261c2eb57af6e57ed76c6ac8b087c3ea5460c5b3648c52bc495369ed'
+        UndoDigest = 'c0fcc505cc8ade6c392b662e558f18cb72ea01cdf8667807ce178ff91c9b7d98'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -86,7 +86,7 @@ function Invoke-Run {
         Open-Run
         Complete-Run
     } catch {
-        # An event is given to the pipeline here, where it cannot end up in somebody's variable.
+        # An event is given to the pipeline here, where it cannot end up in a caller's variable.
         $detail = [string] $_.Exception.Message
         if ($script:Refusal) {
             Write-RunEvent -Kind $script:Refusal -Step $script:Current -Status 'refused' -Detail $detail
@@ -232,7 +232,7 @@ function Invoke-Step {
         return
     }
     if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
-        # Whoever made that file beside the script wants it to end before the next step.
+        # The maker of that file beside the script wants it to end before the next step.
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
         exit 1
     }
@@ -275,13 +275,13 @@ function Invoke-Step {
 }
 
 function Test-Wanted {
-    # What -WhatIf or whoever sits at the prompt says. -AsJson is for a program: no "What if" line between its events.
+    # What -WhatIf or the user at the prompt says. -AsJson is for a program: no "What if" line between its events.
     param([string] $Address, [string] $Action)
     if ($AsJson -and $WhatIfPreference) { return $false }
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and nobody can answer here: run the script in a console, or without -Confirm'
+        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
     }
 }
 
@@ -382,10 +382,10 @@ $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
 function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held. A preview waits for nobody.
+    # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'an unknown user' }
     $held = $false
     try {
         $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
@@ -394,7 +394,7 @@ function Enter-Host {
         $held = $true
         Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
     } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets nobody else open it, so it is alive.
+        # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
     if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
@@ -427,7 +427,7 @@ function Protect-Path {
 }
 
 function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do, nor lead elsewhere.
+    # A planted journal or folder must not tell an administrator what to do, nor lead elsewhere.
     param([string] $Path)
     if ($env:OS -cne 'Windows_NT') { return }
     if ([System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint) {

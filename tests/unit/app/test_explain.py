@@ -196,7 +196,7 @@ def test_what_is_fixed_by_hand_says_that_nothing_was_looked_for(here: Path) -> N
     said = steps(here, "vision")
 
     assert said["setting and verdict"] == (
-        "not measured: the reserve is fixed, and nobody knows whether its APT is met"
+        "not measured: the reserve is fixed, and it is unknown whether its APT is met"
     )
     assert "another reserve: none was looked for, as the manifest, for vision, fixes it" in said["rejected"]
     assert "sharing with others: not looked for" in said["rejected"]
@@ -226,7 +226,7 @@ def test_one_without_a_wish_and_one_outside_partitions_have_every_step(here: Pat
     assert logging["reservation"] == "none: nothing asks for one"
     assert logging["rejected"].startswith("a reserve: nothing asks for one")
     assert driver["setting and verdict"] == "not measured: driver runs on the host itself (`runs_on: host`)"
-    assert driver["partition"] == "none: it is combined with nobody"
+    assert driver["partition"] == "none: it is combined with no other"
     assert driver["host"] == "wherever it is started: onboard"
     assert "robotic task class MotionControl" in driver["limit and weight"]
     assert rarms("explain", "driver", "--guide", "-f", str(here)).code == 64
@@ -243,7 +243,7 @@ def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> 
 
     assert "measured without a verdict (no steady state, or too few answers): 61 %" in said["setting and verdict"]
     assert (
-        "61 %, one less: it was measured and gave no verdict, so nobody knows whether it is enough" in said["rejected"]
+        "61 %, one less: it was measured and gave no verdict, so it is unknown whether it is enough" in said["rejected"]
     )
     assert "nothing so low was measured" not in said["rejected"]
 

@@ -51,7 +51,7 @@ def test_what_was_stopped_is_off_without_drift_until_it_is_started() -> None:
     assert running() == ["speech"]
     planned, drifted = rarms("plan"), rarms("drift")
     assert (planned.code, drifted.code) == (0, 0)
-    assert "partition/vision stays stopped, as somebody asked for. `rarms start vision` starts it." in planned.out
+    assert "partition/vision stays stopped, as asked for. `rarms start vision` starts it." in planned.out
     assert json.loads(rarms("plan", "--json").out)["hosts"][0]["stopped"] == ["vision"]
 
     assert rarms("start", "--auto-approve").code == 0

@@ -50,11 +50,11 @@ class OperatingSystem:
         vp.thread = None
         thread.done()
         if thread.remaining <= INSTANT:
-            thread.quantum = QUANTUM_MS  # it waits now, and whoever wakes has a whole turn
+            thread.quantum = QUANTUM_MS  # it waits now, and a thread that wakes has a whole turn
         self._fill(vp)
 
     def drop(self, thread: Thread) -> None:
-        """The thread has nothing more to do, whatever it was at: its work is not wanted any more."""
+        """The thread has nothing more to do, also in the middle of a job: its work is not wanted any more."""
         vp = next((processor for processor in self.vps if processor.thread is thread), None)
         if vp is None:
             self._ready = [entry for entry in self._ready if entry[2] is not thread]

@@ -106,7 +106,7 @@ class HypervisorScheduler:
         self.changed = True
 
     def take(self, lp: LogicalProcessor, duration: float, name: str, then: Callable[[], None] | None = None) -> None:
-        """Takes the LP from whatever runs there; the VP stays and waits on it, since this is short."""
+        """Takes the LP from what runs there; the VP stays and waits on it, since this is short."""
         self.settle(lp)
         if not lp.taken:
             lp.taken_left = duration
@@ -200,7 +200,7 @@ class HypervisorScheduler:
         return vp.limit_left
 
     def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
-        """Who runs next of those that may, with its urgency: if it outranks nobody that runs, no other does."""
+        """Who runs next of those that may, with its urgency: if it outranks none that runs, no other does."""
         clock = self._clock()
         first, highest, furthest = None, NOTHING, -inf
         for vp in self._waiting:

@@ -12,7 +12,7 @@ WINDOW_MS = 100.0
 """A reserve is guaranteed over it, and unused claim is kept for it: the longest that the scheduler remembers."""
 
 QUIET_INTERRUPTS = 1.0
-"""Per cent of every LP that a machine's clock, network and disks take even when nobody asks anything of them."""
+"""Per cent of every LP that a machine's clock, network and disks take even when idle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

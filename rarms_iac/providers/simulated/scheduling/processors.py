@@ -1,6 +1,6 @@
 """The state of the model: the clock with what is to happen, threads, virtual and logical processors, and their shares.
 
-What each VP of a host is due is its reserve, and by weight a part of what nobody claims (weighted max-min fairness).
+What each VP of a host is due is its reserve, and by weight a part of what is not claimed (weighted max-min fairness).
 The weights of a multiprocessor can be infeasible: a VP runs on one LP at a time, however much it weighs. What it cannot
 use is the others' by their weights, so every weight is first lowered to what its VP can use ("weight readjustment":
 Chandra, Adler, Goyal and Shenoy, Surplus Fair Scheduling, OSDI 2000). Else, who weighs too much is owed ever more.
@@ -21,7 +21,7 @@ INSTANT = 1e-6
 
 
 class Owner:
-    """Somebody who asks for actions; raising its turn cancels the actions that it asked for before."""
+    """One that asks for actions; raising its turn cancels the actions that it asked for before."""
 
     __slots__ = ("turn",)
 
@@ -66,7 +66,7 @@ NOTHING, CLAIM, LATE = 0, 1, 2
 
 
 class Account:
-    """The processor time that somebody consumed."""
+    """The processor time that was consumed."""
 
     __slots__ = ("consumed",)
 
@@ -174,7 +174,7 @@ class VirtualProcessor(Owner):
             self.since = clock
 
     def idle(self, clock: float, window: float) -> None:
-        """Adds the claim of a VP that nobody waits for; beyond the window it lapses."""
+        """Adds the claim of a VP that does not wait; beyond the window it lapses."""
         gained = self.gain(clock)
         if self.reserve:
             self.claim = min(self.claim + gained, max(self.claim, self.reserve * window))
@@ -251,7 +251,7 @@ def usable_weights(demanding: Sequence[Entitlement], lps: int) -> list[float]:
 
     Returns:
         The weights in the same order. By these, what the reserves leave can be shared to the last bit: each VP gets
-        its reserve and weight times one and the same level, nobody passes its limit, and no LP is idle while somebody
+        its reserve and weight times one and the same level, none passes its limit, and no LP is idle while a VP
         may still run. A VP whose limit is its reserve keeps its weight: nothing is shared with it.
     """
     level = _level(demanding, lps)

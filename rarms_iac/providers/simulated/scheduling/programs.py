@@ -176,7 +176,7 @@ class Devices:
         self._turn = 0
 
     def interrupt(self, duration: float) -> None:
-        """ISRs and DPCs of this duration, spread over the LPs; nobody waits for their end."""
+        """ISRs and DPCs of this duration, spread over the LPs; no thread waits for their end."""
         pieces = max(1, ceil(duration / PIECE_MS))
         for _ in range(pieces):
             self._hypervisor.take(self._next(), duration / pieces, INTERRUPT)
