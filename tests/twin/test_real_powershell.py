@@ -245,7 +245,7 @@ def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
     ran = run(host, apply_script(prepared.plan), unanswered=True)
 
     assert ran.code == 1
-    assert "nobody can answer here" in ran.events[-1]["detail"]
+    assert "there is no console to answer at" in ran.events[-1]["detail"]
 
 
 def test_a_missing_undo_script_is_named_in_our_own_words() -> None:

@@ -227,7 +227,7 @@ def test_one_without_a_wish_and_one_outside_partitions_have_every_step(here: Pat
     assert logging["rejected"].startswith("a reserve: nothing asks for one")
     assert driver["setting and verdict"] == "not measured: driver runs on the host itself (`runs_on: host`)"
     assert driver["partition"] == "none: it is combined with no other"
-    assert driver["host"] == "wherever it is started: onboard"
+    assert driver["host"] == "where it is started: onboard"
     assert "robotic task class MotionControl" in driver["limit and weight"]
     assert rarms("explain", "driver", "--guide", "-f", str(here)).code == 64
 

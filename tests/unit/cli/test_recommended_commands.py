@@ -756,7 +756,7 @@ OTHER_TESTS = {
     "(`rarms show PLAN --script --guest {inside}": "tests/unit/cli/test_show_scripts.py",
     "yourself: `rarms prove` runs it in its own partition": "tests/twin/test_measuring.py",
     "or let `rarms destroy --remove-disks` delete": "tests/cases/destroy-with-disks",
-    "Somebody changed cpuset.cpus of its group": "tests/system/test_linux_advice.py",
+    "cpuset.cpus of its group was changed by hand": "tests/system/test_linux_advice.py",
     "This run changed nothing since": "tests/contracts/test_remote_linux.py",  # another run took the host over
     "`rarms apply` starts what is off": "tests/system/test_linux_advice.py",  # after a restart
     "{left_out} {more}: `rarms plan` shows all": "tests/system/test_pull_requests.py",
