@@ -81,7 +81,7 @@ class HostOverview:
     @property
     @output
     def free_lp(self) -> Fraction:
-        """LPs that nobody is promised."""
+        """LPs that are not promised."""
         return self.totals.free_lp if self.totals else Fraction(0)
 
     @property

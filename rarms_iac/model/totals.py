@@ -92,12 +92,12 @@ class HostTotals:
     @property
     @output
     def free_lp(self) -> Fraction:
-        """LPs that nobody is promised."""
+        """LPs that are not promised."""
         return self.capacity_lp - self.reserved_lp - self.unmanaged_lp
 
     @property
     def free_memory(self) -> int:
-        """Bytes that nobody is promised."""
+        """Bytes that are not promised."""
         return self.memory - self.kept_memory - self.promised.memory - self.promised.others_memory
 
 
@@ -106,7 +106,7 @@ def host_totals(host: Host, facts: HostFacts | None, promised: Totals) -> HostTo
 
     Args:
         host: of the manifest.
-        facts: what was observed of it; None: nobody looked.
+        facts: what was observed of it; None: not looked at.
         promised: as `totals_of` adds it up.
 
     Returns:
