@@ -64,7 +64,7 @@ class Problem:
     system: System
     groups: tuple[Group, ...]
     reservations: ReservationSource
-    sizes: Mapping[str, Mapping[str, PlacedPartition]]  # by partition, then host: where it may run
+    sizes: Mapping[str, Mapping[str, PlacedPartition]]  # by partition, then host; hosts that are alike share one value
     claims: Mapping[str, Mapping[str, Claim]]  # likewise
     blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
     contradictions: tuple[Cause, ...]
@@ -72,6 +72,18 @@ class Problem:
     bins: tuple[Bin, ...]
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
     views: Mapping[str, HostView]
+
+    def placed(self, partition: str, host: str) -> PlacedPartition:
+        """Return the partition on this host, on which it may run.
+
+        Args:
+            partition: its name.
+            host: one of those in its `sizes`.
+
+        Returns:
+            What it gets there.
+        """
+        return replace(self.sizes[partition][host], host=host)
 
 
 def problem_of(
@@ -99,7 +111,7 @@ def problem_of(
     for group in groups:
         kinds = alike_in_logs if rests_on_a_log(group) else alike
         sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, views)
-    claims = {name: {host: placed.claim for host, placed in of.items()} for name, of in sizes.items()}
+    claims = {name: _claims(of) for name, of in sizes.items()}
     return Problem(
         system=system,
         groups=groups,
@@ -164,9 +176,15 @@ def _sizes(
             causes[answer] = None
             continue
         for host in allowed:
-            sharing = views.get(host.name, HostView()).sharing(group.name)
-            found[host.name] = replace(answer, host=host.name, sharing=sharing)
+            sharing = views[host.name].sharing(group.name) if host.name in views else answer.sharing
+            found[host.name] = answer if sharing == answer.sharing else replace(answer, sharing=sharing)
     return dict(sorted(found.items())), tuple(causes)
+
+
+def _claims(sizes: Mapping[str, PlacedPartition]) -> Mapping[str, Claim]:
+    """What it claims on each host, worked out once for hosts that share a size."""
+    known = {id(placed): placed.claim for placed in {id(placed): placed for placed in sizes.values()}.values()}
+    return {host: known[id(placed)] for host, placed in sizes.items()}
 
 
 def _item(group: Group, claims: Mapping[str, Claim], current_host: str, *, may_move: bool) -> Item:
@@ -242,7 +260,7 @@ def _causes(problem: Problem) -> Iterator[Cause]:
 
 
 def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
-    placed = [problem.sizes[name][host] for name, host in packing.host_of.items()]
+    placed = [problem.placed(name, host) for name, host in packing.host_of.items()]
     return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
 
 

@@ -60,5 +60,5 @@ def _place_once(problem: Problem) -> tuple[PlacedPartition, ...]:
     answer = solve(problem)
     if isinstance(answer, Layout):
         return answer.partitions
-    chosen = ((problem.current_hosts.get(name, ""), sizes) for name, sizes in sorted(problem.sizes.items()) if sizes)
-    return tuple(sizes.get(host) or next(iter(sizes.values())) for host, sizes in chosen)
+    chosen = ((name, problem.current_hosts.get(name, ""), sizes) for name, sizes in problem.sizes.items() if sizes)
+    return tuple(problem.placed(name, host if host in sizes else min(sizes)) for name, host, sizes in sorted(chosen))

@@ -24,7 +24,7 @@ def canonical(value: object) -> str:
     Returns:
         One line of ASCII.
     """
-    return json.dumps(_as_json(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return json.dumps(value, default=encode, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def parse_json(text: str) -> Json:
@@ -55,16 +55,6 @@ def parse_json(text: str) -> Json:
     except ValueError as problem:
         raise NotDecodable("", f"it is not JSON ({problem})") from None
     return data
-
-
-def _as_json(value: Any) -> Any:
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if isinstance(value, dict):
-        return {key: _as_json(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_as_json(part) for part in value]
-    return encode(value)
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
