@@ -6,7 +6,7 @@ sums alone tell when none can be better.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import accumulate, islice, product
+from itertools import accumulate, chain, islice, product
 from random import Random
 
 from rarms_iac.model.capacity import packs_by_size
@@ -130,19 +130,30 @@ def _first_fit(order: Sequence[Item], bins: Sequence[Bin], preference: _Preferen
 
 
 def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
-    """Yield the partitions largest first, by several measures; those that run first, where some do."""
+    """Yield the partitions largest first, by several measures; then those that run first, where some do."""
+    seen: set[tuple[str, ...]] = set()
+    orders = _by_size(items, bins)
+    if any(item.current_host for item in items):
+        orders = chain(
+            orders, (sorted(order, key=lambda item: not item.current_host) for order in _by_size(items, bins))
+        )
+    for order in orders:
+        names = tuple(item.name for item in order)
+        if names not in seen:
+            seen.add(names)
+            yield order
+
+
+def _by_size(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
     free = [free_in(host) for host in bins]
     percent = max(1, max((load.percent for load in free), default=1))
     memory = max(1, max((load.memory for load in free), default=1))
     sizes = {item.name: (least_cost(item), least_memory(item)) for item in items}
     both = {name: -cost / percent - ram / memory for name, (cost, ram) in sizes.items()}
-    measures: tuple[Callable[[Item], tuple[float, ...]], ...] = (
-        lambda item: (-sizes[item.name][0], -sizes[item.name][1]),
-        lambda item: (both[item.name],),
-        lambda item: (len(item.claims), both[item.name]),
-        lambda item: (-sizes[item.name][1], -sizes[item.name][0]),
-    )
-    orders = [sorted(items, key=measure) for measure in measures]
+    yield sorted(items, key=lambda item: (-sizes[item.name][0], -sizes[item.name][1]))
+    yield sorted(items, key=lambda item: both[item.name])
+    yield sorted(items, key=lambda item: (len(item.claims), both[item.name]))
+    yield sorted(items, key=lambda item: (-sizes[item.name][1], -sizes[item.name][0]))
     random = Random(0)  # noqa: S311  # no secret: the same orders for the same partitions
     for _ in range(RANDOM_ORDERS):
         weight, spread = random.random(), random.choice((0.1, 0.3, 0.6))
@@ -150,15 +161,7 @@ def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
             name: (weight * cost / percent + (1 - weight) * ram / memory) * random.uniform(1 - spread, 1 + spread)
             for name, (cost, ram) in sizes.items()
         }
-        orders.append(sorted(items, key=lambda item: -shares[item.name]))
-    if any(item.current_host for item in items):
-        orders += [sorted(order, key=lambda item: not item.current_host) for order in orders]
-    seen: list[list[str]] = []
-    for order in orders:
-        names = [item.name for item in order]
-        if names not in seen:
-            seen.append(names)
-            yield order
+        yield sorted(items, key=lambda item: -shares[item.name])  # sorted before the next round
 
 
 def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
