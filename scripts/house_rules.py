@@ -6,9 +6,10 @@ Prints each breach as `file:line: what is wrong` and exits 1 where there is one.
 """
 
 import ast
+import re
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 PACKAGE = Path("rarms_iac")
@@ -37,8 +38,16 @@ LABORATORY = Path("laboratory")
 BESIDE_THE_PACKAGE = (Path("tests"), LABORATORY, Path("scripts"))
 
 WITH_CONTRACTS = ("app/", "diff/", "measuring/", "planner/", "providers/interface.py", "statistics/", "storage/")
-"""Where every public function and method says all of what it takes, gives back and raises."""
-
+"""Where public functions say what their types do not: what a plain number or text means, and what is raised."""
+PLAIN = frozenset({"int", "float", "str", "bytes", "object", "Any"})
+COLLECTIONS = frozenset(
+    {"Iterable", "Iterator", "Sequence", "Collection", "Mapping", "tuple", "list", "dict", "set"}
+) | {
+    "frozenset",
+    "None",
+}
+REFERENCE = re.compile(r"See (`[^`]*`|the \w+)\.|The same\.|Its \w+\.")
+"""A docstring that tells nothing."""
 
 PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment", "title"})
 """Fields and variables that hold sentences for people."""
@@ -66,11 +75,14 @@ def breaches(package: Path) -> Iterator[str]:
     """Everything below the package that breaks a rule."""
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(package.rglob("*.py"))}
     yield from _classes_of_two_meanings(trees)
+    in_protocols = _protocol_methods(trees.values())
     for path, tree in trees.items():
         module = path.relative_to(package).as_posix()
         yield from _names_that_say_nothing(path, tree)
         if module.startswith(WITH_CONTRACTS):
-            yield from _contracts_in_part(path, tree)
+            yield from _contracts_in_part(path, tree, in_protocols)
+        yield from _methods_without_docstring(path, tree, in_protocols)
+        yield from _references_for_docstrings(path, tree)
         if module not in MAY_READ:
             yield from _other_readers(path, tree)
         if not module.startswith(tuple(MAY_READ_PROSE)):
@@ -115,42 +127,84 @@ def _bound_names(tree: ast.Module) -> Iterator[tuple[int, str]]:
                 pass
 
 
-def _contracts_in_part(path: Path, tree: ast.Module) -> Iterator[str]:
-    for function in _public_functions(tree):
+def _protocol_methods(trees: Iterable[ast.Module]) -> frozenset[str]:
+    """Names of the methods of protocols and abstract classes: their contracts stand there only."""
+    return frozenset(
+        method.name
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and _is_protocol(node)
+        for method in node.body
+        if isinstance(method, ast.FunctionDef)
+    )
+
+
+def _is_protocol(node: ast.ClassDef) -> bool:
+    return any(ast.unparse(base).startswith(("Protocol", "ABC")) for base in node.bases)
+
+
+def _methods_without_docstring(path: Path, tree: ast.Module, in_protocols: frozenset[str]) -> Iterator[str]:
+    """In place of ruff's D102, which knows no protocols."""
+    for node in tree.body:
+        if not isinstance(node, ast.ClassDef) or node.name.startswith("_"):
+            continue
+        for method in node.body:
+            if not isinstance(method, ast.FunctionDef) or method.name.startswith("_") or ast.get_docstring(method):
+                continue
+            if _is_protocol(node) or method.name not in in_protocols:
+                yield f"{path.as_posix()}:{method.lineno}: {method.name}: it has no docstring, nor has a protocol"
+
+
+def _references_for_docstrings(path: Path, tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and REFERENCE.fullmatch(ast.get_docstring(node) or ""):
+            yield f"{path.as_posix()}:{node.lineno}: {node.name}: its docstring only refers to another: delete it"
+
+
+def _contracts_in_part(path: Path, tree: ast.Module, in_protocols: frozenset[str]) -> Iterator[str]:
+    for function in _public_functions(tree, in_protocols):
         if missing := list(_missing_sections(function)):
             yield f"{path.as_posix()}:{function.lineno}: {function.name}: its docstring has no {', '.join(missing)}"
 
 
-def _public_functions(scope: ast.Module | ast.ClassDef) -> Iterator[ast.FunctionDef]:
-    """Functions of a module and methods of its public classes; no properties, and nothing private."""
+def _public_functions(scope: ast.Module | ast.ClassDef, in_protocols: frozenset[str]) -> Iterator[ast.FunctionDef]:
+    """Functions of a module and methods of its public classes; no properties, nothing private, no protocol's method."""
+    implements = isinstance(scope, ast.ClassDef) and not _is_protocol(scope)
     for node in scope.body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            yield from _public_functions(node)
+            yield from _public_functions(node, in_protocols)
         elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             decorators = {ast.unparse(decorator).rpartition(".")[2] for decorator in node.decorator_list}
-            if not decorators & {"property", "cached_property", "overload"}:
+            is_elsewhere = implements and node.name in in_protocols
+            if not is_elsewhere and not decorators & {"property", "cached_property", "overload"}:
                 yield node
 
 
 def _missing_sections(function: ast.FunctionDef) -> Iterator[str]:
     """The sections that its docstring lacks; ruff (D417) sees to it that `Args` names every parameter.
 
-    What implements a protocol may refer to its contract (See `X.method`). Of a function without parameters a summary
-    that begins with `Return` or `Whether` tells what comes back.
+    A type of the package says what a value of it is; a number or a text of the language does not: its unit, order and
+    shape stand in the docstring. A summary that begins with `Return` or `Whether` tells what comes back.
     """
     text = ast.get_docstring(function) or ""
-    if text.startswith("See `"):
-        return
-    parameters = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
-    takes = [parameter.arg for parameter in parameters if parameter.arg not in {"self", "cls"}]
-    if (takes or function.args.vararg) and "Args:" not in text:
+    arguments = function.args
+    parameters = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+    takes = [each for each in parameters if each.arg not in {"self", "cls"} and not each.arg.startswith("_")]
+    if any(_is_plain(each.annotation) for each in takes) and "Args:" not in text:
         yield "Args"
-    gives = function.returns is not None and ast.unparse(function.returns) not in {"None", "NoReturn"}
-    is_told = "Returns:" in text or "Yields:" in text or (not takes and text.startswith(("Return", "Whether")))
-    if gives and not is_told:
+    is_told = "Returns:" in text or "Yields:" in text or text.startswith(("Return", "Whether"))
+    if _is_plain(function.returns) and not is_told:
         yield "Returns"
     if "Raises:" not in text and any(_raises_something(node) for node in ast.walk(function)):
         yield "Raises"
+
+
+def _is_plain(annotation: ast.expr | None) -> bool:
+    """Whether it names types of the language alone, one of which says nothing of units and meaning."""
+    if annotation is None:
+        return False
+    names = {node.id for node in ast.walk(annotation) if isinstance(node, ast.Name)}
+    return bool(names & PLAIN) and names <= PLAIN | COLLECTIONS
 
 
 def _raises_something(node: ast.AST) -> bool:

@@ -85,19 +85,10 @@ class SilentAppReporter:
     settings: MeasuringReporter = MeasuringReporter()
 
     def message(self, text: str) -> None:
-        """Do nothing.
-
-        Args:
-            text: goes nowhere.
-        """
+        pass
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
-        """Do nothing.
-
-        Args:
-            diagnostics: go nowhere.
-            sources: go nowhere.
-        """
+        pass
 
 
 NEVER_STOP: StopSignal = NeverStop()

@@ -52,7 +52,12 @@ def verdicts(explanation: Explanation) -> Iterator[Wording]:
 
 
 def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
-    """Why not one per cent less: the index that its curve shows to fail there."""
+    """Return why not one per cent less: the index that its curve shows to fail there.
+
+    Args:
+        explanation: Of a component that was measured.
+        less: The reservation that is one below the least, in per cent of a processor.
+    """
     missed = [
         (apt, at)
         for apt in explanation.curves

@@ -195,7 +195,6 @@ class _ShownReservations:
     amounts: Mapping[tuple[str, Names], Fraction]  # by platform and components: LPs
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """See `ReservationSource.reservation`."""
         unknown = to_be_measured(members)
         if not unknown:
             return FixedReservations().reservation(members, host)
@@ -203,7 +202,6 @@ class _ShownReservations:
         return NotMeasured(components=unknown) if amount is None else ProcessorTime(LogicalProcessors(amount))
 
     def depends_on(self, host: Host) -> Hashable:
-        """See `ReservationSource.depends_on`."""
         return host.logical_processors, host.platform
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's

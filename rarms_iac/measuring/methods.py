@@ -6,7 +6,7 @@ from typing import assert_never
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import Goal
-from rarms_iac.measuring.strategies import Agreeing, Question, Searching, Sweep, Verifying
+from rarms_iac.measuring.strategies import Agreeing, Searching, Sweep, ThresholdCheck, Verifying
 
 PAPER = "paper"
 """The name of the paper's procedures, which know nothing of reservations beside P1's and P2's."""
@@ -27,12 +27,12 @@ class Verification:
     """The reservation that the curve gives between two settings is measured."""
 
 
-Method = Search | Sweep | Verification | Question
+Method = Search | Sweep | Verification | ThresholdCheck
 
 
 def is_of_paper(method: Method) -> bool:
     """Tell whether the paper's procedure is followed to the letter, by a search or by what tuning asks."""
-    return isinstance(method, Search | Question) and method.strategy == PAPER
+    return isinstance(method, Search | ThresholdCheck) and method.strategy == PAPER
 
 
 def reserves_of(method: Sweep, most: int) -> tuple[int, ...]:
@@ -59,7 +59,7 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
     match method:
         case Sweep():
             return Sweep(reserves=reserves_of(method, most))
-        case Question():
+        case ThresholdCheck():
             return method
         case Verification():
             return Verifying(goal=goal, most=most)

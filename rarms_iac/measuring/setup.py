@@ -27,7 +27,6 @@ class Experiment(OutputText):
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
 
     def __str__(self) -> str:
-        """Its name."""
         return self.name
 
     @property

@@ -62,7 +62,6 @@ class Searching:
     _has_begun: bool = False  # what comes after the first step was measured for this goal
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        """See `loop.Strategy`."""
         # NOTE: judging a setting reads all of its samples: each is judged once.
         for setting in settings:
             if id(setting) not in self._judged:
@@ -108,20 +107,18 @@ class Sweep:
     reserves: tuple[int, ...] = ()  # in per cent; none: a coarse curve, as far as the host can give it
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        """See `loop.Strategy`."""
         known = {setting.reserve for setting in settings}
         return next((Measure(reserve=reserve) for reserve in self.reserves if reserve not in known), Swept())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class ThresholdCheck:
     """Are all thresholds met at this reservation? Ends as soon as the samples tell."""
 
     reserve: int  # in per cent
     strategy: str = "default"  # of tuning, which asks
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        """See `loop.Strategy`."""
         known = any(setting.reserve == self.reserve for setting in settings)
         return Swept() if known else Measure(reserve=self.reserve, until_clear=True)
 
@@ -134,7 +131,6 @@ class Verifying:
     most: int
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        """See `loop.Strategy`."""
         members = self.goal.members
         runs, apts = {member.name: member.run for member in members}, {member.name: member.apt for member in members}
         least = least_reserve(curves_of(settings, runs, apts))
@@ -161,7 +157,6 @@ class Agreeing:
     verifying: Verifying
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        """See `loop.Strategy`."""
         step = self.search.step(settings)
         if not isinstance(step, Sufficient):
             return step

@@ -40,7 +40,6 @@ class PerformanceIndex(OutputText):
     made_of: SampleValue = SampleValue.RESPONSE_TIME
 
     def __str__(self) -> str:
-        """Its name."""
         return self.name
 
     @property

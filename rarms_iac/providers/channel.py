@@ -283,7 +283,6 @@ class ProgramChannel:
     def run(
         self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
     ) -> CommandResult:
-        """See `CommandChannel.run`."""
         lines: list[str] = []
         size = 0
         with open_channel(self.host, (*self.words, command)) as program:

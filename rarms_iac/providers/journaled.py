@@ -35,19 +35,16 @@ class LocalFiles:
     """Files of this machine."""
 
     def content(self, path: Path) -> bytes | None:
-        """See `HostFiles.content`."""
         try:
             return read_file(path, STATE_LIMIT)
         except FileNotFoundError:
             return None
 
     def replace(self, path: Path, data: bytes) -> None:
-        """See `HostFiles.replace`."""
         make_room(path)
         replace(path, data)
 
     def append(self, path: Path, record: Record) -> None:
-        """See `HostFiles.append`."""
         make_room(path)
         append(path, record)
 
@@ -70,7 +67,6 @@ class JournaledHost:
 
     @property
     def name(self) -> str:
-        """See the interface."""
         return self._name
 
     @contextmanager
@@ -86,22 +82,18 @@ class JournaledHost:
         """Bring in order what a killed run left, now that the host is held."""
 
     def journal(self) -> Journal | None:
-        """See the interface."""
         with self._report_damage(self._journal_path):
             return journal_in(self._files.content(self._journal_path), self._journal_path)
 
     def unfinished(self) -> Journal | None:
-        """See the interface."""
         with self._report_damage(self._journal_path):
             return unfinished_in(self._files.content(self._journal_path), self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
-        """See the interface."""
         with self._report_failure(self._journal_path):
             self._files.replace(self._journal_path, line_of(_encode(started)))
 
     def record(self, record: JournalRecord) -> None:
-        """See the interface."""
         with self._report_failure(self._journal_path):
             self._files.append(self._journal_path, _encode(record))
 

@@ -95,31 +95,25 @@ class RealFileEffects:
     """The file system of this machine."""
 
     def make_folder(self, folder: Path) -> None:
-        """See `FileEffects.make_folder`."""
         folder.mkdir(exist_ok=True)
 
     def write(self, path: Path, data: bytes) -> None:
-        """See `FileEffects.write`."""
         with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
             file.write(data)
 
     def append(self, path: Path, data: bytes) -> None:
-        """See `FileEffects.append`."""
         with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
             file.write(data)
 
     def cut(self, path: Path, size: int) -> None:
-        """See `FileEffects.cut`."""
         with os.fdopen(open_to_write(path), "r+b") as file:
             file.truncate(size)
 
     def flush(self, path: Path) -> None:
-        """See `FileEffects.flush`."""
         with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
             os.fsync(file.fileno())
 
     def rename(self, source: Path, target: Path) -> None:
-        """See `FileEffects.rename`."""
         for _ in range(RETRIES):
             try:
                 source.replace(target)
@@ -132,7 +126,6 @@ class RealFileEffects:
         source.replace(target)
 
     def flush_folder(self, folder: Path) -> None:
-        """See `FileEffects.flush_folder`."""
         if sys.platform == "win32":
             return  # NTFS journals its names, and a folder cannot be opened
         descriptor = os.open(folder, os.O_RDONLY)
@@ -142,7 +135,6 @@ class RealFileEffects:
             os.close(descriptor)
 
     def remove(self, path: Path) -> None:
-        """See `FileEffects.remove`."""
         path.unlink(missing_ok=True)
 
 

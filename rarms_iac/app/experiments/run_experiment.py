@@ -27,7 +27,7 @@ from rarms_iac.measuring.partitions import (
 )
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.strategies import Question, Sweep, apts_of, goal_of
+from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, apts_of, goal_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import ProviderKind
@@ -78,7 +78,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
 
     def checked() -> MeasuringBudget:
         _make_room(session, experiment, method, available)
-        if not isinstance(method, Question):  # who asks tells the user itself what it asks
+        if not isinstance(method, ThresholdCheck):  # who asks tells the user itself what it asks
             session.control.reporter.message(_describe_duration(experiment, method, available, settings_log))
         return available.budget
 

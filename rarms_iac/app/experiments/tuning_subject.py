@@ -11,7 +11,7 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
-from rarms_iac.measuring.strategies import Question, apts_of
+from rarms_iac.measuring.strategies import ThresholdCheck, apts_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.measurement import Setting
@@ -284,7 +284,7 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
         experiment = self.subject.experiment(members, self.samples)
-        result = run_experiment(self.session, experiment, Question(reserve=reserve, strategy=self.strategy))
+        result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
         match result.conclusion:
             case Stopped():
                 raise TuningStopped("stopped")

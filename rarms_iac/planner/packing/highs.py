@@ -34,7 +34,7 @@ class Row:
 class Nodes:
     """Nodes that several searches may look at in all: a count, never a time."""
 
-    left: int
+    remaining: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,14 +70,14 @@ def minimise(
     Returns:
         The best solution that was found, with a bound; in floating point, so that the solution has to be checked.
     """
-    if budget is not None and budget.left <= 0:
+    if budget is not None and budget.remaining <= 0:
         return SolverAnswer(ones=None, bound=0)
     import highspy
 
     solver = highspy.Highs()
     for name, value in _OPTIONS.items():
         solver.setOptionValue(name, value)
-    solver.setOptionValue("mip_max_nodes", nodes if budget is None else min(nodes, budget.left))
+    solver.setOptionValue("mip_max_nodes", nodes if budget is None else min(nodes, budget.remaining))
     for cost in costs:
         solver.addCol(float(cost), 0.0, 1.0, 0, [], [])
     integer = highspy.HighsVarType.kInteger
@@ -93,7 +93,7 @@ def minimise(
     solver.run()
     info = solver.getInfo()
     if budget is not None:
-        budget.left -= max(1, info.mip_node_count)
+        budget.remaining -= max(1, info.mip_node_count)
     if solver.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
         return SolverAnswer(ones=None, bound=None)
     bound = max(0, math.ceil(info.mip_dual_bound - _NEARLY)) if math.isfinite(info.mip_dual_bound) else 0

@@ -42,7 +42,7 @@ def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes) 
         left_over = [item for item in items if item.name not in host_of]
         if not left_over:
             return host_of
-        if nodes.left <= 0:
+        if nodes.remaining <= 0:
             return None
         first = random.choice(sorted({name for item in left_over for name in item.claims}))
         chosen = {first, *random.sample(names, min(len(names), random.choice(HOSTS) - 1))}

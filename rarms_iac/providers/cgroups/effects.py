@@ -115,39 +115,31 @@ class LocalEffects(LocalFiles):
         """See `LinuxEffects.look`: what is read is always as it is now."""
 
     def read(self, path: Path) -> str:
-        """See `LinuxEffects.read`."""
         with _missing_when_removed(path):
             return path.read_text(encoding="ascii").strip()
 
     def has_file(self, path: Path) -> bool:
-        """See `LinuxEffects.has_file`."""
         return path.is_file()
 
     def has_folder(self, path: Path) -> bool:
-        """See `LinuxEffects.has_folder`."""
         return path.is_dir()
 
     def is_writable(self, folder: Path) -> bool:
-        """See `LinuxEffects.is_writable`."""
         return os.access(folder, os.W_OK)
 
     def is_private(self, folder: Path) -> bool:
-        """See `LinuxEffects.is_private`."""
         status = folder.stat()
         return status.st_uid in {0, os.geteuid()} and not status.st_mode & 0o022
 
     def folders(self, folder: Path) -> tuple[str, ...]:
-        """See `LinuxEffects.folders`."""
         with suppress(FileNotFoundError, NotADirectoryError):
             return tuple(sorted(entry.name for entry in folder.iterdir() if entry.is_dir()))
         return ()
 
     def files(self, folder: Path) -> tuple[str, ...]:
-        """See `LinuxEffects.files`."""
         return tuple(sorted(entry.name for entry in folder.glob("*")))
 
     def processes(self) -> Callable[[Path], str]:
-        """See `LinuxEffects.processes`."""
         return kernel_text
 
     @contextmanager
@@ -170,12 +162,10 @@ class LocalEffects(LocalFiles):
             time.sleep(1)
 
     def delete(self, path: Path) -> None:
-        """See `LinuxEffects.delete`."""
         disk.current().remove(path)
         disk.current().flush_folder(path.parent)
 
     def write(self, path: Path, text: str) -> None:
-        """See `LinuxEffects.write`."""
         with _missing_when_removed(path):
             handle = os.open(path, os.O_WRONLY)
             try:
@@ -184,11 +174,9 @@ class LocalEffects(LocalFiles):
                 os.close(handle)
 
     def make(self, group: Path) -> None:
-        """See `LinuxEffects.make`."""
         group.mkdir(exist_ok=True)
 
     def remove(self, group: Path) -> None:
-        """See `LinuxEffects.remove`."""
         until = time.monotonic() + _WAIT_SECONDS
         while True:
             try:
@@ -201,26 +189,22 @@ class LocalEffects(LocalFiles):
                 return
 
     def remove_empty(self, group: Path) -> None:
-        """See `LinuxEffects.remove_empty`."""
         with suppress(OSError):
             group.rmdir()
 
     def ask_to_end(self, groups: Iterable[Path], grace_ms: int) -> None:
-        """See `LinuxEffects.ask_to_end`."""
         below, until = tuple(groups), time.monotonic() + grace_ms / 1000
         _signal(processes_in(self, below), signal.SIGTERM)
         while time.monotonic() < until and processes_in(self, below):
             time.sleep(LOOK_SECONDS)
 
     def end_processes(self, groups: Iterable[Path]) -> None:
-        """See `LinuxEffects.end_processes`."""
         below, until = tuple(groups), time.monotonic() + _WAIT_SECONDS
         while running := processes_in(self, below):
             _signal(running, signal.SIGKILL)
             _wait(until, f"{below[0].name}: {len(running)} processes do not end")
 
     def run(self, *words: str, may_fail: bool = False) -> None:
-        """See `LinuxEffects.run`."""
         try:
             done = subprocess.run(
                 words, capture_output=True, text=True, errors="replace", check=False, timeout=_RUN_SECONDS
@@ -231,7 +215,6 @@ class LocalEffects(LocalFiles):
             raise OSError(errno.EIO, f"{' '.join(words)}: {done.stderr.strip()}")
 
     def await_text(self, path: Path, pattern: str) -> None:
-        """See `LinuxEffects.await_text`."""
         until, text = time.monotonic() + _WAIT_SECONDS, ""
         while True:
             with suppress(FileNotFoundError):  # the controller is not on yet
@@ -241,13 +224,12 @@ class LocalEffects(LocalFiles):
             _wait(until, f"{path} has {text}, not {pattern}")
 
     def await_removal(self, group: Path) -> None:
-        """See `LinuxEffects.await_removal`."""
         until = time.monotonic() + _WAIT_SECONDS
         while group.is_dir():
             _wait(until, f"{group} cannot be removed")
 
     def commit(self) -> None:
-        """See `LinuxEffects.commit`."""
+        pass
 
 
 def below_first(effects: LinuxEffects, group: Path) -> Iterator[Path]:

@@ -68,7 +68,6 @@ class LinuxMeasuringHost(LinuxHostProvider):
         self._context = StartContext(base=base)
 
     def bench(self) -> Bench:
-        """See the interface."""
         facts = self.observe().facts
         return Bench(
             provider=facts.provider,
@@ -82,11 +81,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     @property
     def scheduler_memory_ms(self) -> float:
-        """See the interface."""
         return MEMORY_MS
 
     def obstacle(self, subject: Component | Interference) -> Obstacle | None:
-        """See the interface."""
         try:
             if not isinstance(subject, Component):
                 check_load(INTERFERENCE, subject, self._context)
@@ -108,7 +105,6 @@ class LinuxMeasuringHost(LinuxHostProvider):
 
     @contextmanager
     def run(self, work: Work) -> Iterator["RealWork"]:
-        """See the interface."""
         groups = {
             part.partition: self._running_group(part.partition, work.application, real_time=bool(part.classes))
             for part in work.partitions
@@ -285,7 +281,6 @@ class RealWork:
                 self._group_alone[part.components[0].name] = group, self.host.tree.cpu_ms(group)
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
-        """See the interface."""
         runs = {run.component: run for run in self.runs}
         times = [float(until.time) for until in self.work.until.values() if isinstance(until, Elapsed)]
         least = max(self.work.least_ms, *times, 0.0)
@@ -302,7 +297,6 @@ class RealWork:
                     return
 
     def count_from_now(self) -> None:
-        """See the interface."""
         self._counts_from = self.elapsed_ms()
         self._before = self._counters()
         self._missing = {
@@ -310,7 +304,6 @@ class RealWork:
         }
 
     def elapsed_ms(self) -> float:
-        """See the interface."""
         return 1000 * (time.perf_counter() - self.started)
 
     def cpu_ms(self, component: str) -> float | None:
@@ -322,7 +315,6 @@ class RealWork:
         return None if process is None else consumed_ms(process)
 
     def evidence(self) -> SettingEvidence:
-        """See the interface."""
         return self._counters().since(self._before)
 
     def _counters(self) -> SettingEvidence:

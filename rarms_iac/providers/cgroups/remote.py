@@ -75,47 +75,37 @@ class RemoteEffects:
         self._lease: tuple[str, str] | None = None  # while this run holds the host: its owner and token
 
     def look(self) -> None:
-        """See `LinuxEffects.look`."""
         self.commit()
         self._send((), 0.0)
 
     def content(self, path: Path) -> bytes | None:
-        """See `LinuxEffects.content`."""
         return self._view.files.get(path.as_posix())
 
     def read(self, path: Path) -> str:
-        """See `LinuxEffects.read`."""
         data = self.content(path)
         if data is None:
             raise FileNotFoundError(errno.ENOENT, "the host shows no such file", path.as_posix())
         return data.decode("ascii").strip()
 
     def has_file(self, path: Path) -> bool:
-        """See `LinuxEffects.has_file`."""
         return path.as_posix() in self._view.files
 
     def has_folder(self, path: Path) -> bool:
-        """See `LinuxEffects.has_folder`."""
         return path.as_posix() in self._view.folders
 
     def is_writable(self, folder: Path) -> bool:
-        """See `LinuxEffects.is_writable`."""
         return folder.as_posix() in self._view.writable
 
     def is_private(self, folder: Path) -> bool:  # noqa: ARG002 - it is that of this host
-        """See `LinuxEffects.is_private`."""
         return self._view.is_private
 
     def folders(self, folder: Path) -> tuple[str, ...]:
-        """See `LinuxEffects.folders`."""
         return _names_in(folder, self._view.folders)
 
     def files(self, folder: Path) -> tuple[str, ...]:
-        """See `LinuxEffects.files`."""
         return _names_in(folder, self._view.files)
 
     def processes(self) -> Callable[[Path], str]:
-        """See `LinuxEffects.processes`."""
         seen = self._answer(["show_processes"], 0.0)
         return lambda path: seen.files.get(path.as_posix(), b"").decode("utf-8", "replace")
 
@@ -155,7 +145,6 @@ class RemoteEffects:
                 return
 
     def replace(self, path: Path, data: bytes) -> None:
-        """See `LinuxEffects.replace`."""
         self._view.files[path.as_posix()] = data
         self._do("replace", path, data.decode("utf-8"))
 
@@ -170,19 +159,16 @@ class RemoteEffects:
         self._do("append", path, line.decode("ascii"))
 
     def delete(self, path: Path) -> None:
-        """See `LinuxEffects.delete`."""
         self._view.files.pop(path.as_posix(), None)
         self._do("delete", path)
 
     def write(self, path: Path, text: str) -> None:
-        """See `LinuxEffects.write`."""
         if path.parent.as_posix() not in self._view.made:
             self.read(path)
         self._view.files[path.as_posix()] = text.encode("ascii")
         self._do("write", path, text)
 
     def make(self, group: Path) -> None:
-        """See `LinuxEffects.make`."""
         name = group.as_posix()
         if name not in self._view.folders:
             self._view.made.add(name)
@@ -190,41 +176,33 @@ class RemoteEffects:
         self._do("make", group)
 
     def remove(self, group: Path) -> None:
-        """See `LinuxEffects.remove`."""
         self._forget(group)
         self._do("remove", group, seconds=10)
 
     def remove_empty(self, group: Path) -> None:
-        """See `LinuxEffects.remove_empty`."""
         if not self.folders(group):
             self._forget(group)
         self._do("remove_empty", group)
 
     def ask_to_end(self, groups: Iterable[Path], grace_ms: int) -> None:
-        """See `LinuxEffects.ask_to_end`."""
         self._do("ask_to_end", str(-(-grace_ms // 100)), *groups, seconds=grace_ms / 1000)
 
     def end_processes(self, groups: Iterable[Path]) -> None:
-        """See `LinuxEffects.end_processes`."""
         self._do("end_processes", *groups, seconds=10)
 
     def run(self, *words: str, may_fail: bool = False) -> None:
-        """See `LinuxEffects.run`."""
         self._do("try" if may_fail else "run", *words, seconds=120)
 
     def await_text(self, path: Path, pattern: str) -> None:
-        """See `LinuxEffects.await_text`."""
         self._view.folders |= {path.parent.as_posix(), path.parent.parent.as_posix()}
         self._view.files[path.as_posix()] = pattern.encode("ascii")
         self._do("await", path, pattern, seconds=10)
 
     def await_removal(self, group: Path) -> None:
-        """See `LinuxEffects.await_removal`."""
         self._forget(group)
         self._do("await_removal", group, seconds=10)
 
     def commit(self) -> None:
-        """See `LinuxEffects.commit`."""
         if self._calls:
             calls, seconds = tuple(self._calls), self._seconds
             self._calls.clear()

@@ -127,7 +127,6 @@ class LinuxHostProvider(JournaledHost):
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """See the interface."""
         with super().lock(owner, timeout_ms):
             self._is_held = True
             try:
@@ -138,12 +137,10 @@ class LinuxHostProvider(JournaledHost):
                 self._is_held = False
 
     def journal(self) -> Journal | None:
-        """See the interface."""
         self._look_unless_held()
         return super().journal()
 
     def unfinished(self) -> Journal | None:
-        """See the interface."""
         self._look_unless_held()
         return super().unfinished()
 
@@ -173,7 +170,6 @@ class LinuxHostProvider(JournaledHost):
         self._known_machine = self._described_machine
 
     def observe(self) -> State:
-        """See the interface."""
         return self._look()[0]
 
     def examined(self) -> ObservedHost:
@@ -261,7 +257,6 @@ class LinuxHostProvider(JournaledHost):
         return state, {definition.id: definition for definition in known}
 
     def read(self, address: Address, scope: Scope) -> Readings:
-        """See the interface."""
         self._look_unless_held()
         return readings(self._seen()[0], address, scope)
 

@@ -52,29 +52,24 @@ class GroupTreeSystemd(GroupTreeV2):
 
     @property
     def boot(self) -> str:
-        """See `GroupTree.boot`."""
         return BOOT
 
     def name_for(self, partition: str) -> str:
-        """See `GroupTree.name_for`."""
         readable = _NOT_IN_A_UNIT.sub("_", json.dumps(partition)[1:-1])
         return f"{self._slice.removesuffix('.slice')}-{readable}.slice"
 
     def make(self, name: str) -> None:
-        """See `GroupTree.make`."""
         self._write_unit(name)
         self._systemctl("start", name)
         self._await(name, "cgroup.procs", "*")
         self._prepare_slice()
 
     def start_with_machine(self, name: str, starts: bool) -> None:
-        """See `GroupTree.start_with_machine`."""
         self._write_unit(name)  # the group may have been made without one
         words = ("add-wants", _TARGET) if starts else ("disable",)
         self._systemctl(*words, "--no-reload", "--quiet", name)
 
     def write(self, name: str, values: GroupValues) -> None:
-        """See `GroupTree.write`."""
         self._refuse_used_memory(name, values.memory)
         memory, shown = values.memory, whole_pages(values.memory)
         processors = " ".join(map(str, values.processors or ()))
@@ -87,12 +82,10 @@ class GroupTreeSystemd(GroupTreeV2):
         self._await(name, "cpu.max", _shown_quota(values.quota_percent, values.period_us))
 
     def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        """See `GroupTree.as_kernel_shows`."""
         quota = _rounded_down(values.quota_percent, values.period_us)
         return replace(super().as_kernel_shows(values), quota_percent=quota)
 
     def remove(self, name: str) -> None:
-        """See `GroupTree.remove`."""
         self._effects.end_processes(self._groups(name))
         self._forget(name)
         self._effects.await_removal(self._slices["cpu"] / name)

@@ -16,11 +16,9 @@ class GroupTreeV1(GroupTree):
 
     @property
     def version(self) -> str:
-        """See `GroupTree.version`."""
         return "v1"
 
     def write(self, name: str, values: GroupValues) -> None:
-        """See `GroupTree.write`."""
         self._write("cpu", name, "cpu.shares", str(_shares(values)))
         self._write_quota(name, values.quota_percent, values.period_us)
         self._write("cpuset", name, "cpuset.cpus", _list(values) or self._read("cpuset", "", "cpuset.cpus"))
@@ -28,7 +26,6 @@ class GroupTreeV1(GroupTree):
         self._write("memory", name, "memory.limit_in_bytes", str(limit))
 
     def read(self, name: str) -> GroupValues:
-        """See `GroupTree.read`."""
         quota = int(self._read("cpu", name, "cpu.cfs_quota_us"))
         period = int(self._read("cpu", name, "cpu.cfs_period_us"))
         all_processors = self._read_if_there(self._slices["cpuset"] / "cpuset.cpus")
@@ -44,7 +41,6 @@ class GroupTreeV1(GroupTree):
         )
 
     def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        """See `GroupTree.as_kernel_shows`."""
         return replace(
             values,
             shares_percent=_shares(values) / 10,
@@ -54,15 +50,12 @@ class GroupTreeV1(GroupTree):
         )
 
     def cpu_ms(self, name: str) -> float:
-        """See `GroupTree.cpu_ms`."""
         return int(self._read("cpuacct", name, "cpuacct.usage")) / 1e6
 
     def throttled_ms(self, name: str) -> float:
-        """See `GroupTree.throttled_ms`."""
         return entry_of(self._read("cpu", name, "cpu.stat"), "throttled_time") / 1e6
 
     def usable_processors(self) -> int:
-        """See `GroupTree.usable_processors`."""
         folder = self._slices["cpuset"]
         there = folder if self._effects.has_folder(folder) else folder.parent
         return len(numbers(self._effects.read(there / "cpuset.cpus")))
@@ -94,11 +87,9 @@ class GroupTreeV2(GroupTree):
 
     @property
     def version(self) -> str:
-        """See `GroupTree.version`."""
         return "v2"
 
     def write(self, name: str, values: GroupValues) -> None:
-        """See `GroupTree.write`."""
         self._refuse_used_memory(name, values.memory)
         self._write("cpu", name, "cpu.weight", str(weight_v2(values)))
         self._write_quota(name, values.quota_percent, values.period_us)
@@ -106,7 +97,6 @@ class GroupTreeV2(GroupTree):
         self._write("memory", name, "memory.max", "max" if values.memory is None else str(values.memory))
 
     def read(self, name: str) -> GroupValues:
-        """See `GroupTree.read`."""
         quota, period = self._read("cpu", name, "cpu.max").split()
         memory = self._read("memory", name, "memory.max")
         processors = self._read_if_there(self._file("cpuset", name, "cpuset.cpus"))
@@ -119,7 +109,6 @@ class GroupTreeV2(GroupTree):
         )
 
     def as_kernel_shows(self, values: GroupValues) -> GroupValues:
-        """See `GroupTree.as_kernel_shows`."""
         return replace(
             values,
             shares_percent=float(weight_v2(values)),
@@ -134,15 +123,12 @@ class GroupTreeV2(GroupTree):
             raise OSError(errno.EBUSY, f"its processes use {used} bytes")  # the kernel would end some of them
 
     def cpu_ms(self, name: str) -> float:
-        """See `GroupTree.cpu_ms`."""
         return entry_of(self._read("cpu", name, "cpu.stat"), "usage_usec") / 1e3
 
     def throttled_ms(self, name: str) -> float:
-        """See `GroupTree.throttled_ms`."""
         return entry_of(self._read("cpu", name, "cpu.stat"), "throttled_usec") / 1e3
 
     def usable_processors(self) -> int:
-        """See `GroupTree.usable_processors`."""
         folder = self._slices["cpu"]
         files = (group / "cpuset.cpus.effective" for group in (folder, folder.parent))
         return len(numbers(next(filter(None, map(self._read_if_there, files)))))

@@ -42,7 +42,6 @@ class GuestRun:
     _counters: list["_Counters"] = field(default_factory=list)  # the first one, and those since `count_from_now`
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
-        """See the interface."""
         times = [float(until.time) for until in self.work.until.values() if isinstance(until, Elapsed)]
         least = max(self.work.least_ms, *times, 0.0)
         readers = {
@@ -86,7 +85,6 @@ class GuestRun:
         }
 
     def elapsed_ms(self) -> float:
-        """See the interface."""
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:

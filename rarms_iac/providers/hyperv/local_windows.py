@@ -70,11 +70,9 @@ class ThisWindows:
         self.instances = cache(self._instances)
 
     def computer(self) -> str:
-        """See the protocol."""
         return str(win32api.GetComputerName())
 
     def bits(self) -> int:
-        """See the protocol."""
         return 8 * ctypes.sizeof(ctypes.c_void_p)
 
     def _instances(self, name: str) -> list[WmiInstance]:
@@ -106,7 +104,6 @@ class ThisWindows:
             raise NotRead(f"0x{code:08x}", f"{message} ({namespace})", denied=code == ACCESS_DENIED) from problem
 
     def key(self, path: str, *, of_user: bool = False) -> RegistryKey:
-        """See the protocol."""
         root = winreg.HKEY_CURRENT_USER if of_user else winreg.HKEY_LOCAL_MACHINE
         try:
             with winreg.OpenKey(root, path, access=winreg.KEY_READ | winreg.KEY_WOW64_64KEY) as opened:
@@ -130,7 +127,6 @@ class ThisWindows:
         return bool(win32security.CheckTokenMembership(None, members))
 
     def scheduler(self) -> int:
-        """See the protocol."""
         try:
             newest = win32evtlog.EvtQueryReverseDirection | win32evtlog.EvtQueryChannelPath
             events = win32evtlog.EvtNext(win32evtlog.EvtQuery("System", newest, EVENT), 1)
@@ -144,7 +140,6 @@ class ThisWindows:
         return int(data[1], 0)
 
     def journal(self) -> tuple[str, str]:
-        """See the protocol."""
         path = own_folder() / "journal.jsonl"
         try:
             text = read_file(path, MAX_BYTES).decode("ascii", "replace")

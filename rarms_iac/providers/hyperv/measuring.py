@@ -86,7 +86,6 @@ class HypervMeasuringHost(LiveHypervHost):
         self._number = 0  # of the setting
 
     def bench(self) -> Bench:
-        """See the interface."""
         facts = self.observe().facts
         return Bench(
             provider=facts.provider,
@@ -100,7 +99,6 @@ class HypervMeasuringHost(LiveHypervHost):
 
     @property
     def scheduler_memory_ms(self) -> float:
-        """See the interface."""
         return MEMORY_MS
 
     @contextmanager
@@ -110,7 +108,6 @@ class HypervMeasuringHost(LiveHypervHost):
         yield
 
     def obstacle(self, subject: Component | Interference) -> Obstacle | None:
-        """See the interface."""
         if not self._settings.image:
             return Obstacle("its test partitions have no disk", "Name that of a Windows: `hyperv: { image: ... }`.")
         if isinstance(subject, Component) and subject.task is not None:
@@ -147,7 +144,6 @@ class HypervMeasuringHost(LiveHypervHost):
 
     @contextmanager
     def test_partitions(self, shapes: Sequence[PartitionShape]) -> Iterator[None]:
-        """See the interface."""
         self._shapes = tuple(shapes)
         try:
             yield
@@ -159,24 +155,20 @@ class HypervMeasuringHost(LiveHypervHost):
             self._end_session()
 
     def set_reserves(self, reserves: Mapping[str, int]) -> None:
-        """See the interface."""
         self._reserves = dict(reserves)
 
     def remove_test_partitions(self) -> None:
-        """See the interface."""
         with self._started(self._script(self.name, (), ()), lambda event: event.status is EventStatus.DONE):
             pass
 
     def measuring_script(
         self, application: str, shapes: Sequence[PartitionShape], partitions: Sequence[PartitionWork]
     ) -> str:
-        """See the interface."""
         script = self._script(application, shapes, self._guest_works(partitions, shapes))
         return script.files[script.runs]
 
     @contextmanager
     def run(self, work: Work) -> Iterator["GuestRun"]:
-        """See the interface."""
         works = self._guest_works(work.partitions, self._shapes)
         if self._session is None or works != self._runs:
             self._end_session()

@@ -57,14 +57,12 @@ class LiveHypervHost:
         return self._host.name
 
     def observe(self) -> State:
-        """See the interface."""
         observation = self.observation()
         if error := unread_error(observation, self.name):
             raise error
         return self._examined(observation).state
 
     def examined(self) -> ObservedHost:
-        """See the interface."""
         return self._examined(self.observation())
 
     def _examined(self, observation: HostObservation) -> ObservedHost:
@@ -77,7 +75,6 @@ class LiveHypervHost:
         )
 
     def journal(self) -> ScriptRun | None:
-        """See the interface."""
         observation = self.observation()
         if is_unread(observation.journal):
             raise HostFailed(self.name, f"{JOURNAL} may not be read", "Connect as a member of its Administrators.")
@@ -94,14 +91,12 @@ class LiveHypervHost:
                 raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
 
     def unfinished(self) -> ScriptRun | None:
-        """See the interface."""
         run = self.journal()
         return run if run is not None and run.unfinished else None
 
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        """See the interface."""
         arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
         return self._run(script, arguments, silence_s, _Events(listener))

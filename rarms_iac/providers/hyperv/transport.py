@@ -168,7 +168,6 @@ class SshTransport:
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
-        """See the protocol."""
         with self._ready() as channel, _session(channel, script, arguments) as session:
             yield session
 
@@ -184,15 +183,12 @@ class _BootstrapSession:
         self._channel = channel
 
     def next_line(self, silence_s: float) -> str | None:
-        """See the protocol."""
         return self._channel.next_line(silence_s, lambda: None)
 
     def send(self, line: str) -> None:
-        """See the protocol."""
         self._channel.send(line.encode("ascii"))
 
     def ended(self) -> ScriptExited | ScriptLost:
-        """See the protocol."""
         code = self._channel.code()
         if code is None:
             return ScriptLost(why="it closed its output and did not end")

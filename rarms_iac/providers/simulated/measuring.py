@@ -110,7 +110,6 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         self._simulate = simulate
 
     def bench(self) -> Bench:
-        """See the interface."""
         described = description(self._host)
         return Bench(
             provider=self._host.provider,
@@ -128,7 +127,6 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         return WINDOW_MS
 
     def obstacle(self, subject: Component | Interference) -> Obstacle | None:
-        """See the interface."""
         if not isinstance(subject, Component) or subject.simulation is not None:
             return None
         return Obstacle(
@@ -142,7 +140,6 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     @contextmanager
     def run(self, work: Work) -> Iterator["Simulated"]:
-        """See the interface."""
         content = self.load()
         machines = tuple(self._machine(content, partition, work.application) for partition in work.partitions)
         idle = self._idle(content, work)
@@ -216,7 +213,6 @@ class Simulated:
     _consumed: dict[str, float] = field(default_factory=dict)
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
-        """See the interface."""
         self.count_from_now()
         times = [float(elapsed.time) for elapsed in self.until.values() if isinstance(elapsed, Elapsed)]
         least = max(self.least_ms, *times, 0.0)
@@ -229,14 +225,12 @@ class Simulated:
             yield job.component, _sample(job, self.timeouts[job.component])
 
     def count_from_now(self) -> None:
-        """See the interface."""
         self._began = self._now
         self._missing = {
             name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()
         }
 
     def elapsed_ms(self) -> float:
-        """See the interface."""
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:

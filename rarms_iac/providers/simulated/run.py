@@ -62,7 +62,6 @@ class SimulatedHostProvider(JournaledHost):
         self._last_state: tuple[Content, State] | None = None  # by its content
 
     def observe(self) -> State:
-        """See the interface."""
         return to_state(self.load(), self._host, self._serials())
 
     def _recover(self) -> None:
@@ -70,7 +69,6 @@ class SimulatedHostProvider(JournaledHost):
             remove_leftovers(path)
 
     def read(self, address: Address, scope: Scope) -> Readings:
-        """See the interface."""
         content = self.load()
         state = self._machines(content)
         if address.task:

@@ -72,7 +72,6 @@ class Card:
 
     @property
     def name(self) -> str:
-        """Its heading."""
         return " + ".join(self.measurement.components)
 
     @property

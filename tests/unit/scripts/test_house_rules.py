@@ -45,3 +45,47 @@ def test_what_others_print_and_text_that_is_made_is_no_breach(tmp_path: Path, pl
 
 def test_the_package_reads_no_sentence() -> None:
     assert [breach for breach in breaches(PACKAGE) if READS in breach] == []
+
+
+PROTOCOL = """
+class Sampler(Protocol):
+    def sample(self) -> int:
+        \"\"\"Return the newest sample in milliseconds.\"\"\"
+
+class Simulated:
+    def sample(self) -> int:
+        {docstring}return 1
+"""
+
+
+def test_what_a_protocol_promises_is_said_once(tmp_path: Path) -> None:
+    sampler = tmp_path / "sampler.py"
+    sampler.write_text(PROTOCOL.format(docstring=""), encoding="utf-8")
+    assert [breach for breach in breaches(tmp_path) if "sampler.py" in breach] == []
+
+    sampler.write_text(PROTOCOL.format(docstring='"""See `Sampler.sample`."""; '), encoding="utf-8")
+    (tmp_path / "lone.py").write_text("class Lone:\n    def halve(self) -> None: ...\n", encoding="utf-8")
+    found = [breach.partition(": ")[2] for breach in breaches(tmp_path) if tmp_path.as_posix() in breach]
+    assert found == [
+        "halve: it has no docstring, nor has a protocol",
+        "sample: its docstring only refers to another: delete it",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("function", "missing"),
+    [
+        ("def wait(timeout: int) -> Host:", ["its docstring has no Args"]),
+        ("def share(host: Host) -> tuple[int, ...]:", ["its docstring has no Returns"]),
+        ("def host_of(experiment: Experiment, states: Mapping[str, State]) -> Host:", []),
+        ("def never(_name: str) -> bool:", []),
+    ],
+)
+def test_a_number_has_a_contract_and_a_type_of_the_package_says_its_own(
+    tmp_path: Path, function: str, missing: list[str]
+) -> None:
+    (tmp_path / "app").mkdir()
+    (tmp_path / "app" / "host.py").write_text(f'{function}\n    """What it is."""\n', encoding="utf-8")
+
+    found = [breach.rpartition(": ")[2] for breach in breaches(tmp_path) if "app/host.py" in breach]
+    assert found == missing
