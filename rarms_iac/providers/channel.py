@@ -79,10 +79,11 @@ class Channel:
             self._kill()  # and all that it started: what lives on would hold the pipes
         self.close()
         self._process.wait()
-        for thread in self._threads:
-            thread.join()
-        for pipe in (self._process.stdout, self._process.stderr):
-            if pipe is not None:
+        # NOTE: a program that it started may live on and hold the pipes. Do not close a pipe that a thread still reads:
+        # `close` would wait for that thread.
+        for thread, pipe in zip(self._threads, (self._process.stdout, self._process.stderr, None), strict=True):
+            thread.join(ERROR_SECONDS)
+            if pipe is not None and not thread.is_alive():
                 pipe.close()
 
     @property

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,23 @@ def test_what_a_program_started_ends_with_the_channel() -> None:
     """As long as it lives it holds the pipes, and the channel would wait for their end."""
     with Channel((sys.executable, "-c", PARENT)) as channel:
         assert channel.next_line(60, lambda: None) == "on"
+
+
+HANDED_ON = """
+import subprocess, sys
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], stdout=sys.stdout, stderr=sys.stderr)
+print("on", flush=True)
+"""
+
+
+def test_a_channel_ends_although_what_an_ended_program_started_holds_the_pipes() -> None:
+    """As a connection that ssh keeps for later calls may do."""
+    begin = time.monotonic()
+    with Channel((sys.executable, "-c", HANDED_ON)) as channel:
+        assert channel.next_line(60, lambda: None) == "on"
+        assert channel.code() == 0
+
+    assert time.monotonic() - begin < 50
 
 
 @pytest.mark.needs("windows")
