@@ -209,10 +209,10 @@ def _head_problems(read_tokens: tuple[Token, ...]) -> Iterator[str]:
 
 
 def _help_problems(text: str) -> Iterator[str]:
-    """Words of the help that PowerShell heeds: `.FORWARDHELPTARGETNAME` and its like show another command's help."""
+    """Words of the help that PowerShell heeds, in any case: `.ForwardHelpTargetName` shows another command's help."""
     for line in text.split("\n"):
         word = (line.split() or [""])[0]
-        if word.startswith(".") and word.isupper() and (word not in _HELP_WORDS or line[0] != "."):
+        if word.startswith(".") and word[1:].isalpha() and (word not in _HELP_WORDS or line[0] != "."):
             yield f"its help says {quoted(line, 40)}"
 
 

@@ -183,8 +183,9 @@ AROUND_THE_PLAN: dict[str, Mutation] = {
     "a profile that reaches in": lambda script, _: script.replace("$PSDefaultParameterValues = @{}" + LINE, ""),
     "a head that does something": lambda script, _: "Hyper-V\\Get-VM" + LINE + script,
     "a head that asks for less": lambda script, _: script.replace("#Requires -RunAsAdministrator" + LINE, ""),
-    "a help of another command": lambda script, _: script.replace(
-        ".NOTES" + LINE, ".FORWARDHELPTARGETNAME Get-Help" + LINE + ".NOTES" + LINE
+    "a help of another command": lambda script, pick: script.replace(
+        ".NOTES" + LINE,
+        pick.choice([".FORWARDHELPTARGETNAME", ".ForwardHelpTargetName"]) + " Get-Help" + LINE + ".NOTES" + LINE,
     ),
     "a help that ends early": lambda script, _: script.replace(".NOTES" + LINE, "#>" + LINE + "Hyper-V\\Get-VM" + LINE),
     "a signature": lambda script, _: "# SIG # Begin signature block" + LINE + script,
