@@ -148,7 +148,8 @@ class LocalEffects(LocalFiles):
         lease = lock.with_name("lease")
         until = time.monotonic() + timeout_ms / 1000
         while True:
-            with super().hold(lock, owner, timeout_ms):
+            remaining_ms = max(0, round(1000 * (until - time.monotonic())))
+            with super().hold(lock, owner, remaining_ms):
                 holder = _holder(lease)
                 if not holder:
                     if self.is_private(lock.parent):
