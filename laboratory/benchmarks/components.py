@@ -20,7 +20,7 @@ from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtLeast, AtMost
-from rarms_iac.statistics.errors import next_look
+from rarms_iac.statistics.error_probability import next_look
 from rarms_iac.storage.datalog.columns import DIGITS
 from tests.builders import a_run
 

@@ -35,7 +35,7 @@ from rarms_iac.model.system import AtMost, Component, Threshold, run_of
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.distributions import share_interval
-from rarms_iac.statistics.errors import ERROR, shared_error
+from rarms_iac.statistics.error_probability import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most, milliseconds
 

@@ -33,7 +33,7 @@ from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS
 from rarms_iac.measuring.search.trials import Goal, trial_of
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.statistics.curves import curves_of, holds
-from rarms_iac.statistics.errors import LOOK_ERROR
+from rarms_iac.statistics.error_probability import LOOK_ERROR
 
 COMPONENTS = 1000
 TOLERANCE = 0.01

@@ -14,7 +14,7 @@ from rarms_iac.model.run import Run, SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.distributions import share_below
-from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, next_look
+from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, next_look
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.verdicts import judge, judge_early
 from tests.builders import a_run

@@ -52,7 +52,7 @@ from rarms_iac.model.system import Component, run_of
 from rarms_iac.providers.cgroups.find_tree import find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree
 from rarms_iac.statistics.distributions import share_interval
-from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.error_probability import ERROR
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 INTRODUCTION = """\

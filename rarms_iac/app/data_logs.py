@@ -16,7 +16,7 @@ from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import (
     MeasuredReservations,

@@ -20,7 +20,7 @@ from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, sh
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted, each_processor
 from rarms_iac.statistics.curves import Point, holds
-from rarms_iac.statistics.errors import describe_error, describe_extreme
+from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 
 NO_LAYOUT = "no layout"
 """The topic of the step that says why not everything fits."""

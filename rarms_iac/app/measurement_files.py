@@ -10,8 +10,8 @@ from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import owner
-from rarms_iac.measuring.findings import MEASURED_ELSEWHERE
-from rarms_iac.planner.findings import UNREADABLE
+from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
+from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
 from rarms_iac.storage.disk import PRIVATE, make_room
 from rarms_iac.storage.lock import Locked, hold

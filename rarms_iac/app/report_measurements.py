@@ -55,7 +55,7 @@ from rarms_iac.planner.reservations import (
 )
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.statistics.errors import ERROR, describe_extreme
+from rarms_iac.statistics.error_probability import ERROR, describe_extreme
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.verdicts import judge_look
 from rarms_iac.storage.datalog.log import DataLog, Recorded

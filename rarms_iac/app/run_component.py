@@ -28,7 +28,7 @@ from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, ProcessPlace, RunningError, StartContext, become, order_of
-from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.error_probability import ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.verdicts import judge_each
 

@@ -24,9 +24,9 @@ from rarms_iac.model.output import output
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, guaranteed, plain
 from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.wording import quoted, suggestion
-from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.planning_findings import NOT_MET
 from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size

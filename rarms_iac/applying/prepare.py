@@ -12,7 +12,8 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.requested_changes import adoption, releasing, start_changes, stop_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
-from rarms_iac.diff.claims import NO_CLAIM, claim_of
+from rarms_iac.applying.targets import is_below, targeted, unknown_targets
+from rarms_iac.applying.totals import totals_after
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.disruption import HostContext
@@ -22,15 +23,11 @@ from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
-from rarms_iac.model.capacity import foreign_claims
-from rarms_iac.model.changes import Adopt, Change, Delete, Release
-from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors, in_order
+from rarms_iac.model.changes import Adopt, Change, Release
+from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step
-from rarms_iac.model.state import Partition, State, StoppedBy
-from rarms_iac.model.totals import Totals, totals_of
+from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.desired import Desired
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified
@@ -183,83 +180,3 @@ def _single_change(change: Adopt | Release | Diagnostic | None) -> Difference:
     if isinstance(change, Diagnostic):
         return Difference(changes=(), unchanged=0, unused=(), findings=(change,))
     return Difference(changes=(change,), unchanged=0, unused=(), findings=())
-
-
-NO_SUCH_TARGET = Finding.error("RARMS194", "Nothing changes at this target")
-
-
-def is_below(address: str, targets: Sequence[str]) -> bool:
-    """Whether the address is one of the targets, or lies below one; without targets everything is meant."""
-    return not targets or any(address == target or address.startswith(f"{target}/") for target in targets)
-
-
-def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change, ...]:
-    """The changes that are meant."""
-    return tuple(change for change in changes if is_below(str(change.address), targets))
-
-
-def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
-    """A finding for each target at which no host changes anything: most often a slip of the pen."""
-    return tuple(
-        NO_SUCH_TARGET.at(
-            None,
-            f"`--target {target}`: no change has this address or lies below it.{_suggestion(target, addresses)}",
-            prose(
-                "Give an address such as partition/vision (",
-                command("plan", verbose=True),
-                " lists them), or leave the option out.",
-            ),
-            address=target,
-        )
-        for target in targets
-        if not any(is_below(address, [target]) for address in addresses)
-    )
-
-
-def _suggestion(target: str, addresses: Sequence[str]) -> str:
-    """As `suggestion`; a name alone is looked for among partitions and task classes, too."""
-    words = [target, f"partition/{target}", f"task/{target}"]
-    for word in words:
-        if word in addresses:
-            return f' Did you mean "{word}"?'
-    return next((message for word in words if (message := suggestion(word, addresses))), "")
-
-
-def totals_after(
-    observed: State, desired: State, application: str, changes: Sequence[Change], steps: Sequence[Step]
-) -> Totals:
-    """The promises to this application's partitions after these steps, and those to all others then.
-
-    A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted, or that
-    `rarms stop` stopped, and does not run is promised what the layout or its settings give it, as the planner counts.
-    """
-    claims = {
-        partition.mark.name: claim_of(partition) for partition in observed.of(application).partitions if partition.mark
-    }
-    renamed: dict[str, str] = {
-        partition.id: partition.mark.name for partition in observed.of(application).partitions if partition.mark
-    }
-    for step in steps:
-        address = step.address
-        if address.partition and not address.task:
-            claims.pop(renamed.get(address.machine, ""), None)
-            claims[address.partition] = step.claim_after
-    others = list(foreign_claims(observed, application))
-    for change in changes:
-        match change:
-            case Adopt(before=Partition(claims_resources=True) as before):
-                others.remove(before.claim)
-            case Release(before=Partition() as before):
-                claims.pop(change.address.partition, None)
-                others += [before.claim] if before.claims_resources else []
-            case _:
-                pass
-    removed = {change.address.partition for change in changes if isinstance(change, Delete)}
-    stopped = {
-        partition.mark.name: partition.claim
-        for partition in observed.of(application).partitions
-        if partition.mark and partition.mark.stopped_by is not StoppedBy.NO_USER and partition.mark.name not in removed
-    }
-    layout = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
-    idle = [layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout]
-    return totals_of(claims.values(), others, idle)

@@ -12,7 +12,7 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic, Sources, has_errors, in_order
 from rarms_iac.views.finding_forms import OutputFormat, OutputTarget
-from rarms_iac.views.findings import findings_text
+from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.terminal import Terminal
 
 if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
@@ -102,7 +102,7 @@ def stopped(session: Session) -> ExitCode:
 
 def measured(findings: Sequence[Diagnostic]) -> ExitCode:
     """How a command ends that has measured and told these findings."""
-    from rarms_iac.measuring.findings import STILL_STOPPED
+    from rarms_iac.measuring.measuring_findings import STILL_STOPPED
 
     if any(finding.code == STILL_STOPPED.code for finding in findings):
         return ExitCode.FAILED  # also where all was measured: the host is not as it was

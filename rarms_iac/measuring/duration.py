@@ -16,7 +16,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.run import Elapsed, Periodic, Run
 from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
-from rarms_iac.statistics.errors import FIRST_LOOK
+from rarms_iac.statistics.error_probability import FIRST_LOOK
 
 STEPS_OF_PAPER = 10
 """Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""

@@ -36,7 +36,7 @@ from rarms_iac.model.series import Series
 from rarms_iac.model.system import Component, Interference, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
-from rarms_iac.statistics.errors import ERROR, shared_error
+from rarms_iac.statistics.error_probability import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge_each
 
 LONGER = 4

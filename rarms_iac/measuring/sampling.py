@@ -8,7 +8,7 @@ from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import RunningWork
-from rarms_iac.statistics.errors import next_look
+from rarms_iac.statistics.error_probability import next_look
 
 
 def watch(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_others
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

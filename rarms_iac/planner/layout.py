@@ -19,7 +19,7 @@ from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_process
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, Disruption, Measured, System, Threshold
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource

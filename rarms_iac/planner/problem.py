@@ -9,7 +9,7 @@ from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group, company, groups_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing

@@ -10,7 +10,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, Threshold
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, LeastReserve, holds, least_reserve
 

@@ -14,7 +14,7 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
 from rarms_iac.model.system import Measured, StartMode
 from rarms_iac.model.wording import counted
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms

@@ -11,7 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority, values_within
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
 

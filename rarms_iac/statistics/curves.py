@@ -18,7 +18,7 @@ from rarms_iac.model.output import OpenBound
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.errors import LOOK_ERROR
+from rarms_iac.statistics.error_probability import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate_steady
 
 

@@ -16,7 +16,7 @@ from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import SampleColumns, Series, columns_of
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
-from rarms_iac.statistics.errors import FIRST_LOOK, LOOK_ERROR
+from rarms_iac.statistics.error_probability import FIRST_LOOK, LOOK_ERROR
 from rarms_iac.statistics.samples import deadline_misses, effective_samples, ends_ms, response_times, successes
 from rarms_iac.statistics.steady_state import find_steady_series, split_series, steady_series
 

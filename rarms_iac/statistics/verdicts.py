@@ -20,7 +20,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
+from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
 from rarms_iac.statistics.estimates import estimate_steady
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.steady_state import find_steady_series

@@ -89,7 +89,7 @@ def findings_as(
     """
     match form:
         case OutputFormat.TEXT:
-            from rarms_iac.views.findings import findings_text
+            from rarms_iac.views.findings_text import findings_text
 
             return findings_text(diagnostics, sources, accepted=accepted)
         case OutputFormat.JSON:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, assert_never
 
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
-from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.loop import MeasuringReporter
+from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named, show_bound, show_range, show_value
@@ -27,7 +27,7 @@ from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.statistics.errors import describe_error, describe_extreme
+from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
 
 if TYPE_CHECKING:

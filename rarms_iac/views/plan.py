@@ -20,7 +20,7 @@ from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted
 from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
-from rarms_iac.views.findings import findings_text
+from rarms_iac.views.findings_text import findings_text
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -52,7 +52,10 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
     if changed:
         manifest = visible(plan.manifest, keep="")
         title = f"{TITLES[plan.purpose]}: {plan.application} (plan {plan.id}, from {manifest})"
-        parts += [paragraph(title), *(piece for part in changed for piece in _host(part, plan, verbose=verbose))]
+        parts += [
+            paragraph(title),
+            *(piece for part in changed for piece in _planned_host(part, plan, verbose=verbose)),
+        ]
         quiet = [part.host.name for part in plan.hosts if part not in changed]
         if quiet:
             parts.append(paragraph(f"No changes on {counted(len(quiet), 'more host')}: {', '.join(quiet)}."))
@@ -95,7 +98,7 @@ def _nothing(plan: Plan) -> str:
             assert_never(plan.purpose)
 
 
-def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
+def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
     facts = part.facts
     yield ""
     head = f"Host {part.host.name} ({facts.provider.value}, {show_processors(facts.logical_processors)}, "

@@ -10,7 +10,7 @@ from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import Series
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.statistics.errors import describe_error
+from rarms_iac.statistics.error_probability import describe_error
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 
 if TYPE_CHECKING:

@@ -207,7 +207,7 @@ def run_text(report: RunReport) -> "RenderableType":
 
 def _sentences(report: RunReport) -> Iterator[Wording]:
     for host in report.hosts:
-        yield f"{host.host}: {_host(host, partial=_undo_is_partial(report))}"
+        yield f"{host.host}: {_reported_host(host, partial=_undo_is_partial(report))}"
     match report.ending:
         case RunEnding.NOTHING:
             yield "Nothing to do."
@@ -222,7 +222,7 @@ def _undo_is_partial(report: RunReport) -> bool:
     return any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.findings)
 
 
-def _host(report: HostReport, *, partial: bool) -> str:
+def _reported_host(report: HostReport, *, partial: bool) -> str:
     kind = "Apply" if report.run is RunKind.APPLY else "Undo"
     begun = f"{kind} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
     if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:

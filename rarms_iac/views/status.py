@@ -13,7 +13,7 @@ from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
-from rarms_iac.views.hosts import TITLES
+from rarms_iac.views.drift import TITLES
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,7 +24,7 @@ BAR = 20
 
 def status_text(overview: Overview) -> "RenderableType":
     """Show each host with its partitions, then what was proven, what no longer holds, and the next command."""
-    parts = [part for host in overview.hosts for part in _host(host)]
+    parts = [part for host in overview.hosts for part in _host_overview(host)]
     if overview.proofs:
         parts.append(paragraph(_proven(overview.proofs), start="Proven: "))
     for log, changes in overview.stale.items():
@@ -39,7 +39,7 @@ def status_text(overview: Overview) -> "RenderableType":
     return stack(*parts, paragraph(styled((f"`{step.command}`", STRONG), f" {step.reason}."), start="Next: "))
 
 
-def _host(host: HostOverview) -> "Iterator[RenderableType]":
+def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     if host.problems:
         yield styled((f"Host {host.name}", STRONG), " could not be looked at:")
         yield from (paragraph(sentences(problem.detail, problem.advice), indent=2) for problem in host.problems)

@@ -10,7 +10,7 @@ from pathlib import Path
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.validation import validate
 from rarms_iac.views.console import render
-from rarms_iac.views.findings import findings_text
+from rarms_iac.views.findings_text import findings_text
 
 FINDINGS = Path(__file__).parent / "findings"
 TODAY = date(2026, 11, 21)

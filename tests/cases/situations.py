@@ -22,7 +22,7 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
 from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.views.console import render
-from rarms_iac.views.findings import findings_text
+from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.plan import plan_text
 from tests.recorded_hosts import read_observation
 from tests.twin.host import WindowsHost

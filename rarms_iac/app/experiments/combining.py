@@ -16,7 +16,7 @@ from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.oracle import WHOLE, total
 from rarms_iac.planner.combining.questions import expected
-from rarms_iac.planner.findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
+from rarms_iac.planner.planning_findings import NOT_MET, PLATFORMS, STALE, UNMEASURED
 
 NO_SUBJECT = {finding.code for finding in (UNMEASURED, STALE, NOT_MET, PLATFORMS)}
 """Codes of findings with which there is nothing to combine yet; `plan` and `tune` tell of them."""

@@ -29,8 +29,8 @@ from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import placed_without_log, totals_at_hand
-from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
+from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic

@@ -8,7 +8,7 @@ from typing import Literal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
-from rarms_iac.measuring import findings
+from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.measuring.methods import USUAL_STEP, Method, Search, Verification
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
@@ -31,7 +31,7 @@ from rarms_iac.model.system import RunsOn
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve
-from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.error_probability import ERROR
 
 USUAL_SEED = 1
 """What chance is drawn from on a simulated host, unless a user says."""

@@ -18,8 +18,8 @@ from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import lock_timeout_option, option
 from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.app.requests import PlanLimits
-from rarms_iac.measuring import findings
-from rarms_iac.measuring.findings import show_index
+from rarms_iac.measuring import measuring_findings as findings
+from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.partitions import host_budget, partition_name
 from rarms_iac.measuring.prove import (
     AppliedLayout,

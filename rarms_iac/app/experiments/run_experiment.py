@@ -14,7 +14,7 @@ from rarms_iac.app.experiments.session import MeasuringSession, stop_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
-from rarms_iac.measuring import findings
+from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.measuring.duration import expected_duration, settings_to_run
 from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, measure
 from rarms_iac.measuring.methods import Method, Search, Verification, is_of_paper, strategy_of

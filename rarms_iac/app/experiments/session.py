@@ -15,7 +15,7 @@ from rarms_iac.app.experiments.stopping import (
     stop_to_measure,
 )
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
-from rarms_iac.measuring import findings
+from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic

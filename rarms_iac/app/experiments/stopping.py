@@ -13,7 +13,7 @@ from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
-from rarms_iac.measuring import findings
+from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.model.changes import Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.journal import Journal, ScriptRun

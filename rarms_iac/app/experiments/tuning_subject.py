@@ -8,7 +8,7 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.run_experiment import run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.measuring.findings import CANNOT_MEASURE
+from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.measuring.strategies import ThresholdCheck, apts_of
@@ -18,7 +18,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured
 from rarms_iac.planner.groups import Group, may_share

@@ -21,8 +21,10 @@ from rarms_iac.cli.options import OutputOptions
 from rarms_iac.cli.session import Session
 from rarms_iac.model.commands import DRIFT, prose
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.hosts import doctor_as, drift_text, snapshot_script_text
+from rarms_iac.views.doctor import doctor_as
+from rarms_iac.views.drift import drift_text
 from rarms_iac.views.json_output import json_of
+from rarms_iac.views.scripts import snapshot_script_text
 from rarms_iac.views.status import history_text, status_text
 
 

@@ -25,7 +25,7 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Findings, has_errors
 from rarms_iac.model.plan import Plan
-from rarms_iac.views.findings import findings_text
+from rarms_iac.views.findings_text import findings_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.scripts import difference_text, left_out, script_text
 

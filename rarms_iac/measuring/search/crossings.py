@@ -14,7 +14,7 @@ from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, Sear
 from rarms_iac.model.outcomes import Estimate
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.errors import LOOK_ERROR
+from rarms_iac.statistics.error_probability import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.samples import effective_samples, response_times, successes
 from rarms_iac.statistics.verdicts import done_share

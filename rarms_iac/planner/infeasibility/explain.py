@@ -9,7 +9,7 @@ from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import LogicalProcessors, show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Trials, Variant, smallest_edits

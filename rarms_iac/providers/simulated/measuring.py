@@ -21,7 +21,8 @@ from rarms_iac.model.state import RegistryValue, State, ValueKind
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory, run_of
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
-from rarms_iac.providers.simulated.content import Content, SimulatedMachine, description
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine
+from rarms_iac.providers.simulated.observation import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,

@@ -14,20 +14,16 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
 from rarms_iac.providers.journaled import JournaledHost, LocalFiles
-from rarms_iac.providers.simulated.content import (
-    Content,
-    SimulatedMachine,
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
+from rarms_iac.providers.simulated.content_file import read_content, write_content
+from rarms_iac.providers.simulated.observation import (
     description,
-    empty,
     facts_of,
-    next_id,
     partitions_of,
-    read_content,
     stands_for,
     tasks_of,
     to_state,
     visible_disks,
-    write_content,
 )
 from rarms_iac.providers.simulated.operations import (
     address_of,

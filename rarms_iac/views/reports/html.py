@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import command, plain_text, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.statistics.errors import ERRORS_EXPLAINED
+from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.console import visible
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of

@@ -18,7 +18,7 @@ from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
 from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, plain, show_lp_percent, show_percent
 from rarms_iac.planner.combining.candidates import ASSUMED, Node
-from rarms_iac.statistics.errors import describe_error
+from rarms_iac.statistics.error_probability import describe_error
 from rarms_iac.views.prove import describe_verdict
 
 MOST_CANDIDATES = 24

@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from rarms_iac.applying.prepare import totals_after
+from rarms_iac.applying.totals import totals_after
 from rarms_iac.model.changes import Address
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.plan import Purpose, Step

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.state import Partition, RunState
-from rarms_iac.providers.simulated.content import read_content, write_content
+from rarms_iac.providers.simulated.content_file import read_content, write_content
 from rarms_iac.storage.snapshot_file import read_snapshot
 from tests.unit.cli.running import rarms
 

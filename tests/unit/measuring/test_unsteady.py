@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.loop import LoopResult
+from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting

@@ -23,7 +23,7 @@ from rarms_iac.views.finding_forms import (
     parse_outputs,
 )
 from rarms_iac.views.json_output import json_of
-from tests.unit.views.test_findings import diagnostics
+from tests.unit.views.test_findings_text import diagnostics
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")

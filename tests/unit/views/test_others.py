@@ -16,8 +16,8 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.totals import Totals
 from rarms_iac.views.console import live_console, render
+from rarms_iac.views.drift import drift_text
 from rarms_iac.views.graph import graph_text, mermaid_quoted
-from rarms_iac.views.hosts import drift_text
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_text, undo_text
 from tests.builders import the_delivery_robot

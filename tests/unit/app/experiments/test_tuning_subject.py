@@ -21,7 +21,7 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.findings import CONTRADICTION
+from rarms_iac.planner.planning_findings import CONTRADICTION
 from tests.measuring import leave_logs
 from tests.unit.cli.running import rarms
 

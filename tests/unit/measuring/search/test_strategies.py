@@ -19,7 +19,7 @@ from rarms_iac.measuring.search.trials import (
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
 from rarms_iac.model.run import SampleCount
-from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.error_probability import ERROR
 from tests.builders import a_run, at_most
 from tests.effort import examples
 from tests.measured import a_series, noisy

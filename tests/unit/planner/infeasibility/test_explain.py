@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.planner import findings
+from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_system

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
-from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient

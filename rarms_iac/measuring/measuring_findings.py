@@ -25,7 +25,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import show_amount, show_processors
 from rarms_iac.model.system import AtMost, Measured
 from rarms_iac.model.wording import in_a_row
-from rarms_iac.statistics.errors import describe_extreme
+from rarms_iac.statistics.error_probability import describe_extreme
 from rarms_iac.statistics.samples import usable_processors
 
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")

@@ -1,0 +1,47 @@
+"""What `--target` chooses of the changes of a plan, and the targets at which nothing changes."""
+
+from collections.abc import Sequence
+
+from rarms_iac.model.changes import Change
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.wording import suggestion
+
+NO_SUCH_TARGET = Finding.error("RARMS194", "Nothing changes at this target")
+
+
+def is_below(address: str, targets: Sequence[str]) -> bool:
+    """Whether the address is one of the targets, or lies below one; without targets everything is meant."""
+    return not targets or any(address == target or address.startswith(f"{target}/") for target in targets)
+
+
+def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change, ...]:
+    """The changes that are meant."""
+    return tuple(change for change in changes if is_below(str(change.address), targets))
+
+
+def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
+    """A finding for each target at which no host changes anything: most often a slip of the pen."""
+    return tuple(
+        NO_SUCH_TARGET.at(
+            None,
+            f"`--target {target}`: no change has this address or lies below it.{_suggestion(target, addresses)}",
+            prose(
+                "Give an address such as partition/vision (",
+                command("plan", verbose=True),
+                " lists them), or leave the option out.",
+            ),
+            address=target,
+        )
+        for target in targets
+        if not any(is_below(address, [target]) for address in addresses)
+    )
+
+
+def _suggestion(target: str, addresses: Sequence[str]) -> str:
+    """As `suggestion`; a name alone is looked for among partitions and task classes, too."""
+    words = [target, f"partition/{target}", f"task/{target}"]
+    for word in words:
+        if word in addresses:
+            return f' Did you mean "{word}"?'
+    return next((message for word in words if (message := suggestion(word, addresses))), "")

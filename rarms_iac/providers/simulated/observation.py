@@ -1,0 +1,113 @@
+"""What a look at a simulated host gives: the State that its content and its description in the manifest make. Pure."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from rarms_iac.model.capacity import core_sharing
+from rarms_iac.model.host import Host, SimulatedHost
+from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, State, TaskClass
+from rarms_iac.providers.marks import MarkReading, read_marks
+from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, SimulatedMachine
+
+DISK_FOLDER = "C:\\disks"
+"""The folder of a simulated host's disks, as its facts name it."""
+
+_PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
+
+
+def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
+    """The State that an observation shows: without the rights, no machines and no guests (windows.md 5)."""
+    facts = facts_of(content, host)
+    partitions = partitions_of(content, host) if facts.rights is Rights.PROVEN else ()
+    return State(
+        facts=facts,
+        partitions=partitions,
+        tasks=tasks_of(content, partitions),
+        serials=serials,
+        responsiveness=content.registry("").responsiveness,
+        disks=visible_disks(content, facts),
+    )
+
+
+def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
+    """The virtual disks, where machines may be seen."""
+    return content.disks if facts.rights is Rights.PROVEN else ()
+
+
+def partitions_of(content: Content, host: Host) -> tuple[Partition, ...]:
+    """The machines by name, then id, with the marks that count."""
+    sharing, build = core_sharing(facts_of(content, host)), description(host).guest_windows_build
+    judged = read_marks({machine.id: machine.notes for machine in content.machines.values()})
+    machines = sorted(content.machines.values(), key=lambda machine: (machine.settings.name, machine.id))
+    return tuple(
+        replace(_partition(machine, judged[machine.id]), sharing=sharing, guest_build=build) for machine in machines
+    )
+
+
+def tasks_of(content: Content, partitions: Iterable[Partition]) -> tuple[TaskClass, ...]:
+    """The task classes of the host, and those in the guests of these partitions, where they are partitions of rarms."""
+    guests = sorted((inside, partition.id) for partition in partitions if (inside := stands_for(partition)))
+    return tuple(task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine))
+
+
+def facts_of(content: Content, host: Host) -> HostFacts:
+    """The facts of the host that decisions rest on, as the manifest describes it now."""
+    described = description(host)
+    return HostFacts(
+        name=host.name,
+        id=content.id,
+        provider=host.provider,
+        computer_name=host.name,
+        os_build=described.windows_build,
+        client=described.client,
+        scheduler=described.scheduler,
+        smt=described.smt,
+        logical_processors=host.logical_processors,
+        memory=int(host.memory),
+        rights=Rights.PROVEN if described.administrator else Rights.MISSING,
+        disk_folder=DISK_FOLDER,
+    )
+
+
+def description(host: Host) -> SimulatedHost:
+    """The machine that the host pretends to be."""
+    return host.settings if isinstance(host.settings, SimulatedHost) else SimulatedHost()
+
+
+def stands_for(partition: Partition) -> str:
+    """The manifest's name of a partition of rarms, also of one that is being made; empty for the machines of others."""
+    if partition.mark is not None:
+        return partition.mark.name
+    pending = _PENDING.fullmatch(partition.settings.name)
+    return pending["partition"] if pending else ""
+
+
+def _partition(machine: SimulatedMachine, judged: MarkReading) -> Partition:
+    return Partition(
+        settings=machine.settings,
+        id=machine.id,
+        state=machine.state,
+        mark=judged.mark,
+        other_notes=judged.other_notes,
+        foreign_mark=judged.foreign,
+    )
+
+
+def _tasks(content: Content, inside: str, machine: str) -> list[TaskClass]:
+    """The task classes of one operating system by name, a record without its key included."""
+    registry = content.registry(machine)
+    if registry is FRESH:
+        return [TaskClass(name=name, inside=inside, machine=machine, values=values) for name, values in SHIPPED.items()]
+    keys = {name.lower(): name for name in registry.tasks}
+    names = sorted({**{record: record for record in registry.records}, **keys}.items())
+    return [
+        TaskClass(
+            name=name,
+            inside=inside,
+            machine=machine,
+            values=registry.tasks.get(name, {}),
+            record=registry.records.get(lower),
+        )
+        for lower, name in names
+    ]

@@ -1,0 +1,80 @@
+"""What the doctor found on hosts: facts of each, then the findings of all; as JSON for programs, too."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.doctor import Examinations, ExaminedHost
+from rarms_iac.model.condition import HostCondition
+from rarms_iac.model.diagnostics import Sources
+from rarms_iac.model.quantities import show_bytes, show_processors
+from rarms_iac.model.state import HostFacts
+from rarms_iac.views.console import STRONG, stack, styled, table
+from rarms_iac.views.finding_forms import OutputFormat, findings_as
+from rarms_iac.views.findings_text import findings_text
+from rarms_iac.views.json_output import json_of
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+HEALTHY = "Nothing here makes a plan ineffective or unsafe."
+
+
+def doctor_as(form: OutputFormat, examined: Examinations, sources: Sources) -> "RenderableType":
+    """Give an examination that form: text to be laid out, or else the text itself."""
+    match form:
+        case OutputFormat.TEXT:
+            return doctor_text(examined, sources)
+        case OutputFormat.JSON:
+            return json_of(examined)
+        case _:
+            return findings_as(form, examined.findings, sources, accepted=examined.accepted)
+
+
+def doctor_text(examined: Examinations, sources: Sources) -> "RenderableType":
+    """Show the facts of each host, then the findings of all."""
+    parts: list[RenderableType] = []
+    for host in examined.hosts:
+        rows = [row for row in _rows(host, examined.application) if row[1]]
+        title = f"Host {host.facts.name} ({host.facts.provider.value})"
+        parts += [styled((title, STRONG)), table(rows, wrap=(1,), indent=2), ""]
+    findings, accepted = examined.findings, examined.accepted
+    healthy = not findings and not accepted
+    return stack(*parts, HEALTHY if healthy else findings_text(findings, sources, accepted=accepted))
+
+
+def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]:
+    facts, condition = examined.facts, examined.condition
+    yield "computer", facts.computer_name
+    yield "Windows", _windows(facts)
+    yield "PowerShell", condition.powershell or ""
+    yield "module Hyper-V", _module(condition)
+    yield "scheduler", "" if facts.scheduler.value == "none" else facts.scheduler.value
+    yield "processors", _processors(facts, condition)
+    available = condition.memory_available
+    free = "" if available is None else f", {show_bytes(available)} left for machines"
+    yield "memory", show_bytes(facts.memory) + free
+    yield "rights", facts.rights.value
+    yield "machines", _machines(examined, application)
+
+
+def _windows(facts: HostFacts) -> str:
+    return f"build {facts.os_build}, {'client' if facts.client else 'server'}" if facts.os_build else ""
+
+
+def _module(condition: HostCondition) -> str:
+    return "" if condition.module is None else ", ".join(condition.module) or "not installed"
+
+
+def _processors(facts: HostFacts, condition: HostCondition) -> str:
+    seen = condition.seen_processors  # by the host's own Windows
+    parts = [show_processors(facts.logical_processors)]
+    parts += ["SMT"] if facts.smt else []
+    parts += [f"{seen} of them seen by its own Windows"] if seen not in {None, facts.logical_processors} else []
+    return ", ".join(parts)
+
+
+def _machines(examined: ExaminedHost, application: str) -> str:
+    if not examined.machines:
+        return "none seen"
+    return f"{examined.machines}: {examined.managed} of {application}, {examined.running} running"
