@@ -24,12 +24,8 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
     rows = [_row(verdict) for proof in proofs for verdict in proof.verdicts]
     against = f" against {interference}" if interference else ""
     sentences = [sentence for proof in proofs for sentence in (*_describe_sharing(proof), _sentence(proof, against))]
-    return stack(proven_table(rows), *map(paragraph, sentences))
-
-
-def proven_table(rows: Sequence[tuple[str, str, str, str]]) -> "RenderableType":
-    """Rows of component, threshold, what was measured, and the verdict on it."""
-    return table(rows, header=("component", "threshold", "measured", "verdict"), wrap=(1, 3))
+    verdicts = table(rows, header=("component", "threshold", "measured", "verdict"), wrap=(1, 3))
+    return stack(verdicts, *map(paragraph, sentences))
 
 
 def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:

@@ -108,7 +108,8 @@ def export_command(session: Session, options: ExportOptions, source: ManifestSou
     data log, a sheet with settings, curve and a chart; after `rarms tune` also what that asked for. Numbers are
     numbers; their units stand in the headers.
     """
-    from rarms_iac.views.reports.spreadsheet import csv_text, sample_rows, setting_rows, trail_rows
+    from rarms_iac.views.reports.spreadsheet import csv_text
+    from rarms_iac.views.reports.tables import samples_table, settings_table, trail_table
 
     samples = options.samples
     ending = Path(options.file).suffix.lower()
@@ -118,8 +119,10 @@ def export_command(session: Session, options: ExportOptions, source: ManifestSou
         raise RequestError("--trail goes into a .csv file, without --samples.")
     report = report_of_manifest(load_manifest(source), options.components)
     if ending == ".csv":
-        rows = trail_rows(report.tunings) if options.trail else sample_rows(report) if samples else setting_rows(report)
-        data = csv_text(rows).encode("utf-8", "replace")
+        measured = samples_table(report) if samples else settings_table(report)
+        data = csv_text((trail_table(report.tunings) if options.trail else measured).for_files()).encode(
+            "utf-8", "replace"
+        )
     else:
         from rarms_iac.views.reports.spreadsheet import TooManyRows, workbook
 

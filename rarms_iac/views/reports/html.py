@@ -17,17 +17,16 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.console import visible
-from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
-from rarms_iac.views.reports.summary import (
-    candidate_rows,
+from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of, on_page
+from rarms_iac.views.reports.summary import fit_text, status_text, tuning_text
+from rarms_iac.views.reports.table import show_cell
+from rarms_iac.views.reports.tables import (
     candidates_left_out,
-    fit_text,
-    proof_rows,
-    status_text,
-    summary_rows,
-    trail_rows,
-    tuned_rows,
-    tuning_text,
+    candidates_table,
+    levels_table,
+    proofs_table,
+    trail_table,
+    tuned_table,
 )
 
 if TYPE_CHECKING:
@@ -60,14 +59,15 @@ def as_html(report: Report) -> bytes:
             application=report.application,
             description=report.description,
             cards=cards,
-            summary=summary_rows(report),
+            levels=on_page(levels_table(report)),
             bars=[_bar(fit) for fit in report.capacities],
-            proofs=proof_rows(report),
+            proofs=on_page(proofs_table(report)),
             tunings=[
-                (tuning.platform, tuning_text(tuning), trail_rows(tuning), tuned_rows(tuning))
+                (tuning.platform, tuning_text(tuning), on_page(trail_table([tuning])), on_page(tuned_table(tuning)))
                 for tuning in report.tunings
             ],
-            candidates=candidate_rows(report),
+            candidates=on_page(candidates_table(report)),
+            show_cell=show_cell,
             more_candidates=candidates_left_out(report),
             statuses=[
                 (bool(status.differs), status.host, plain_text(status_text(status))) for status in report.statuses

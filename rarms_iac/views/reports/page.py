@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
 
-from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
-from rarms_iac.model.indexes import show_range, show_value
+from rarms_iac.app.report_model import CurveRow, IndexCurve, Measurement, PlatformCapacity, Report
+from rarms_iac.model.indexes import show_value
 from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.summary import error_text
+from rarms_iac.views.reports.table import Table, show_cell
+from rarms_iac.views.reports.tables import settings_of
 
 RESERVES = (0, 20, 40, 60, 80, 100)
 """Labels of the lower axis."""
@@ -59,7 +60,7 @@ class Plot:
     dots: tuple[Dot, ...]
     index_curve: IndexCurve
     scale: Scale
-    points: tuple[tuple[str, ...], ...]  # the table of what was measured
+    settings: Table  # what was measured, as the page has it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +85,11 @@ class Card:
         return "" if self.measurement.rests else "; to compare, no reservation rests on it"
 
 
+def on_page(table: Table) -> Table:
+    """Return the columns that the page shows."""
+    return table.select(lambda column: column.title)
+
+
 def cards_of(report: Report) -> tuple[Card, ...]:
     """One card a measurement, in the report's order."""
     return tuple(
@@ -104,7 +110,7 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     threshold = beginning(curve, scale)
     least = least_reserve([(curve.curve, threshold)])
     reserve = None if least is None else least.reserve
-    rows = curve.rows
+    rows, settings = curve.rows, on_page(settings_of(measurement, curve))
     together = len(measurement.components) > 1
     title = curve.index.name.replace("_", " ")
     return Plot(
@@ -120,10 +126,10 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
         ticks=tuple(Tick(at=_y(scale, float(tick)), text=show_number(float(tick))) for tick in scale.ticks()),
         band=_band(rows, scale),
         curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),
-        dots=tuple(_dots(curve, scale)),
+        dots=tuple(_dots(curve, settings, scale)),
         index_curve=curve,
         scale=scale,
-        points=tuple(_point_cells(point, curve) for point in curve.points),
+        settings=settings,
     )
 
 
@@ -169,30 +175,16 @@ def _band(rows: Sequence[CurveRow], scale: Scale) -> str:
     return f"{above}L{_path(below[::-1])[1:]}Z"
 
 
-def _dots(curve: IndexCurve, scale: Scale) -> Iterator[Dot]:
-    for point in curve.points:
+def _dots(curve: IndexCurve, settings: Table, scale: Scale) -> Iterator[Dot]:
+    for point, row in zip(curve.points, settings.rows, strict=True):
         if point.value is not None:
             yield Dot(
                 x=f"{point.reserve}",
                 y=_y(scale, point.value),
                 top=_y(scale, point.high),
                 bottom=_y(scale, point.low),
-                text=", ".join(cell for cell in _point_cells(point, curve)[:4] if cell),
+                text=", ".join(filter(None, map(show_cell, row[:4]))),
             )
-
-
-def _point_cells(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
-    """Reserve, value, interval, samples, verdict with its error, remarks."""
-    inside = "" if point.value is None else show_range(curve.index, point.low, point.high)
-    failed = f", {point.failed} failed" if point.failed else ""
-    return (
-        f"{point.reserve} %",
-        "no answer" if point.value is None else show_value(curve.index, point.value),
-        inside,
-        f"{point.samples} samples{failed}",
-        f"{point.verdict or ''}{error_text(point)}",
-        point.remark,
-    )
 
 
 def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:

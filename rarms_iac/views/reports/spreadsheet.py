@@ -1,174 +1,28 @@
-"""Measurements as rows of cells, for CSV and spreadsheets: units in the headers, numbers as numbers.
-
-What was estimated has six digits that count, far more than any interval is narrow; times of samples have the tenth of a
-microsecond that data logs keep. The planner looks its reservations up in the logs, not here.
+"""The tables as CSV and as a spreadsheet: units in the headers, numbers as numbers.
 
 A text that a spreadsheet would take for a formula stays text: in CSV, which has no types, behind an apostrophe.
 """
 
 import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from io import BytesIO, StringIO
-from math import isfinite
 from typing import TYPE_CHECKING
 
-from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
+from rarms_iac.app.report_model import Measurement, Report
 from rarms_iac.model.diagnostics import Diagnostic, Finding
-from rarms_iac.model.quantities import guaranteed
-from rarms_iac.views.reports.summary import deciding_curves, reserved_for, verdict_of
+from rarms_iac.views.reports.table import finite
+from rarms_iac.views.reports.tables import levels_table, samples_table, settings_table, totals_table, trail_table
 
 if TYPE_CHECKING:
     from xlsxwriter import Workbook
     from xlsxwriter.worksheet import Worksheet
 
 
-Cell = str | int | float | None
-Rows = Iterable[Sequence[Cell]]
-
-SETTINGS = (
-    "component",
-    "measured with",
-    "platform",
-    "interference",
-    "reserve (% of the partition's VPs)",
-    "processors (VPs)",
-    "index",
-    "unit",
-    "value",
-    "interval from",
-    "interval to",
-    "samples",
-    "effective samples",
-    "failed samples",
-    "direction",
-    "threshold",
-    "verdict",
-    "error of the verdict (%)",
-    "remark",
-    "data log",
-)
-
-SAMPLES = (
-    "component",
-    "measured with",
-    "platform",
-    "interference",
-    "reserve (% of the partition's VPs)",
-    "setting",
-    "job",
-    "began (ms)",
-    "response time (ms)",
-    "successful",
-    "count",
-    "failure",
-)
-
-DIGITS = 6
-"""That count, of an estimate."""
-
-TIME_PLACES = 4
-"""Of a millisecond, as data logs keep a sample's times."""
+Rows = Iterable[Sequence[str | int | float | None]]
 
 BEGINNINGS = ("=", "+", "-", "@", "\t", "\n")
 """What a spreadsheet takes for the beginning of a formula."""
-
-
-def setting_rows(report: Report) -> Iterator[Sequence[Cell]]:
-    """The header, then a row a setting and index."""
-    yield SETTINGS
-    for measurement in report.measurements:
-        for index in measurement.indexes:
-            for point in index.points:
-                yield _setting(measurement, index, point)
-
-
-def _setting(measurement: Measurement, index: IndexCurve, point: MeasuredPoint) -> Sequence[Cell]:
-    threshold = index.threshold
-    return (
-        index.component,
-        measurement.name,
-        measurement.platform,
-        measurement.interference,
-        point.reserve,
-        measurement.processors,
-        index.index.name,
-        index.index.symbol,
-        None if point.value is None else finite(point.value),
-        None if point.value is None else finite(point.low),
-        None if point.value is None else finite(point.high),
-        point.samples,
-        finite(point.effective),
-        point.failed,
-        index.index.direction,
-        None if threshold is None else float(threshold.value),
-        point.verdict or "",
-        None if point.error is None else finite(100 * point.error),
-        point.remark,
-        measurement.log,
-    )
-
-
-def sample_rows(report: Report) -> Iterator[Sequence[Cell]]:
-    """The header, then a row a sample, in the order in which they were measured."""
-    yield SAMPLES
-    for measurement in report.measurements:
-        for number, setting in enumerate(measurement.settings, 1):
-            for series in setting.series:
-                for job, sample in enumerate(series.samples, 1):
-                    yield (
-                        series.component,
-                        measurement.name,
-                        measurement.platform,
-                        measurement.interference,
-                        setting.reserve,
-                        number,
-                        job,
-                        round(sample.began_ms, TIME_PLACES),
-                        None if sample.response_ms is None else round(sample.response_ms, TIME_PLACES),
-                        int(sample.successful),
-                        sample.count,
-                        sample.failure,
-                    )
-
-
-TRAIL = (
-    "platform",
-    "tuned",
-    "number",
-    "components",
-    "reserve (% of the partition's VPs)",
-    "enough",
-    "not met for sure by",
-    "predicted (% of the partition's VPs)",
-    "claim",
-)
-
-
-def trail_rows(tunings: Iterable[PlatformTuning]) -> Iterator[Sequence[Cell]]:
-    """The header, then a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
-    yield TRAIL
-    for tuning in tunings:
-        for number, setting in enumerate(tuning.run.trail, 1):
-            enough = "no" if setting.worse else "yes"
-            names, worse = "+".join(setting.components), " ".join(setting.worse)
-            claim = tuning.run.claim if number == len(tuning.run.trail) and tuning.run.strategy == "default" else ""
-            yield (
-                tuning.platform,
-                tuning.run.when,
-                number,
-                names,
-                setting.reserve,
-                enough,
-                worse,
-                setting.predicted,
-                claim,
-            )
-
-
-def finite(value: float) -> float | None:
-    """An estimate with the digits that count; empty for a side without a bound, as no spreadsheet knows infinity."""
-    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
 
 
 def csv_text(rows: Rows) -> str:
@@ -180,7 +34,7 @@ def csv_text(rows: Rows) -> str:
     return text.getvalue()
 
 
-def _inert(cell: Cell) -> Cell:
+def _inert(cell: str | float | None) -> str | float | None:
     if not isinstance(cell, str):
         return cell
     text = cell.replace("\r\n", "\n").replace("\r", "\n")  # Python's writer leaves a lone CR unquoted
@@ -191,19 +45,6 @@ MOST_ROWS = 1_048_576
 LONGEST_NAME = 31  # of a sheet
 MADE = datetime(2000, 1, 1, tzinfo=UTC)
 """Stands in every file, so that the same report gives the same bytes."""
-
-SUMMARY = (
-    "component",
-    "index",
-    "direction",
-    "threshold",
-    "unit",
-    "expected at the reserve",
-    "reserve (% of the partition's VPs)",
-    "bandwidth (LP)",
-    "interpolated",
-    "verdict",
-)
 
 CURVE = ("reserve (%)", "value", "safe side", "from", "to")
 
@@ -240,11 +81,11 @@ def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROW
     names = _names(report.measurements)
     for name, measurement in zip(names, report.measurements, strict=True):
         _measurement(book, name, measurement)
-    _rows(book, book.add_worksheet("settings"), setting_rows(report))
+    _rows(book, book.add_worksheet("settings"), settings_table(report).for_files())
     if report.tunings:
-        _rows(book, book.add_worksheet("tuning"), trail_rows(report.tunings))
+        _rows(book, book.add_worksheet("tuning"), trail_table(report.tunings).for_files())
     if samples:
-        rows = list(sample_rows(report))
+        rows = list(samples_table(report).for_files())
         if len(rows) > most_rows:
             raise TooManyRows(len(rows), most_rows)
         _rows(book, book.add_worksheet("samples"), rows)
@@ -268,39 +109,8 @@ def _names(measurements: Sequence[Measurement]) -> list[str]:
 
 def _summary(book: "Workbook", report: Report) -> None:
     sheet = book.add_worksheet("summary")
-    last = _rows(book, sheet, (SUMMARY, *_levels(report)))
-    totals: list[Sequence[Cell]] = [("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")]
-    for fit in report.capacities:
-        numbers = (float(fit.capacity_lp), float(fit.reserved_lp), float(fit.headroom_lp))
-        totals.append((fit.platform, ", ".join(fit.hosts), *numbers, "yes" if fit.fits else "no"))
-    _rows(book, sheet, totals, top=last + 1)
-
-
-def _levels(report: Report) -> Iterator[Sequence[Cell]]:
-    for measurement, curve in deciding_curves(report):
-        yield _level(measurement, curve)
-    for capacity in report.capacities:
-        for part in capacity.fixed:
-            yield part.name, None, None, None, None, None, None, float(part.reserved_lp), None, "fixed by the manifest"
-
-
-def _level(measurement: Measurement, index: IndexCurve) -> Sequence[Cell]:
-    assert index.threshold is not None
-    reserve = reserved_for(measurement, index)
-    point = None if reserve is None else index.curve.value_at(reserve)
-    measured = {each.reserve for each in index.points}
-    return (
-        index.component,
-        index.index.name,
-        index.index.direction,
-        float(index.threshold.value),
-        index.index.symbol,
-        None if point is None else finite(point.value),
-        reserve,
-        None if reserve is None else float(guaranteed(reserve, measurement.processors)),
-        "" if reserve is None else "no" if reserve in measured else "yes",
-        verdict_of(index, reserve),
-    )
+    last = _rows(book, sheet, levels_table(report).for_files())
+    _rows(book, sheet, totals_table(report).for_files(), top=last + 1)
 
 
 def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:

@@ -13,9 +13,10 @@ from rarms_iac.model.commands import prose
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack, table
-from rarms_iac.views.prove import proven_table
 from rarms_iac.views.reports.scale import Scale, scale_of
-from rarms_iac.views.reports.summary import fit_text, proof_rows, status_text, summary_rows, tuned_rows, tuning_text
+from rarms_iac.views.reports.summary import fit_text, status_text, tuning_text
+from rarms_iac.views.reports.table import Table, show_cell
+from rarms_iac.views.reports.tables import levels_table, proofs_table, tuned_table
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -83,16 +84,7 @@ def report_text(report: Report, *, ascii_only: bool = False) -> "RenderableType"
 
 
 def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
-    rows = [
-        (
-            level.component,
-            f"{level.index} {level.bound}" if level.index else level.verdict,
-            level.reserve,
-            level.processors,
-        )
-        for level in summary_rows(report)
-    ]
-    yield table(rows, header=("component", "threshold", "CR", "LP"), wrap=(1, 2), right=(2, 3))
+    yield _table(levels_table(report))
     for fit in report.capacities:
         yield paragraph(f"{', '.join(fit.hosts)}: {fit_text(fit)}")
     for host in report.statuses:
@@ -100,17 +92,11 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     if report.proofs:
         yield ""
         yield "All together, as `rarms prove` measured them last:"
-        yield proven_table(
-            [
-                (proof.component, f"{proof.index} {proof.bound}", proof.value, proof.verdict)
-                for proof in proof_rows(report)
-            ]
-        )
+        yield _table(proofs_table(report))
     for tuning in report.tunings:
         yield ""
         yield paragraph(f"Combining on {tuning.platform}: {tuning_text(tuning)}")
-        header = ("partition", "components", "CR", "LP", "LP apart")
-        yield table(tuned_rows(tuning), header=header, wrap=(1,), right=(2, 3, 4))
+        yield _table(tuned_table(tuning))
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield ""
@@ -120,6 +106,16 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
                 yield TerminalPlot(curve=index, ascii_only=ascii_only)
     yield ""
     yield legend(ascii_only=ascii_only)
+
+
+def _table(whole: Table) -> "RenderableType":
+    shown = whole.select(lambda column: column.short)
+    return table(
+        [tuple(map(show_cell, row)) for row in shown.rows],
+        header=[column.short for column in shown.columns],
+        wrap=[number for number, column in enumerate(shown.columns) if column.wraps],
+        right=[number for number, column in enumerate(shown.columns) if column.right],
+    )
 
 
 def _remark(measurement: Measurement) -> str:

@@ -7,7 +7,9 @@ from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.reports.summary import fit_text, summary_rows
+from rarms_iac.views.reports.summary import fit_text
+from rarms_iac.views.reports.table import show_cell
+from rarms_iac.views.reports.tables import levels_table
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject
 from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, the_logs
@@ -35,6 +37,15 @@ def test_a_measurement_says_what_the_planner_takes() -> None:
         assert next(shown for shown in report.measurements if shown.name == name).least == wanted is not None
 
 
+def levels_in(report: Report) -> list[dict[str, str]]:
+    """The table of levels as people read it."""
+    table = levels_table(report)
+    return [
+        {column.title: show_cell(cell, column.unit) for column, cell in zip(table.columns, row, strict=True)}
+        for row in table.rows
+    ]
+
+
 def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> None:
     """One would be content with less; what is reserved is what the other needs."""
     slow, quick = measured("slow", 100), measured("quick", 400)
@@ -45,9 +56,9 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
     ]
     logged = LogBesideManifest(path="x", log=a_log(settings, a_subject(quick, slow)))
 
-    rows = summary_rows(report_of(system, [logged]))
+    rows = levels_in(report_of(system, [logged]))
 
-    assert [(row.component, row.reserve) for row in rows] == [("quick", "60 %"), ("slow", "60 %")]
+    assert [(row["Component"], row["Reserve"]) for row in rows] == [("quick", "60 %"), ("slow", "60 %")]
 
 
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
@@ -166,15 +177,15 @@ def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
 def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> None:
     system = a_robot()
 
-    rows = summary_rows(report_of(system, the_logs(system)[:1]))
+    rows = levels_in(report_of(system, the_logs(system)[:1]))
 
-    assert [(row.component, row.level, row.reserve, row.processors) for row in rows] == [
-        ("face-detection", "at most 100 ms", "60 %", "1.2"),
-        ("video-streaming", "", "", "0.2"),
+    assert [(row["Component"], row["Threshold (APT)"], row["Reserve"], row["Bandwidth"]) for row in rows] == [
+        ("face-detection", "at most 100 ms", "60 %", "1.2 LP"),
+        ("video-streaming", "", "", "0.2 LP"),
         ("path-planning", "", "", ""),
         ("speech-recognition", "", "", ""),
     ]
-    assert rows[-1].verdict == "not measured: run `rarms measure speech-recognition`"
+    assert rows[-1]["Verdict"] == "not measured: run `rarms measure speech-recognition`"
 
 
 def empty(report: Report) -> bool:

@@ -12,7 +12,7 @@ from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.json_output import json_of
-from rarms_iac.views.reports.spreadsheet import trail_rows
+from rarms_iac.views.reports.tables import trail_table
 from rarms_iac.views.tune import TuningProgress, tuned_text
 from tests.unit.views.test_json import check
 
@@ -59,7 +59,7 @@ def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
     ended = tuned(proved=proved)
     answer = json_of(ended)
     check(answer)
-    _, *rows = trail_rows([PlatformTuning(platform="two-core", run=ended.run)])
+    _, *rows = trail_table([PlatformTuning(platform="two-core", run=ended.run)]).for_files()
 
     assert json.loads(answer)["run"]["claim"] == claim
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]

@@ -13,7 +13,7 @@ from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.indexes import find_index
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
-from rarms_iac.views.reports.summary import MOST_CANDIDATES, candidate_rows
+from rarms_iac.views.reports.tables import MOST_CANDIDATES, candidates_table
 from tests.builders import at_most
 from tests.measured_robot import a_robot, the_logs
 
@@ -174,7 +174,7 @@ def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> No
 
     page = as_html(report).decode()
 
-    assert candidate_rows(report) == (("a + c", "20 %"), ("a + b", "20 % to 60 %, to be measured"))
+    assert candidates_table(report).rows == (("a + c", "20 %"), ("a + b", "20 % to 60 %, to be measured"))
     assert '<th scope="row">a + c</th><td data-is="Reserve">20 %</td>' in page
     assert "more are not listed" not in page
 
@@ -183,5 +183,5 @@ def test_a_long_list_of_compounds_is_cut_and_says_so() -> None:
     names = tuple("abcdef")
     report = replace(report_of(a_robot(), the_logs(a_robot())), candidates=all_of(names))
 
-    assert len(candidate_rows(report)) == MOST_CANDIDATES
+    assert len(candidates_table(report).rows) == MOST_CANDIDATES
     assert f"{57 - MOST_CANDIDATES} more are not listed" in as_html(report).decode()

@@ -1,0 +1,353 @@
+"""The tables of the report: levels of performance, totals, settings, samples, proofs, and what tuning did.
+
+The planner looks its reservations up in the logs, not here. Times of samples have the tenth of a microsecond that data
+logs keep.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+
+from rarms_iac.app.report_model import (
+    ComponentProof,
+    IndexCurve,
+    MeasuredPoint,
+    Measurement,
+    PlatformCapacity,
+    PlatformTuning,
+    Report,
+)
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
+from rarms_iac.model.quantities import guaranteed, show_percent
+from rarms_iac.planner.combining.candidates import Node
+from rarms_iac.statistics.error_probability import describe_error
+from rarms_iac.views.prove import describe_verdict
+from rarms_iac.views.reports.table import Cell, Column, Table, Value, finite
+
+MOST_CANDIDATES = 24
+
+TIME_PLACES = 4
+"""Of a millisecond, as data logs keep a sample's times."""
+
+RESERVE = "reserve (% of the partition's VPs)"
+
+Row = Sequence[Cell | Value]
+
+
+def _fields(*headings: str) -> tuple[Column, ...]:
+    """Columns that only files have."""
+    return tuple(Column(field=heading) for heading in headings)
+
+
+OF_A_LOG = _fields("component", "measured with", "platform", "interference")
+
+
+def _of_a_log(component: str, measurement: Measurement) -> Row:
+    return component, measurement.name, measurement.platform, measurement.interference
+
+
+LEVELS = (
+    Column(field="component", title="Component", short="component"),
+    Column(field="index", title="Index"),
+    Column(field="direction"),
+    Column(field="threshold", title="Threshold (APT)"),
+    Column(short="threshold", wraps=True),
+    Column(field="unit"),
+    Column(field="expected at the reserve", title="Expected"),
+    Column(field=RESERVE, title="Reserve", short="CR", style="strong", wraps=True, right=True),
+    Column(field="bandwidth (LP)", title="Bandwidth", short="LP", unit="LP", right=True),
+    Column(field="interpolated"),
+    Column(field="verdict", title="Verdict"),
+)
+
+
+def levels_table(report: Report) -> Table:
+    """A row a threshold that a reservation rests on, most critical first; then what is fixed or not measured."""
+    return Table(columns=LEVELS, rows=tuple(_levels(report)))
+
+
+def _levels(report: Report) -> Iterator[Row]:
+    for measurement in report.measurements:
+        if measurement.rests:
+            yield from (_level(measurement, curve) for curve in measurement.indexes if curve.threshold is not None)
+    for capacity in report.capacities:
+        yield from (_without_curve(part.name, part.reserved_lp, "fixed by the manifest") for part in capacity.fixed)
+    for names in report.unmeasured:
+        run = command("measure", *names, together=len(names) > 1)
+        yield _without_curve(" + ".join(names), None, str(prose("not measured: run ", run)))
+
+
+def _level(measurement: Measurement, curve: IndexCurve) -> Row:
+    assert curve.threshold is not None
+    reserve = _reserved_for(measurement, curve)
+    point = None if reserve is None else curve.curve.value_at(reserve)
+    measured = {each.reserve for each in curve.points}
+    return (
+        curve.component,
+        curve.index.name,
+        curve.index.direction,
+        Cell(text=show_threshold(curve.index, curve.threshold), value=curve.threshold.value),
+        f"{curve.index.name} {show_bound(curve.index, curve.threshold)}",
+        curve.index.symbol,
+        None if point is None else Cell(text=show_value(curve.index, point.value), value=finite(point.value)),
+        Cell(text="none is enough" if reserve is None else show_percent(reserve), value=reserve),
+        None if reserve is None else guaranteed(reserve, measurement.processors),
+        "" if reserve is None else "no" if reserve in measured else "yes",
+        _verdict_of(curve, reserve),
+    )
+
+
+def _without_curve(name: str, reserved: Fraction | None, verdict: str) -> Row:
+    return name, None, None, None, verdict, None, None, None, reserved, None, verdict
+
+
+def _reserved_for(measurement: Measurement, curve: IndexCurve) -> int | None:
+    """What the index's partition gets; where no reserve is enough for all its indexes, what this index alone needs."""
+    if curve.least is None:
+        return None
+    return curve.least.reserve if measurement.reserve is None else measurement.reserve
+
+
+def _verdict_of(curve: IndexCurve, reserve: int | None) -> str:
+    """What is known of the APT at this reserve, in words."""
+    if reserve is None:
+        return "not achieved at any reserve that was measured"
+    points = [point for point in curve.points if point.reserve == reserve]
+    return (
+        f"measured: {points[-1].verdict or ''}{_error_text(points[-1])}"
+        if points
+        else "interpolated: not itself measured"
+    )
+
+
+def _error_text(point: MeasuredPoint) -> str:
+    """How probably the verdict is wrong, as the end of a sentence; nothing where that is unknown."""
+    return "" if point.error is None else f" ({describe_error(point.error)})"
+
+
+TOTALS = _fields("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")
+
+
+def totals_table(report: Report) -> Table:
+    """A row a platform."""
+    return Table(columns=TOTALS, rows=tuple(map(_total, report.capacities)))
+
+
+def _total(fit: PlatformCapacity) -> Row:
+    amounts = (fit.capacity_lp, fit.reserved_lp, fit.headroom_lp)
+    return fit.platform, ", ".join(fit.hosts), *amounts, "yes" if fit.fits else "no"
+
+
+SETTINGS = (
+    *OF_A_LOG,
+    Column(field=RESERVE, title="Reserve"),
+    *_fields("processors (VPs)", "index", "unit"),
+    Column(field="value", title="Measured"),
+    *_fields("interval from", "interval to"),
+    Column(title="Interval"),
+    Column(field="samples", title="Samples"),
+    *_fields("effective samples", "failed samples", "direction", "threshold"),
+    Column(field="verdict", title="Verdict"),
+    *_fields("error of the verdict (%)"),
+    Column(field="remark", title="Remarks"),
+    *_fields("data log"),
+)
+
+
+def settings_table(report: Report) -> Table:
+    """A row a setting and performance index."""
+    curves = ((measurement, curve) for measurement in report.measurements for curve in measurement.indexes)
+    return Table(columns=SETTINGS, rows=tuple(row for each in curves for row in settings_of(*each).rows))
+
+
+def settings_of(measurement: Measurement, curve: IndexCurve) -> Table:
+    """The rows of one performance index."""
+    return Table(columns=SETTINGS, rows=tuple(_setting(measurement, curve, point) for point in curve.points))
+
+
+def _setting(measurement: Measurement, curve: IndexCurve, point: MeasuredPoint) -> Row:
+    known, index = point.value is not None, curve.index
+    failed = f", {point.failed} failed" if point.failed else ""
+    return (
+        *_of_a_log(curve.component, measurement),
+        Cell(text=f"{point.reserve} %", value=point.reserve),
+        measurement.processors,
+        index.name,
+        index.symbol,
+        Cell(text="no answer" if point.value is None else show_value(index, point.value), value=finite(point.value)),
+        finite(point.low) if known else None,
+        finite(point.high) if known else None,
+        show_range(index, point.low, point.high) if known else "",
+        Cell(text=f"{point.samples} samples{failed}", value=point.samples),
+        finite(point.effective),
+        point.failed,
+        index.direction,
+        None if curve.threshold is None else curve.threshold.value,
+        Cell(text=f"{point.verdict or ''}{_error_text(point)}", value=point.verdict or ""),
+        None if point.error is None else finite(100 * point.error),
+        point.remark,
+        measurement.log,
+    )
+
+
+SAMPLES = (
+    *OF_A_LOG,
+    *_fields(RESERVE, "setting", "job", "began (ms)", "response time (ms)", "successful", "count", "failure"),
+)
+
+
+def samples_table(report: Report) -> Table:
+    """A row a sample, in the order in which they were measured."""
+    return Table(columns=SAMPLES, rows=tuple(_samples(report)))
+
+
+def _samples(report: Report) -> Iterator[Row]:
+    for measurement in report.measurements:
+        for number, setting in enumerate(measurement.settings, 1):
+            for series in setting.series:
+                for job, sample in enumerate(series.samples, 1):
+                    yield (
+                        *_of_a_log(series.component, measurement),
+                        setting.reserve,
+                        number,
+                        job,
+                        round(sample.began_ms, TIME_PLACES),
+                        None if sample.response_ms is None else round(sample.response_ms, TIME_PLACES),
+                        int(sample.successful),
+                        sample.count,
+                        sample.failure,
+                    )
+
+
+PROOFS = (
+    Column(title="Component", short="component"),
+    Column(title="Index"),
+    Column(title="Threshold (APT)"),
+    Column(short="threshold", wraps=True),
+    Column(title="Observed"),
+    Column(short="measured"),
+    Column(title="Result", style="strong wrapping"),
+    Column(short="verdict", wraps=True),
+)
+
+
+def proofs_table(report: Report) -> Table:
+    """A row for what each component showed when all ran together, in the report's order."""
+    return Table(columns=PROOFS, rows=tuple(map(_proof, report.proofs)))
+
+
+def _proof(proof: ComponentProof) -> Row:
+    index, verdict = proof.index, describe_verdict(proof.index, proof.verdict)
+    result = (
+        verdict
+        + ("" if proof.error is None else f" ({describe_error(proof.error)})")
+        + (f": {proof.note}" if proof.note else "")
+        + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else "")
+    )
+    return (
+        proof.component,
+        index.name,
+        show_threshold(index, proof.threshold),
+        f"{index.name} {show_bound(index, proof.threshold)}",
+        _band(proof),
+        "cannot be told" if proof.value is None else show_value(index, proof.value),
+        Cell(text=result, missed=not proof.met),
+        verdict + (" (outdated)" if proof.outdated else ""),
+    )
+
+
+def _band(proof: ComponentProof) -> str:
+    """`94.1 ms, 93.5 to 94.8 ms`, as far as the samples tell."""
+    if proof.value is None:
+        return "cannot be told"
+    value = show_value(proof.index, proof.value)
+    if proof.lower is None or proof.upper is None:
+        return value
+    return f"{value}, {show_range(proof.index, proof.lower, proof.upper)}"
+
+
+TRAIL = (
+    *_fields("platform", "tuned", "number"),
+    Column(field="components", title="Components together"),
+    Column(field=RESERVE, title="Reserve"),
+    *_fields("enough", "not met for sure by"),
+    Column(field="predicted (% of the partition's VPs)", title="Predicted"),
+    Column(title="Answer"),
+    *_fields("claim"),
+)
+
+
+def trail_table(tunings: Iterable[PlatformTuning]) -> Table:
+    """A row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
+    return Table(columns=TRAIL, rows=tuple(row for tuning in tunings for row in _trail(tuning)))
+
+
+def _trail(tuning: PlatformTuning) -> Iterator[Row]:
+    run = tuning.run
+    for number, setting in enumerate(run.trail, 1):
+        predicted = setting.predicted
+        together = " + ".join(setting.components) + _outdated(tuning, setting.components)
+        yield (
+            tuning.platform,
+            run.when,
+            number,
+            Cell(text=together, value="+".join(setting.components)),
+            Cell(text=show_percent(setting.reserve), value=setting.reserve),
+            "no" if setting.worse else "yes",
+            " ".join(setting.worse),
+            None if predicted is None else Cell(text=show_percent(predicted), value=predicted),
+            f"not met for sure by {', '.join(setting.worse)}" if setting.worse else "all thresholds met",
+            run.claim if number == len(run.trail) and run.strategy == "default" else "",
+        )
+
+
+def _outdated(tuning: PlatformTuning, components: Sequence[str]) -> str:
+    return " (outdated)" if tuple(sorted(components)) in tuning.outdated else ""
+
+
+TUNED = (
+    Column(title="Partition", short="partition"),
+    Column(title="Components", short="components", wraps=True),
+    Column(title="Reserve", short="CR", style="strong", right=True),
+    Column(title="Bandwidth", short="LP", unit="LP", right=True),
+    Column(title="Its parts apart", short="LP apart", unit="LP", right=True),
+)
+
+
+def tuned_table(tuning: PlatformTuning) -> Table:
+    """A row a partition as it was left, with what the parts of a new one reserved."""
+    rows = (
+        (
+            part.name,
+            ", ".join(part.components) + _outdated(tuning, part.components),
+            show_percent(part.reserve),
+            part.reserved_lp,
+            part.parts_lp,
+        )
+        for part in tuning.run.partitions
+    )
+    return Table(columns=TUNED, rows=tuple(rows))
+
+
+CANDIDATES = (Column(title="Components together"), Column(title="Reserve"))
+
+
+def candidates_table(report: Report) -> Table:
+    """A row a compound that could reserve less than its parts, at most `MOST_CANDIDATES`, with what is known of it.
+
+    Measured compounds come first, then those that may save most.
+    """
+    ranked = sorted(
+        _compounds(report), key=lambda node: (not node.measured, node.low - node.high, len(node.members), node.name)
+    )
+    rows = ((" + ".join(node.members), node.label[-1]) for node in ranked[:MOST_CANDIDATES])
+    return Table(columns=CANDIDATES, rows=tuple(rows))
+
+
+def candidates_left_out(report: Report) -> int:
+    """Count the compounds that `candidates_table` leaves out."""
+    return max(0, len(_compounds(report)) - MOST_CANDIDATES)
+
+
+def _compounds(report: Report) -> list[Node]:
+    return [node for node in report.candidates if node.parts and node.is_gain]
