@@ -11,6 +11,7 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import owner
 from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
 from rarms_iac.storage.disk import PRIVATE, make_room
@@ -70,7 +71,8 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         except Locked as problem:
             message = f"{FOLDER}/{name} is written to by {problem.owner}."
             advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
-            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice)]) from None
+            values = {"log": f"{FOLDER}/{name}", "owner": problem.owner}
+            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice, values=values)]) from None
         yield
 
 
@@ -98,4 +100,5 @@ def log_errors() -> Iterator[None]:
     except LogUnreadable as problem:
         message = f"{problem.path.as_posix()}, line {problem.line}: {problem.message}."
         advice = "Bring it back from git, or remove it: what it records is then measured, or written, anew."
-        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)]) from None
+        values: Facts = {"file": problem.path.as_posix(), "line": problem.line, "reason": problem.message}
+        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice, values=values)]) from None

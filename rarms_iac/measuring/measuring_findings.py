@@ -2,14 +2,14 @@
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from math import isinf
+from math import isfinite, isinf
 from typing import assert_never
 
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.commands import RecommendedCommand, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
@@ -82,6 +82,7 @@ def findings_of(
                 f"{component} at {reserve} %: {len(failures)} failed, and `run.failures` allows fewer: {reasons}.",
                 f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
                 address=f"component/{component}",
+                values={"component": component, "reserve_percent": reserve, "failed_samples": len(failures)},
             )
         case Sufficient(reserve=reserve):
             yield from _less_unknown(experiment, conclusion, settings, places)
@@ -111,6 +112,28 @@ def show_index(measured: MeasuredIndex) -> str:
     return f"{measured.index} {value} ({show_range(index, measured.estimate.lower, measured.estimate.upper)})"
 
 
+def index_facts(measured: MeasuredIndex) -> Facts:
+    """The numbers of an index beside its threshold, in its own unit.
+
+    Args:
+        measured: with or without an estimate.
+
+    Returns:
+        Without `value` where there is no estimate; `lower` and `upper` only where the samples give these bounds.
+    """
+    facts: dict[str, str | float] = {
+        "component": measured.component,
+        "index": measured.index,
+        "unit": measured.unit,
+        "threshold": float(measured.threshold.value),
+    }
+    if measured.estimate is not None:
+        bounds = {"value": measured.estimate.value, "lower": measured.estimate.lower, "upper": measured.estimate.upper}
+        facts |= {name: bound for name, bound in bounds.items() if isfinite(bound)}
+        facts["samples"] = measured.estimate.samples
+    return facts
+
+
 def _not_achievable(
     experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
@@ -133,6 +156,7 @@ def _not_achievable(
                     f" says which level holds){'.' if most else f', {last_resort}'}",
                 ),
                 address=f"component/{measured.component}",
+                values={**index_facts(measured), "reserve_percent": reserve},
             )
 
 
@@ -148,6 +172,7 @@ def _not_resolved(
             f"{component} at {reserve} %: {why}.",
             prose("Look for what grows while it runs", "" if _is_long(settings[-1]) else longer, "."),
             address=f"component/{component}",
+            values={"component": component, "reserve_percent": reserve, "reason": why},
         )
     if not unsteady:
         move = "Move the threshold away from what the component just reaches"
@@ -164,6 +189,7 @@ def _not_resolved(
             f"{experiment.name}: {'; '.join((reason, *unbounded))}.",
             prose("That takes more samples: ", again, ".") if unbounded else advice,
             address=f"component/{first}",
+            values={"components": tuple(member.name for member in experiment.members), "reason": reason},
         )
 
 
@@ -210,6 +236,12 @@ def _less_unknown(
         f"{pronoun} reached no steady state ({component} at {reserve} %: {reason}).",
         advice,
         address=f"component/{experiment.members[0].name}",
+        values={
+            "components": tuple(member.name for member in experiment.members),
+            "reserve_percent": end.reserve,
+            "failed_percent": end.failed or 0,
+            "unsteady_percent": tuple(map(str, end.inconclusive)),
+        },
     )
 
 
@@ -235,6 +267,7 @@ def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Itera
             f"{show_amount(member.cpu.reserve)} for it all the same.",
             "For a plan to take what was measured, write `reserve: measured`.",
             address=f"component/{member.name}",
+            values={"component": member.name, "measured_percent": reserve, "fixed": show_amount(member.cpu.reserve)},
         )
 
 
@@ -257,4 +290,10 @@ def _unusable_processors(
                 f" writes `processors: {usable}` and measures again.",
             ),
             address=f"component/{member.name}",
+            values={
+                "component": member.name,
+                "processors": processors,
+                "usable_processors": usable,
+                "reserve_percent": reserve,
+            },
         )

@@ -334,6 +334,7 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
                     "or a Hyper-V host whose `hyperv.credential` is named.",
                     "Name another with --host, or measure on a simulated host of the same platform.",
                     address=f"component/{members[0]}",
+                    values={"components": tuple(members), "hosts": tuple(host.name for host in allowed)},
                 )
             ],
         )

@@ -19,7 +19,7 @@ from rarms_iac.app.options import lock_timeout_option, option
 from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.measuring import measuring_findings as findings
-from rarms_iac.measuring.measuring_findings import show_index
+from rarms_iac.measuring.measuring_findings import index_facts, show_index
 from rarms_iac.measuring.partitions import host_budget, partition_name
 from rarms_iac.measuring.prove import (
     AppliedLayout,
@@ -31,7 +31,7 @@ from rarms_iac.measuring.prove import (
     with_samples,
 )
 from rarms_iac.model.commands import APPLY, PLAN, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise, verdict_word
 from rarms_iac.model.output import Internal, output
@@ -216,7 +216,9 @@ def applied_layouts(
     _refuse_stopped(everywhere, application)
     if absent := [group.name for group in groups if group.name not in running]:
         message = f"These partitions are on no host, or do not run: {', '.join(absent)}."
-        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}")])
+        raise UseCaseError(
+            Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}", {"partitions": tuple(absent)})]
+        )
     layouts = {
         name: _layout_on(hosts, name, states, [group for group in groups if running[group.name] == name])
         for name in sorted(states)
@@ -263,7 +265,9 @@ def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
     if stopped:
         message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
         advice = prose("Start them, and prove again: ", command("start", *stopped), ".")
-        finding = findings.NOT_APPLIED.at(None, message, advice, address=f"partition/{stopped[0]}")
+        finding = findings.NOT_APPLIED.at(
+            None, message, advice, address=f"partition/{stopped[0]}", values={"partitions": tuple(stopped)}
+        )
         raise UseCaseError(Outcome.REFUSED, [finding])
 
 
@@ -278,7 +282,9 @@ def _refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Map
     pending = [f"{change.address} on {part.host.name}" for part in plan.hosts for change in part.changes]
     if pending:
         message = f"The manifest asks for something that is not applied yet: {', '.join(pending)}."
-        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, pending[0].partition(" ")[0])])
+        raise UseCaseError(
+            Outcome.REFUSED, [_not_applied(message, pending[0].partition(" ")[0], {"pending": tuple(pending)})]
+        )
 
 
 def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> Iterator[Component]:
@@ -294,13 +300,16 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
     if not measurable:
         message = f"rarms can run components on none of these hosts: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
-        raise UseCaseError(Outcome.FAILED, [findings.CANNOT_MEASURE.at(None, message, advice)])
+        raise UseCaseError(
+            Outcome.FAILED,
+            [findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
+        )
     return measurable
 
 
-def _not_applied(message: str, address: str) -> Diagnostic:
+def _not_applied(message: str, address: str, values: Facts) -> Diagnostic:
     advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
-    return findings.NOT_APPLIED.at(None, message, advice, address=address)
+    return findings.NOT_APPLIED.at(None, message, advice, address=address, values=values)
 
 
 def _conditions(hosts: Hosts, state: State, name: str, request: ProveRequest) -> ProofConditions:
@@ -315,7 +324,9 @@ def _conditions(hosts: Hosts, state: State, name: str, request: ProveRequest) ->
     beside = load_partition(hosts.system.interference[request.interference], budget)
     if beside is None:
         message = f"{name} has no memory left for a partition that holds {request.interference}."
-        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, "Prove without --interference.")])
+        room = {"host": name, "interference": request.interference}
+        finding = findings.NO_ROOM.at(None, message, "Prove without --interference.", values=room)
+        raise UseCaseError(Outcome.NEGATIVE, [finding])
     return ProofConditions(beside=beside, seed=request.seed)
 
 
@@ -330,7 +341,8 @@ def _prove(
         message = f"{component} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
         place = manifest.places.key("components", component)
         advice = "Run it alone and mend what fails, or allow it: `run: { failures: 5 }`."
-        finding = findings.FAILED_SAMPLES.at(place, message, advice)
+        values: Facts = {"component": component, "failed_samples": len(answer.failures)}
+        finding = findings.FAILED_SAMPLES.at(place, message, advice, values=values)
         raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
     return answer
 
@@ -346,6 +358,7 @@ def _not_met(hosts: Hosts, proofs: list[LayoutProof]) -> Iterator[Diagnostic]:
                 f"{show_threshold(index_named(index), verdict.measured.threshold)}.",
                 advice,
                 address=f"component/{name}",
+                values={**index_facts(verdict.measured), "host": proof.host},
             )
 
 

@@ -28,8 +28,8 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Sweep, ThresholdCheck, apts_of, goal_of
-from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.commands import Wording, command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import Partition
@@ -150,7 +150,15 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             )
             raise UseCaseError(
                 Outcome.NEGATIVE,
-                [findings.NO_THRESHOLD.at(place, message, advice, address=f"component/{member.name}")],
+                [
+                    findings.NO_THRESHOLD.at(
+                        place,
+                        message,
+                        advice,
+                        address=f"component/{member.name}",
+                        values={"component": member.name},
+                    )
+                ],
                 hosts.manifest.sources,
             )
 
@@ -172,6 +180,7 @@ def _refuse_what_cannot_run(session: MeasuringSession, experiment: Experiment) -
                 f"{host.name} cannot run {name}: {obstacle.reason}.",
                 obstacle.advice,
                 address=f"{section.removesuffix('s')}/{name}",
+                values={"host": host.name, "name": name, "reason": obstacle.reason},
             )
             raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
 
@@ -201,8 +210,7 @@ def _make_room(session: MeasuringSession, experiment: Experiment, method: Method
             command("start"),
             ".",
         )
-        address = f"host/{host.name}"
-        raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=address)])
+        raise _refusal(findings.BUSY_HOST, message, advice, {"host": host.name, "partitions": tuple(still_running)})
 
 
 def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:
@@ -214,14 +222,14 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
     """
     host = experiment.host.name
     if available.running and not session.on_busy_host:
-        names = ", ".join(partition_name(partition) for partition in available.running)
-        message = f"On {host} these run, and would change what is measured: {names}."
+        running = tuple(map(partition_name, available.running))
+        message = f"On {host} these run, and would change what is measured: {', '.join(running)}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
-        raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=f"host/{host}")])
+        raise _refusal(findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
     if is_of_paper(method) and not available.budget.unreserved:
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.at(None, message, advice, address=f"host/{host}")])
+        raise _refusal(findings.RESERVED_HOST, message, advice, {"host": host})
     highest = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or highest > available.highest_reserve:
         message = (
@@ -230,7 +238,19 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
             "and P2 some memory beside it."
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
-        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, advice, address=f"host/{host}")])
+        values: Facts = {
+            "host": host,
+            "highest_reserve_percent": available.highest_reserve,
+            "asked_reserve_percent": highest,
+            "processors": experiment.setup.processors,
+        }
+        raise _refusal(findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
+
+
+def _refusal(
+    finding: Finding, message: str, advice: Wording, values: Facts, outcome: Outcome = Outcome.REFUSED
+) -> UseCaseError:
+    return UseCaseError(outcome, [finding.at(None, message, advice, address=f"host/{values['host']}", values=values)])
 
 
 def _describe_duration(
@@ -278,10 +298,12 @@ def _describe_stale(log: ExperimentLog) -> str:
 
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
-    names = ", ".join(partition_name(partition) for partition in running)
+    names = tuple(map(partition_name, running))
     return findings.MEASURED_BUSY.at(
         None,
-        f"{experiment.name} was measured while these ran on {experiment.host.name}: {names}. Its log says so.",
+        f"{experiment.name} was measured while these ran on {experiment.host.name}: {', '.join(names)}. "
+        "Its log says so.",
         "Measure it again on a quiet host with --again: then this no longer counts.",
         address=f"host/{experiment.host.name}",
+        values={"host": experiment.host.name, "partitions": names},
     )

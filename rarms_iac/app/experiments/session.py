@@ -18,7 +18,7 @@ from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
 from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.providers.measuring import MeasuringHost
 
@@ -69,7 +69,8 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
             finish_stop_or_start(host, session.control.reporter)
             if removed := remove_test_partitions(host):
                 message = f"{name}: {' and '.join(removed)}. What the earlier run recorded is kept and used."
-                finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}")
+                values: Facts = {"host": name, "removed": tuple(removed)}
+                finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}", values=values)
                 session.control.reporter.findings([finding])
             held[name] = host
         yield replace(session, held=held)

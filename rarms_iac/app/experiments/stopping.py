@@ -16,6 +16,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReporter
 from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.model.changes import Update
 from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import Partition, State, StoppedBy
@@ -56,7 +57,8 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
         except UseCaseError as error:
             message = f"On {host.name} these were stopped to measure, and could not be started: {', '.join(names)}."
             advice = prose("Mend what keeps them from it, then start them: ", command("start", *names), ".")
-            finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{host.name}")
+            values: Facts = {"host": host.name, "partitions": names}
+            finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{host.name}", values=values)
             raise UseCaseError(error.outcome, (finding, *error.diagnostics)) from None
     return names
 

@@ -200,7 +200,11 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
                 "Lower a reserve (", PLAN, " names ways out), or have it measured: `cpu: { reserve: measured }`."
             )
         yield findings.UNABLE.at(
-            places.key("hosts", end.subject.bench.name), message, advice, address=f"host/{end.subject.bench.name}"
+            places.key("hosts", end.subject.bench.name),
+            message,
+            advice,
+            address=f"host/{end.subject.bench.name}",
+            values={"reserved_lp_percent": end.before, "capacity_lp_percent": end.subject.capacity},
         )
     for contradiction in end.contradictions:
         yield findings.CONTRADICTION.at(
@@ -212,6 +216,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
                 "), or tune with more samples: `--samples 2000`, after removing the compound's data log.",
             ),
             address=f"component/{contradiction.members[0]}",
+            values={"components": tuple(contradiction.members)},
         )
     for compound in end.compounds:
         apart = total(end.parts_of(compound))
@@ -222,6 +227,11 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
                 f"{', '.join(compound.members)} reserve {together} together, and {show_lp_percent(apart)} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
                 address=f"partition/{compound.name}",
+                values={
+                    "components": tuple(compound.members),
+                    "together_lp_percent": compound.cost,
+                    "alone_lp_percent": apart,
+                },
             )
 
 
@@ -248,6 +258,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
             " tells more.",
         ),
         address=f"host/{end.subject.bench.name}",
+        values={"reserved_lp_percent": end.after, "capacity_lp_percent": end.subject.capacity},
     )
 
 

@@ -213,7 +213,9 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
     if len(platforms) > 1:
         message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
         advice = "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each."
-        raise UseCaseError(Outcome.NEGATIVE, [findings.PLATFORMS.at(None, message, advice)])
+        raise UseCaseError(
+            Outcome.NEGATIVE, [findings.PLATFORMS.at(None, message, advice, values={"platforms": tuple(platforms)})]
+        )
 
 
 def bench_of(hosts: Hosts) -> Host:
@@ -236,7 +238,10 @@ def bench_of(hosts: Hosts) -> Host:
         Outcome.FAILED,
         [
             CANNOT_MEASURE.at(
-                None, message, "Tune on a Linux host itself, or on a simulated host of the same platform: --host."
+                None,
+                message,
+                "Tune on a Linux host itself, or on a simulated host of the same platform: --host.",
+                values={"hosts": tuple(hosts.chosen)},
             )
         ],
     )
