@@ -10,7 +10,8 @@ from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.measuring.setup import experiment_of, interference_of
-from rarms_iac.model.commands import RecommendedCommand, Wording, command, prose
+from rarms_iac.model.commands import RecommendedCommand, command, prose
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
@@ -208,10 +209,20 @@ def _measured_together(
             f"against {subject.setup.interference} ({path_shown})."
         )
         advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 20 % }`.")
-        return NotMeasured(components=to_be_measured(group.members), message=message, advice=advice)
+        return NotMeasured(
+            components=to_be_measured(group.members), message=message, advice=advice, values={"log": path_shown}
+        )
     if isinstance(log, LogUnreadable):
         advice = prose("Bring it back from git, or remove it and measure again: ", again, ".")
-        return _not_measured(group, findings.UNREADABLE.code, f"{path_shown}, line {log.line}: {log.message}.", advice)
+        message = f"{path_shown}, line {log.line}: {log.message}."
+        values: Facts = {"log": path_shown, "line": log.line, "reason": log.message}
+        return NotMeasured(
+            components=to_be_measured(group.members),
+            code=findings.UNREADABLE.code,
+            message=message,
+            advice=advice,
+            values=values,
+        )
     own = group.request.hyperv.image
     now = replace(bench, guest_image=own) if own is not None else bench
     comparison = compare_log(log, subject, folder.files, now)
@@ -220,7 +231,14 @@ def _measured_together(
             f"{path_shown} no longer holds. Since it was measured, this changed: {_list_some(comparison.changed)}."
         )
         advice = prose("Measure again: ", again, ". Or take the change back.")
-        return _not_measured(group, findings.STALE.code, message, advice)
+        values = {"log": path_shown, "changed": tuple(map(str, comparison.changed))}
+        return NotMeasured(
+            components=to_be_measured(group.members),
+            code=findings.STALE.code,
+            message=message,
+            advice=advice,
+            values=values,
+        )
     return MeasuredTogether(
         path=path_shown,
         processors=log.header.setup.processors,
@@ -264,10 +282,6 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _not_measured(group: Group, code: str, message: str, advice: Wording) -> NotMeasured:
-    return NotMeasured(components=to_be_measured(group.members), code=code, message=message, advice=advice)
-
-
 def _remarks(
     log: DataLog, comparison: Comparison, group: Group, path: str, again: RecommendedCommand
 ) -> Iterator[Cause]:
@@ -277,6 +291,7 @@ def _remarks(
             address=address,
             message=f"{path} was measured with {_list_some(comparison.unverified)}, not to be found here.",
             code=findings.NOT_VERIFIED.code,
+            values={"log": path, "files": tuple(map(str, comparison.unverified))},
             advice="Plan where these files are, if it matters; nothing says that they changed.",
         )
     if comparison.warns:
@@ -284,6 +299,7 @@ def _remarks(
             address=address,
             message=f"{path} was measured with another {_list_some(comparison.warns)}.",
             code=findings.DIFFERENT.code,
+            values={"log": path, "differences": tuple(map(str, comparison.warns))},
             advice="Measure again if that can matter to the component.",
         )
     beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
@@ -292,6 +308,7 @@ def _remarks(
             address=address,
             message=f"{path} was measured while {_list_some(beside)} ran on the host.",
             code=findings.BUSY.code,
+            values={"log": path, "partitions": tuple(beside)},
             advice=prose(
                 "Measure it once more with the host to itself, and this no longer counts: ", again.also(again=True), "."
             ),

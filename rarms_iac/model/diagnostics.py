@@ -9,7 +9,7 @@ from typing import Literal, Protocol, Self, TypeAlias
 from rarms_iac.model.commands import Prose, RecommendedCommand, Wording, prose
 from rarms_iac.model.output import output
 
-Facts: TypeAlias = Mapping[str, str | int | float | tuple[str, ...]]
+Facts: TypeAlias = Mapping[str, str | bool | int | float | tuple[str, ...]]
 """The names and numbers behind a message, each under a name of its own."""
 
 

@@ -1,12 +1,13 @@
 """What the planner answers: a Layout, or why there is none."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.commands import Wording
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LogicalProcessors, guaranteed, show_processors
 from rarms_iac.model.state import PartitionSettings
@@ -118,6 +119,7 @@ class Cause:
     message: str
     code: str = ""  # of the finding that tells it
     advice: Wording = ""  # what to do; empty: as the finding always says
+    values: Facts = field(default_factory=dict, hash=False)  # the names and numbers of the message
 
 
 class RelaxationKind(Enum):

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_others
@@ -144,17 +145,18 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
         component, home = system.components[name], partitions[name]
         for other in component.apart:
             if other != name and partitions.get(other) == home:
-                yield _company(name, f"{name} must be apart from {other}, and both are in partition {home}.")
+                message = f"{name} must be apart from {other}, and both are in partition {home}."
+                yield _company(name, message, {"partition": home, "others": (other,)})
         if component.dedicated and len(members[home]) > 1:
-            others = list_others(members[home], (name,))
-            yield _company(name, f"{name} is dedicated, and shares partition {home} with {others}.")
+            others = tuple(member for member in members[home] if member != name)
+            message = f"{name} is dedicated, and shares partition {home} with {list_others(members[home], (name,))}."
+            yield _company(name, message, {"partition": home, "others": others})
         for other in component.together:
             if partitions.get(other, home) != home:
-                yield _company(
-                    name, f"{name} must be together with {other}, which is in partition {partitions[other]}."
-                )
+                message = f"{name} must be together with {other}, which is in partition {partitions[other]}."
+                yield _company(name, message, {"partition": home, "others": (other,)})
 
 
-def _company(name: str, message: str) -> Cause:
+def _company(name: str, message: str, values: Facts) -> Cause:
     advice = "Change `partitions`, or take the rule out."
-    return Cause(address=f"component/{name}", message=message, code=findings.COMPANY.code, advice=advice)
+    return Cause(address=f"component/{name}", message=message, code=findings.COMPANY.code, advice=advice, values=values)

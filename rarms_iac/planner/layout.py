@@ -11,7 +11,7 @@ from itertools import takewhile
 from typing import assert_never
 
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
 from rarms_iac.model.host import Host, Mechanism
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
@@ -105,6 +105,7 @@ def causes_as_findings(
             f"{cause.message}{unproven}",
             (where_room_lacks if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
             address=cause.address,
+            values={**cause.values, "proven": answer.proven},
         )
 
 
@@ -188,6 +189,7 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
                 f"{show_processors(host.logical_processors)}; planned with what is there.",
                 f"Say `logical_processors: {facts.logical_processors}`.",
                 address=f"host/{host.name}",
+                values={"host": host.name, "has_lp": facts.logical_processors, "manifest_lp": host.logical_processors},
             )
         if facts.memory < host.memory:
             yield findings.SMALLER.at(
@@ -196,6 +198,7 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
                 f"planned with what is there.",
                 "Say what it has, or less.",
                 address=f"host/{host.name}",
+                values={"host": host.name, "has_memory_bytes": facts.memory, "manifest_memory_bytes": host.memory},
             )
 
 
@@ -222,7 +225,9 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
     """
     for remark in remarks:
         place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
-        yield findings.REMARKS[remark.code].at(place, remark.message, remark.advice, address=remark.address)
+        yield findings.REMARKS[remark.code].at(
+            place, remark.message, remark.advice, address=remark.address, values=remark.values
+        )
 
 
 def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
@@ -263,6 +268,13 @@ def _late_finding(member: Component, late: Sequence[str], host: Host, others: in
             " shows whether it holds.",
         ),
         address=f"component/{member.name}",
+        values={
+            "component": member.name,
+            "host": host.name,
+            "indexes": tuple(late),
+            "other_partitions": others,
+            "window_ms": SCHEDULER_WINDOW_MS,
+        },
     )
 
 
@@ -283,7 +295,8 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
         ]
         for name, message, advice in deadline_problems(placed, host, processors, admitted):
             place = places.key(problem.system.section_of(name), name)
-            yield findings.DEADLINES.at(place, message, advice, address=f"partition/{name}")
+            values: Facts = {"partition": name, "host": host.name, "admitted_percent": admitted}
+            yield findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)
 
 
 def _is_about_late_jobs(index: str, threshold: Threshold, member: Component) -> bool:
@@ -305,7 +318,17 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
         f"The layout reserves {show_lp_percent(placement.reserved)}, at most {gap} more than needed, "
         f"and moves {counted(placement.moves, 'partition')}, of which at least {placement.moves_bound} must move."
     )
-    yield findings.NOT_PROVEN.at(places.key("application"), detail, "It fits and may be applied.")
+    yield findings.NOT_PROVEN.at(
+        places.key("application"),
+        detail,
+        "It fits and may be applied.",
+        values={
+            "reserved_lp": placement.reserved / 100,
+            "reserved_bound_lp": placement.reserved_bound / 100,
+            "moves": placement.moves,
+            "moves_bound": placement.moves_bound,
+        },
+    )
 
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
@@ -321,4 +344,11 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
                 f"{show_lp_percent(best)} instead of {show_processors(partition.reserved)}.",
                 "Allow `--max-disruption removal` if it may be made anew there.",
                 address=f"partition/{partition.name}",
+                values={
+                    "partition": partition.name,
+                    "host": partition.host,
+                    "other_host": host,
+                    "other_reserve_lp": best / 100,
+                    "reserve_lp": partition.settings.processors * partition.settings.reserve / 100,
+                },
             )

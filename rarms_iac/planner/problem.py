@@ -13,7 +13,7 @@ from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group, company, groups_of
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
-from rarms_iac.planner.reservations import ReservationSource, rests_on_a_log
+from rarms_iac.planner.reservations import ReservationSource, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import size
 
 
@@ -255,6 +255,7 @@ def _causes(problem: Problem) -> Iterator[Cause]:
                 address=f"partition/{group.name}",
                 message=f"The components of {group.name} name no host in common.",
                 code=findings.PLACEMENT.code,
+                values={"partition": group.name, "components": names_of(group.members)},
             )
             yield from problem.blocked[group.name] or (nowhere,)
 
@@ -276,5 +277,6 @@ def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]
             found += [(component.name, host) for host in hosts]
         else:
             message = f"{component.name} runs on a host, and there is none for it."
-            homeless.append(Cause(address=f"component/{component.name}", message=message, code=findings.PLACEMENT.code))
+            address, values = f"component/{component.name}", {"component": component.name}
+            homeless.append(Cause(address=address, message=message, code=findings.PLACEMENT.code, values=values))
     return tuple(sorted(found)), homeless

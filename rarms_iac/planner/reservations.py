@@ -6,6 +6,7 @@ from fractions import Fraction
 from typing import Protocol
 
 from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
@@ -26,6 +27,7 @@ class NotMeasured:
     code: str = findings.UNMEASURED.code
     message: str = ""  # empty: that no data log has it
     advice: Wording = "Fix it with `cpu: { reserve: ... }`, or measure it first."
+    values: Facts = field(default_factory=dict, hash=False)  # more names and numbers behind the message
 
 
 class ReservationSource(Protocol):
@@ -304,6 +306,11 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
         code=findings.NOT_MET.code,
         message=message,
         advice=advice,
+        values={
+            "log": log.path,
+            "highest_percent": highest,
+            "indexes": tuple(f"{component}/{index}" for index, component in missing),
+        },
     )
 
 
@@ -316,4 +323,11 @@ def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: Meas
         f"and not measured itself ({log.path}).",
         code=findings.INTERPOLATED.code,
         advice=prose("Measure it: ", log.again.also(verify=True), "."),
+        values={
+            "components": names_of(members),
+            "reserve_percent": least.reserve,
+            "measured_below_percent": below,
+            "measured_above_percent": above,
+            "log": log.path,
+        },
     )

@@ -45,11 +45,28 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
             f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
         )
         advice = "Give the partition or the component more `processors`, or lower the reserve."
-        return Cause(address=f"partition/{group.name}", message=message, code=findings.PARALLELISM.code, advice=advice)
+        return Cause(
+            address=f"partition/{group.name}",
+            message=message,
+            code=findings.PARALLELISM.code,
+            advice=advice,
+            values={"partition": group.name, "needs_lp": float(wanted), "processors": processors},
+        )
     if reserve and processors > host.logical_processors:
         message = f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}."
         advice = "Lower `processors`, or name a larger host."
-        return Cause(address=f"partition/{group.name}", message=message, code=findings.TOO_WIDE.code, advice=advice)
+        return Cause(
+            address=f"partition/{group.name}",
+            message=message,
+            code=findings.TOO_WIDE.code,
+            advice=advice,
+            values={
+                "partition": group.name,
+                "host": host.name,
+                "processors": processors,
+                "has_lp": host.logical_processors,
+            },
+        )
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group, host)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory
@@ -94,7 +111,13 @@ def unmeasured(answer: NotMeasured, host: Host) -> Cause:
     names = ", ".join(answer.components)
     message = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
     address = f"component/{answer.components[0]}"
-    return Cause(address=address, message=answer.message or message, code=answer.code, advice=answer.advice)
+    return Cause(
+        address=address,
+        message=answer.message or message,
+        code=answer.code,
+        advice=answer.advice,
+        values={"components": answer.components, "platform": host.platform, **answer.values},
+    )
 
 
 def _reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority, values_within
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
@@ -148,6 +148,7 @@ def _out_of_order(
                 "No values keep all these classes in order: leave categories and priorities open, "
                 "or let components of similar criticality share a class.",
                 address=_address(inside, upper.name),
+                values=_pair_facts(upper, worst, inside),
             )
 
 
@@ -189,6 +190,7 @@ def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: s
         f"{lower.thread_priority}: Windows {raised} by one, and then the two meet{more}.",
         "Nothing, if that can be borne. Eight criticalities in one operating system leave room between them.",
         address=_address(inside, upper.name),
+        values=_pair_facts(upper, lower, inside),
     )
 
 
@@ -204,7 +206,20 @@ def _low_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: st
         "Nothing, if that can be borne: it is the time that SystemResponsiveness keeps for everybody else. "
         "Four criticalities in one operating system all find room in Medium.",
         address=_address(inside, lower.name),
+        values=_pair_facts(upper, lower, inside),
     )
+
+
+def _pair_facts(upper: ClassValues, lower: ClassValues, inside: str) -> Facts:
+    return {
+        "partition": inside,
+        "upper": upper.name,
+        "upper_criticality": upper.criticality,
+        "upper_priority": upper.thread_priority,
+        "lower": lower.name,
+        "lower_criticality": lower.criticality,
+        "lower_priority": lower.thread_priority,
+    }
 
 
 def _system_name(inside: str) -> str:

@@ -204,7 +204,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
             message,
             advice,
             address=f"host/{end.subject.bench.name}",
-            values={"reserved_lp_percent": end.before, "capacity_lp_percent": end.subject.capacity},
+            values={"reserved_lp": end.before / 100, "capacity_lp": end.subject.capacity / 100},
         )
     for contradiction in end.contradictions:
         yield findings.CONTRADICTION.at(
@@ -229,8 +229,8 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
                 address=f"partition/{compound.name}",
                 values={
                     "components": tuple(compound.members),
-                    "together_lp_percent": compound.cost,
-                    "alone_lp_percent": apart,
+                    "together_lp": compound.cost / 100,
+                    "alone_lp": apart / 100,
                 },
             )
 
@@ -258,7 +258,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
             " tells more.",
         ),
         address=f"host/{end.subject.bench.name}",
-        values={"reserved_lp_percent": end.after, "capacity_lp_percent": end.subject.capacity},
+        values={"reserved_lp": end.after / 100, "capacity_lp": end.subject.capacity / 100},
     )
 
 

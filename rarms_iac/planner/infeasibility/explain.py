@@ -6,6 +6,7 @@ from fractions import Fraction
 from itertools import chain, islice, zip_longest
 
 from rarms_iac.model.claims import WHOLE
+from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import LogicalProcessors, show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
@@ -90,7 +91,15 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
         message += " Whether fewer of them conflict was not searched to the end."
     if conflict.lacking != "memory":
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
-    return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code)
+    values: Facts = {
+        "partitions": tuple(item.name for item in conflict.items),
+        "hosts": tuple(host.name for host in conflict.bins),
+        "needs_lp": sum(map(least_cost, conflict.items)) / 100,
+        "has_lp": sum(max(0, free_in(host).percent) for host in conflict.bins) / 100,
+        "needs_memory_bytes": sum(map(least_memory, conflict.items)),
+        "has_memory_bytes": sum(max(0, free_in(host).memory) for host in conflict.bins),
+    }
+    return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code, values=values)
 
 
 def _describe_smt(conflict: Conflict, host: Bin) -> str:

@@ -27,6 +27,11 @@ def told(times: list[float]) -> list[str]:
     settings = (a_setting(100, a_series("vision", times)),)
     found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100), settings, FirstLine("")))
     assert {diagnostic.code for diagnostic in found} == {"RARMS110"}
+    assert all({"component": "vision", "reserve_percent": 100}.items() <= each.values.items() for each in found)
+    assert {(each.values["index"], each.values["threshold"], each.values["unit"]) for each in found} <= {
+        ("mean_response_time", 84.0, "ms"),
+        ("maximum_response_time", 90.0, "ms"),
+    }
     return [diagnostic.detail for diagnostic in found]
 
 

@@ -66,6 +66,8 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
     assert planning.answer.conflict == ("a", "b")
     assert [(finding.code, finding.address) for finding in planning.findings] == [("RARMS014", "host/right")]
     assert planning.findings[0].detail == "a 60 % and b 60 % need 120 % of the two logical processors."
+    expected = {"partitions": ("a", "b"), "hosts": ("right",), "needs_lp": 2.4, "has_lp": 2.0, "proven": True}
+    assert expected.items() <= planning.findings[0].values.items()
 
 
 def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
