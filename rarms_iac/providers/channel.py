@@ -240,10 +240,6 @@ class CommandResult:
     error: str  # the last lines of its standard error
 
 
-def ignore_line(_line: str) -> None:
-    """Do nothing with a line of output."""
-
-
 class CommandChannel(Protocol):
     """Runs commands on a host, one after the other; nothing of one is left for the next."""
 
@@ -252,16 +248,13 @@ class CommandChannel(Protocol):
         """The host as messages name it, such as `user@host`."""
         ...
 
-    def run(
-        self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
-    ) -> CommandResult:
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
         """Run one command, and return when it has ended.
 
         Args:
             command: for the shell that the host gives to this user.
             data: its whole standard input, which then ends.
             silence_s: seconds without output after which it is given up.
-            on_line: told each line of output as it comes, without its end; a channel that cannot calls it at the end.
 
         Returns:
             Its exit code and output. `SSH_FAILED`: the connection was not made, or broke.
@@ -281,9 +274,7 @@ class ProgramChannel:
     words: tuple[str, ...]
     most_bytes: int = STATE_LIMIT
 
-    def run(
-        self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
-    ) -> CommandResult:
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
         lines: list[str] = []
         size = 0
         with open_channel(self.host, (*self.words, command)) as program:
@@ -291,7 +282,6 @@ class ProgramChannel:
             program.close()
             try:
                 while (line := program.next_line(silence_s, lambda: None)) is not None:
-                    on_line(line)
                     lines.append(line)
                     size += len(line)
                     if size > self.most_bytes:

@@ -54,7 +54,8 @@ hold() { # take|keep OWNER TOKEN SECONDS ENDED: by the run of this token; `ended
     fi
     if [ "$1" = take ] && [ -n "$token" ] && [ "$token" != "$5" ]; then
         age=$(($(date +%s) - $(stat -c %Y "$FOLDER/lease")))
-        if [ "$age" -ge 0 ] && [ "$age" -lt "$LEASE_SECONDS" ]; then
+        [ "$age" -ge 0 ] || touch "$FOLDER/lease" # the host's clock went back: it counts from now on
+        if [ "$age" -lt "$LEASE_SECONDS" ]; then
             printf 'held %s\n%s\n' "$owner" "$token"
             exit 0
         fi

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -25,12 +24,12 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import StartAction
-from rarms_iac.providers.cgroups import remote
+from rarms_iac.providers.cgroups import effects, remote
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.cgroups.run import ORPHANS, LinuxHostProvider
-from rarms_iac.providers.channel import CommandResult, ProgramChannel, ignore_line
+from rarms_iac.providers.channel import CommandResult, ProgramChannel
 from rarms_iac.providers.interface import HostDamaged, HostError, HostFailed, HostLocked, HostRefused, HostTakenOver
 from tests import builders
 from tests.contracts.benches import (
@@ -289,9 +288,7 @@ class Recording:
     effects: list[str] = field(default_factory=list)
     batches: int = 0
 
-    def run(
-        self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
-    ) -> CommandResult:
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
         self.batches += 1
         program, begin, calls = data.decode("ascii").partition("batch() {\n")
         lines: list[str] = []
@@ -302,7 +299,7 @@ class Recording:
                     lines.append("kill -KILL $$\n")
             lines.append(line)
         was_cut = self.is_unheard and 0 <= self.at < len(self.effects)
-        result = shell_channel().run(command, (program + begin + "".join(lines)).encode("ascii"), silence_s, on_line)
+        result = shell_channel().run(command, (program + begin + "".join(lines)).encode("ascii"), silence_s)
         if was_cut:
             self.at = -1
             return CommandResult(code=255, output="rarms: user 0\nrarms: ready\n", error="Connection closed")
@@ -338,13 +335,11 @@ def test_half_a_batch_does_nothing(host: LinuxHostProvider, tmp_path: Path) -> N
     sent: list[bytes] = []
 
     class Cut(Recording):
-        def run(
-            self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
-        ) -> CommandResult:
+        def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
             if b"\neffect " not in data:
-                return super().run(command, data, silence_s, on_line)
+                return super().run(command, data, silence_s)
             sent.append(data)
-            return shell_channel().run(command, data[: data.rindex(b"}")], silence_s, on_line)
+            return shell_channel().run(command, data[: data.rindex(b"}")], silence_s)
 
     with pytest.raises(HostFailed, match="the connection to ann@onboard broke"):
         open_remote(builders.a_host(), tmp_path, Cut()).execute(StopPartition(partition="vision", grace_ms=0), SCOPE)
@@ -396,13 +391,11 @@ class Stalling(Recording):
 
     meanwhile: Callable[[], None] = lambda: None
 
-    def run(
-        self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
-    ) -> CommandResult:
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
         self.at -= b"step_recorded" in data
         if b"step_recorded" in data and self.at == -3:
             self.meanwhile()
-        return super().run(command, data, silence_s, on_line)
+        return super().run(command, data, silence_s)
 
 
 @pytest.mark.parametrize("is_closed", [False, True])
@@ -429,20 +422,75 @@ def test_an_owner_that_comes_back_changes_nothing_and_is_refused(
     go_on(lab, lab.host(folder))
 
 
+def test_a_host_whose_clock_went_back_is_free_a_minute_later_and_not_at_once(
+    host: LinuxHostProvider, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    on_another_computer(monkeypatch)
+    (folder,) = {path.parent for path in tmp_path.rglob("*.json")}
+    for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)):
+        (folder / "lease").write_text("ann@lab\nelsewhere 7 0123\n", encoding="ascii")
+        age(tmp_path, -86_400)
+        with pytest.raises(HostLocked, match="held by ann@lab"), other.lock("ben@lab"):
+            pass
+        assert abs(time.time() - (folder / "lease").stat().st_mtime) < 30
+        age(tmp_path, 61)
+        with other.lock("ben@lab"):
+            assert other.observe().partitions[0].settings.running
+
+
+ENDED = 2**22 + 1
+"""More than the kernel's largest id of a process."""
+
+
+def leave_lease(folder: Path, computer: str) -> None:
+    """Let a run of a computer have ended without a word."""
+    (folder / "lease").write_text(f"ann@lab, process {ENDED}\n{computer} {ENDED} 0123\n", encoding="ascii")
+
+
 def test_a_run_whose_process_on_this_computer_ended_is_taken_over_at_once(
     host: LinuxHostProvider, tmp_path: Path
 ) -> None:
-    with host.lock("ann@lab"):
-        pass
     (folder,) = {path.parent for path in tmp_path.rglob("*.json")}
-    ended = f"{uuid.getnode():x} {2**22 + 1} 0123"
-    (folder / "lease").write_text(f"ann@lab, process {2**22 + 1}\n{ended}\n", encoding="ascii")
-
     for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)):
-        (folder / "lease").write_text(f"ann@lab, process {2**22 + 1}\n{ended}\n", encoding="ascii")
+        leave_lease(folder, effects.this_computer())
         with other.lock("ben@lab"):
             assert other.observe().partitions[0].settings.running
         assert not (folder / "lease").exists()
+
+
+def test_of_a_run_in_another_container_or_off_linux_nobody_can_tell_that_it_ended(
+    host: LinuxHostProvider, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder,) = {path.parent for path in tmp_path.rglob("*.json")}
+    machine, _, container = effects.this_computer().partition("/")
+    assert container.startswith("pid:[")
+    assert len(machine) == 36
+    others = (f"{machine}/pid:[1]", f"{'0' * 36}/{container}")
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "readlink", lambda path: (path / "missing").stat())
+        no_linux = effects.this_computer()
+    for computer in (*others, no_linux):
+        leave_lease(folder, computer)
+        for other in (open_remote(builders.a_host(), tmp_path), open_slice_here(tmp_path)):
+            with pytest.raises(HostLocked, match="held by ann@lab"), other.lock("ben@lab"):
+                pass
+
+
+def test_a_batch_that_waits_for_the_systems_lock_in_vain_says_who_holds_it(
+    host: LinuxHostProvider, tmp_path: Path
+) -> None:
+    class Busy(Recording):
+        def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
+            if self.at != 1:
+                return super().run(command, data, silence_s)
+            return CommandResult(code=0, output="rarms: ready\nheld ben@lab\n\n", error="")
+
+    channel = Busy()
+    busy = open_remote(builders.a_host(), tmp_path, channel)
+    with busy.lock("ann@lab"):
+        channel.at = 1
+        with pytest.raises(HostLocked, match="held by ben@lab"):
+            busy.observe()
 
 
 @pytest.mark.needs("linux", "shellcheck")

@@ -273,6 +273,16 @@ def open_folder(host: str, folder: Path) -> HostDamaged:
 
 
 _living: set[str] = set()
+_ELSEWHERE = uuid.uuid4().hex
+
+
+def this_computer() -> str:
+    """Return what names this start of this machine, as its process ids mean it; off Linux, this process alone."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        return f"{boot}/{Path('/proc/self/ns/pid').readlink()}"  # each container has process ids of its own
+    except OSError:
+        return _ELSEWHERE
 
 
 @contextmanager
@@ -282,7 +292,7 @@ def run_token() -> Iterator[str]:
     Yields:
         The name.
     """
-    token = f"{uuid.getnode():x} {os.getpid()} {uuid.uuid4().hex}"
+    token = f"{this_computer()} {os.getpid()} {uuid.uuid4().hex}"
     _living.add(token)
     try:
         yield token
@@ -292,9 +302,9 @@ def run_token() -> Iterator[str]:
 
 def has_ended(token: str) -> bool:
     """Return whether the run of a token has ended, as far as this computer can tell."""
-    node, _, rest = token.partition(" ")
+    computer, _, rest = token.partition(" ")
     process = rest.partition(" ")[0]
-    if node != f"{uuid.getnode():x}" or not process.isdecimal():
+    if computer != this_computer() or not process.isdecimal():
         return False
     return token not in _living if int(process) == os.getpid() else not is_alive(int(process))
 
@@ -304,9 +314,11 @@ def _holder(lease: Path) -> str:
     try:
         owner, token = lease.read_text(encoding="utf-8", errors="replace").splitlines()
         age = time.time() - lease.stat().st_mtime
+        if age < 0:  # the host's clock went back: it counts from now on
+            os.utime(lease)
     except (FileNotFoundError, ValueError):
         return ""
-    return owner if 0 <= age < LEASE_SECONDS and not has_ended(token) else ""
+    return owner if age < LEASE_SECONDS and not has_ended(token) else ""
 
 
 def _signal(processes: Iterable[int], number: signal.Signals) -> None:

@@ -1,7 +1,8 @@
 """A Linux host through a channel: effects go there in batches, each with a look at the host behind it.
 
-A batch is a fixed program, `templates/shell/effects.sh`, and its calls. It needs a POSIX `sh`, coreutils and `flock`
-there. The changes that were asked for since the last answer are laid over what it showed, until the next answer.
+A batch is a fixed program, `templates/shell/effects.sh`, and its calls. It needs a POSIX `sh`, coreutils, findutils,
+`sed` and `flock` there. The changes that were asked for since the last answer are laid over what it showed, until the
+next answer.
 """
 
 import errno
@@ -138,7 +139,7 @@ class RemoteEffects:
                 if held.token and held.token != ended and has_ended(held.token):
                     ended = held.token  # the run that had this lease, on this computer, is no more
                 elif time.monotonic() >= until:
-                    raise HostLocked(self._host, held.owner or "another process") from None
+                    raise
                 else:
                     time.sleep(_POLL_SECONDS)
             else:
@@ -226,17 +227,13 @@ class RemoteEffects:
         """Have a batch of effects done, and see what the host shows then."""
         if calls and self._lease is None:
             calls = [_call("hold", "take", "a run of one batch", "one batch", "0", ""), *calls, "release"]
-        try:
-            self._view = self._answer([*calls, *self._looks()], seconds)
-        except _Held as held:
-            raise HostLocked(self._host, held.owner or "another process") from None
+        self._view = self._answer([*calls, *self._looks()], seconds)
 
     def _answer(self, calls: Sequence[str], seconds: float) -> _View:
         """Send a batch, and return what it shows.
 
         Raises:
-            _Held: another run holds the host.
-            HostError: the host was not reached or not understood, or this run has lost it.
+            HostError: the host was not reached or not understood, another run holds it, or this run has lost it.
             OSError: an effect failed; the message is that of the host.
         """
         if self._lease is not None:
@@ -274,7 +271,7 @@ class RemoteEffects:
                 case "no":
                     raise OSError(errno.EIO, text.strip()[-500:])
                 case "held":
-                    raise _Held(text, lines[number + 1])
+                    raise _Held(self._host, text or "another process", lines[number + 1])
                 case "lost":
                     raise HostTakenOver(self._host, text or "a run that has ended")
                 case "open":
@@ -323,12 +320,11 @@ class RemoteEffects:
         yield _call("show_files", self._folder.as_posix(), ".json", ".jsonl")
 
 
-class _Held(Exception):
+class _Held(HostLocked):
     """Another run holds the host; its token, where it holds it by a lease."""
 
-    def __init__(self, owner: str, token: str) -> None:
-        super().__init__(owner)
-        self.owner = owner
+    def __init__(self, host: str, owner: str, token: str) -> None:
+        super().__init__(host, owner)
         self.token = token
 
 

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
-from rarms_iac.providers.channel import CommandResult, ignore_line
+from rarms_iac.providers.channel import CommandResult
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.marks import mark_for, write_mark
 from tests import builders
@@ -248,9 +247,7 @@ def test_over_a_channel_the_first_partition_brings_the_limit_of_the_slice_in_the
 
         target = "cell"
 
-        def run(
-            self, command: str, data: bytes, silence_s: float, on_line: Callable[[str], None] = ignore_line
-        ) -> CommandResult:
+        def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:
             sent.append(data.decode("ascii").partition("batch() {\n")[2])
             return CommandResult(code=0, output="\n".join([*lines, "end", ""]), error="")
 
