@@ -25,7 +25,7 @@ PARAMETERS = """\
 | claim that is saved before it interrupts; slice of what is left over | 20 ms; 10 ms | `hypervisor.py` | 1, a little |
 | weight of P2 | 10000 | `rarms measure` | 1: with Table 1's 100 P1 gets a third more at 10 % |
 | interrupts of a quiet machine | 1 % | `machine.py` | 1, 3, 4 |
-| thread priorities 30 and 31, 8 | as the paper says | `paper_experiments.py` | 3 |
+| thread priorities 30 and 31, 8 | as the paper says | `experiments.py` | 3 |
 | turn of a thread | 31.2 ms | `guest.py` | 3: where VSP and PPP bend |
 | decoding a frame | 4 ms | `programs.py` | 3, 4 |
 | painting it, and its interrupts, on the machine itself | 2 ms, 0.2 ms | `programs.py` | 3 |
