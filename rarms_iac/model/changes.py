@@ -60,7 +60,7 @@ RESPONSIVENESS = Address(responsiveness=True)
 class Reason:
     """Why a change is wanted, told to people; no code decides by it."""
 
-    message: str = field(metadata={"formerly": "says"})
+    message: str
     place: Place | None = None  # the manifest line that asks for it
 
 

@@ -84,7 +84,7 @@ class HypervHost:
     generation: int = 2
     secure_boot: str | None = None
     # Under which name the host keeps what guests are entered with.
-    credential: str | None = field(default=None, metadata={"sparse": True})
+    credential: str | None = None
 
 
 class Mechanism(StrEnum):

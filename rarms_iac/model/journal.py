@@ -39,7 +39,7 @@ class PastRun:
     plan: str  # id
     application: str
     started_by: str
-    started_at: str  # as of `RunOrigin`; empty: it was not recorded
+    started_at: str  # as of `RunOrigin`
     closing: Internal[Closing | None]  # None: it did not end; an undo may have taken it back
 
     @property
@@ -67,7 +67,7 @@ class RunStarted:
     host_plan: HostPlan
     steps: tuple[Step, ...]  # what this run walks; of an undo: the reversed steps
     serials: Mapping[str, int]  # of every application on the host, this run counted
-    started_at: str = ""  # as of `RunOrigin`; empty: an older rarms wrote it
+    started_at: str  # as of `RunOrigin`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 
@@ -130,7 +130,7 @@ class ScriptStarted:
     undo: str
     serials: Mapping[str, int]
     touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
-    started_at: str = ""  # as of `RunOrigin`
+    started_at: str  # as of `RunOrigin`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 

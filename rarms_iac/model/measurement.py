@@ -34,9 +34,9 @@ class SettingEvidence:
     stolen_ms: float = 0.0  # of all processors, by the machine below this one
     waiting_ms: float | None = None  # how long something waited for a processor (PSI); None: not counted
     # By partition, how long a ready virtual processor waits for a logical one; None: not counted.
-    dispatch_wait_ns: Mapping[str, float] | None = field(default=None, metadata={"sparse": True})
+    dispatch_wait_ns: Mapping[str, float] | None = None
     # By Hyper-V's names of counter set and counter, run times summed over processors; None: not counted.
-    hypervisor_ms: Mapping[str, float] | None = field(default=None, metadata={"sparse": True})
+    hypervisor_ms: Mapping[str, float] | None = None
     disturbances: tuple[str, ...] = ()  # of each try that was disturbed, this one included where it is the last
 
     def since(self, before: "SettingEvidence") -> "SettingEvidence":

@@ -10,7 +10,7 @@ has the name of the class, and no task class of the manifest may have that name 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Literal, assert_never
 
@@ -19,7 +19,6 @@ from rarms_iac.model.quantities import show_bytes, show_period
 from rarms_iac.model.state import (
     NO_GENERATION,
     SECURE_BOOT_OFF,
-    SPARSE,
     Checkpoints,
     Mark,
     Partition,
@@ -147,7 +146,7 @@ class SetCpu:
     reserve: int
     limit: int
     weight: int
-    quota_period_us: int | None = field(default=None, metadata=SPARSE)
+    quota_period_us: int | None = None
     machine: str = ""
     kind: Literal["set_cpu"] = "set_cpu"
 

@@ -21,7 +21,7 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.output import Internal, output
-from rarms_iac.model.state import SPARSE, HostFacts, RegistryValue
+from rarms_iac.model.state import HostFacts, RegistryValue
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import HostTotals, Totals, host_totals
 
@@ -59,7 +59,7 @@ class Undo:
 
     level: UndoLevel
     operation: Internal[Operation | None]  # None where nothing can be done
-    message: str = field(default="", metadata={"formerly": "says"})  # what it cannot bring back
+    message: str = ""  # what it cannot bring back
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,9 +152,9 @@ class HostPlan:
     )  # by partition of the layout; for the reader
     stopped: tuple[str, ...] = ()  # partitions that `rarms stop` stopped and that stay so; for the reader
     # By partition of a Linux host: how its reservation is kept and why; for the reader.
-    mechanisms: Mapping[str, str] | None = field(default=None, metadata=SPARSE)
+    mechanisms: Mapping[str, str] | None = None
     # By partition, then name: what the scripts write in guests that could not be looked into.
-    guest_tasks: Internal[tuple[GuestTask, ...] | None] = field(default=None, metadata=SPARSE)
+    guest_tasks: Internal[tuple[GuestTask, ...] | None] = None
 
     @property
     @output

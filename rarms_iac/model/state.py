@@ -11,9 +11,6 @@ from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 
-SPARSE: Mapping[str, bool] = {"sparse": True}
-"""Of a field that is not written where it is None (`storage.codec`)."""
-
 
 class Rights(StrEnum):
     """Whether the caller may change the host; without them an empty list of machines proves nothing (windows.md 5)."""
@@ -56,7 +53,7 @@ class HostFacts:
     rights: Rights
     disk_folder: str = ""  # where new disks lie unless a partition says otherwise
     # Of each processor, what Linux admits for SCHED_DEADLINE: 0 where its control groups hold only some processors.
-    deadline_percent: int | None = field(default=None, metadata=SPARSE)  # None: `USUAL_DEADLINE_PERCENT`
+    deadline_percent: int | None = None  # None: `USUAL_DEADLINE_PERCENT`
 
 
 class RunState(StrEnum):
@@ -117,7 +114,7 @@ class PartitionSettings:
     running: bool
     secure_boot: str | None = None  # its template, or `SECURE_BOOT_OFF`; None: generation 1, or unknown
     # On Linux, how often its limit is counted anew; None: nothing limits it.
-    quota_period_us: int | None = field(default=None, metadata=SPARSE)
+    quota_period_us: int | None = None
 
 
 SECURE_BOOT_OFF = "off"

@@ -4,9 +4,7 @@ A dataclass becomes an object of its fields, an enumeration its value, a `Fracti
 text, a tuple or frozenset an array, a mapping with text as keys an object in its own order. In a union of dataclasses
 the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it.
 Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`, with the path to it. Nothing is
-guessed and nothing is executed. A field that was renamed tells its former name (`metadata={"formerly": ...}`), which is
-read as well: a journal of an older rarms can be finished. A field that only some hosts have is not written where it is
-None (`metadata={"sparse": True}`), so that plans of all others keep their ids.
+guessed and nothing is executed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -222,19 +220,17 @@ def _hints(cls: type) -> list[tuple[Field[Any], Any]]:
 
 def _encode_dataclass(cls: type) -> Encode:
     parts: list[tuple[str, Encode]] = []  # filled below: a type may contain itself
-    written = frozenset(field.name for field in fields(cls) if "sparse" not in field.metadata)
 
     def write(value: Any) -> Json:
         if not parts:
             parts.extend((field.name, _encoder(hint)) for field, hint in _hints(cls))
-        return {name: part(own) for name, part in parts if (own := getattr(value, name)) is not None or name in written}
+        return {name: part(getattr(value, name)) for name, part in parts}
 
     return write
 
 
 def _decode_dataclass(cls: type) -> Decode:
     parts: dict[str, Decode] = {}
-    renamed = {field.metadata["formerly"]: field.name for field in fields(cls) if "formerly" in field.metadata}
     required = frozenset(
         field.name for field in fields(cls) if field.default is MISSING and field.default_factory is MISSING
     )
@@ -242,7 +238,7 @@ def _decode_dataclass(cls: type) -> Decode:
     def read(data: Any, path: str) -> Any:
         if not parts:
             parts.update((field.name, _decoder(hint)) for field, hint in _hints(cls))
-        given = {renamed.get(name, name): value for name, value in _object(data, path).items()}
+        given = _object(data, path)
         if unknown := given.keys() - parts.keys():
             raise NotDecodable(_below(path, min(unknown)), "there is no such field")
         if missing := required - given.keys():

@@ -104,8 +104,7 @@ def _proven(proofs: Sequence[ComponentProof]) -> str:
 
 def describe_run(run: PastRun) -> str:
     """`apply of plan 0123, done; by ann@lab, process 7, 2026-11-22 10:11:12 UTC`."""
-    when = f", {run.started_at}" if run.started_at else ""
-    return f"{run.run.value} of plan {run.plan}, {_ending(run)}; by {run.started_by}{when}"
+    return f"{run.run.value} of plan {run.plan}, {_ending(run)}; by {run.started_by}, {run.started_at}"
 
 
 def history_text(history: History) -> "RenderableType":
@@ -115,7 +114,7 @@ def history_text(history: History) -> "RenderableType":
         parts.append(styled((f"Host {host}", STRONG), "" if runs else "  nothing was applied here"))
         rows = [
             (
-                run.started_at or "no time known",
+                run.started_at,
                 run.run.value,
                 run.plan,
                 run.application,

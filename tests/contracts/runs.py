@@ -48,6 +48,7 @@ def a_run(state: State, serial: int = 1) -> RunStarted:
         plan="0123456789ab",
         application="robot",
         started_by="ann@lab",
+        started_at="2026-11-20 09:00:00 UTC",
         host_plan=host_plan,
         steps=steps,
         serials={"robot": serial},

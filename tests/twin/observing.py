@@ -59,7 +59,7 @@ def host_from(document: Document, *files: str) -> WindowsHost:
             _FILL[name](host, probe["value"])
         elif not _natural(name, probe):
             category = "PermissionDenied" if probe["status"] == "denied" else "NotSpecified"
-            host.refusals[_ASKS[name]] = (probe["error"], category, probe["says"])
+            host.refusals[_ASKS[name]] = (probe["error"], category, probe["message"])
     if document["scheduler"]["status"] != "value":
         host.scheduler = None
     for path in files:

@@ -5,7 +5,7 @@ that is not there at all counts as absent: an older script did not look.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
 from rarms_iac.model.wording import quoted
@@ -134,7 +134,7 @@ class UnreadMachine:
     id: str
     name: str
     error: str  # PowerShell's id of the error
-    message: str = field(metadata={"formerly": "says"})  # its message, in the host's language
+    message: str  # its message, in the host's language
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -354,7 +354,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NoAnswer:
     error: str
-    message: str = field(metadata={"formerly": "says"})
+    message: str
 
 
 def _decoded(hint: Any, data: Json, path: str) -> Any:

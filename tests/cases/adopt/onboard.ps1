@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 477ee164720b of application robot, for the host itself.
+    rarms apply script: plan e84d236f450c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '477ee164720b'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e84d236f450c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6a97e0dc7a0c6d8ee22835e49648e2ad406d91af98e2deda9be610a14171ecb3'
+        UndoDigest = '6b70e66d93c738bf0b3ca474b202d39f5402acbae973cd1d9ed074fe77e83eb1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +48,7 @@ function Add-Plan {
 
     # === vision: rarms import (rarms.yaml:12:3) ===================================================
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '0badcafe-1111-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/vision, set 0a9aee4ba82c' -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/vision'; set = '0a9aee4ba82c' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 5589b435a34d' -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/vision'; set = '5589b435a34d' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -462,9 +462,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 477ee164720b of application robot, for the host itself.
+    rarms undo script: plan e84d236f450c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (erase the mark)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '477ee164720b'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'e84d236f450c'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -48,7 +48,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '0badcafe-1111-4000-8000-000000000001' }
-    Add-Step -Action 'erase the mark' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '0a9aee4ba82c' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
+    Add-Step -Action 'erase the mark' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '5589b435a34d' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -462,9 +462,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

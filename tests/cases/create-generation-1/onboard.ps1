@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f216fb33b6a5 of application robot, for the host itself.
+    rarms apply script: plan fed32a9f1a6d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f216fb33b6a5'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fed32a9f1a6d'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e0c2b8b4dea9265782a83e67e9bd6307f2b05d1272d122f575c750bc3a321f1e'
+        UndoDigest = '652c77c239341da8b10a4c9967831c382fb40f3edb20f88847f5479c9904f12d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,7 +53,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912; name = 'speech'
-        processors = 1; reserve = 40; set = '9af0a32a08de'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
+        processors = 1; reserve = 40; set = 'd5cfd870d69d'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
         Write-Mark
@@ -477,9 +477,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

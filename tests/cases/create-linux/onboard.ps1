@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 9835b885d89d of application robot, for the host itself.
+    rarms apply script: plan 535b0cd0d42a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '9835b885d89d'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '535b0cd0d42a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f1b63c320426b948f9aa14b9812d5869163b1848de8dd14ca24a1abc1e07577f'
+        UndoDigest = '9ade7c412c23704256f8c4f84ee5903e2e6a52a24939032120439958e93b13aa'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -64,7 +64,7 @@ function Add-Plan {
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
         boots_from = 'drive'; checkpoints = 'disabled'; disks = 1; dynamic_memory = $false; limit = 100; mark = 'robot/vision'
         memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftUEFICertificateAuthority'
-        set = '361ebcdb6468'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
+        set = '28cc232b41a1'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Add-PartitionDisk -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx')
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -490,9 +490,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f95588158ae9 of application robot, for the host itself.
+    rarms apply script: plan 217e3aa918af of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f95588158ae9'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '217e3aa918af'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'fbf6d816f011d9bff41417d7bfd3abd0963de6e82700449d7c034edf765541ff'
+        UndoDigest = '70477440486b6ecd239d72bf666756032931a8bacfb8fc9d7c7d5010ae227fba'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -63,7 +63,7 @@ function Add-Plan {
     Use-Target -Address 'partition/vision' -Read { Read-NewPartition -Name 'vision' }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ disks = 0; taken = $false } -After @{
         boots_from = 'drive'; checkpoints = 'disabled'; disks = 1; dynamic_memory = $false; limit = 100; mark = 'robot/vision'
-        memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftWindows'; set = '361ebcdb6468'
+        memory = 1073741824; name = 'vision'; processors = 2; reserve = 80; secure_boot = 'MicrosoftWindows'; set = '28cc232b41a1'
         start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Add-PartitionDisk -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx')
@@ -490,9 +490,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 310b8cc10ee0 of application robot, for the host itself.
+    rarms apply script: plan 9e71365fc7cb of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '310b8cc10ee0'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '9e71365fc7cb'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'fad332b72f68cebee144b71601e8fe67b17f705f4e3d90739b92401902803a0b'
+        UndoDigest = 'a9d565e86e0822c1e64d54164eb68c557ee7d83cdb5b3121095b02f97e11ca0e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,7 +53,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
-        name = 'speech'; processors = 1; reserve = 40; set = '63f8fd0cdc73'; start_action = 'start'; state = 'off'
+        name = 'speech'; processors = 1; reserve = 40; set = '9318451c660e'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
@@ -479,9 +479,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 310b8cc10ee0 of application robot, for the host itself.
+    rarms undo script: plan 9e71365fc7cb of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '310b8cc10ee0'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '9e71365fc7cb'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4afd78feb7d4 of application robot, for the host itself.
+    rarms apply script: plan 04301c5d5832 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for as long as it takes to start
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4afd78feb7d4'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '04301c5d5832'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'eb191a1689e4e4dcb24be704521821787ab1425a2ebcad84bba99dc18d7c396e'
+        UndoDigest = 'e28a1f829d7041ddd1e5da3a9e1109cc2a29f5830b7db15accec2dd13c3552cd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,11 +53,11 @@ function Add-Plan {
     Add-Step -Action 'stop it (turned off, not asked)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 0
     }
-    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down; mark it as robot/vision, set 9f897c50146c' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; start_action = 'start_if_running'; state = 'off'
+    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down; mark it as robot/vision, set d38b532de154' -Before @{
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; start_action = 'start_if_running'; state = 'off'
         stop_action = 'save'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = '9f897c50146c'; start_action = 'start'; state = 'off'
+        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200
@@ -480,9 +480,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

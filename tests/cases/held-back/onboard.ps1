@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f206b1dd7ef2 of application robot, for the host itself.
+    rarms apply script: plan 147a14b4b4e3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 60 %)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f206b1dd7ef2'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '147a14b4b4e3'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd603a6f9f71864b764792e0da6a4eba880ceb6a296a74e6bde67a3f142575f8d'
+        UndoDigest = 'e5b04238203beb53715b8b23596d46a3fa2b8cc91863cae51e56570394487f11'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,10 +48,10 @@ function Add-Plan {
 
     # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 80 -> 60 %; mark it as robot/vision, set f39be3815d52' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; weight = 100
+    Add-Step -Action 'reserve 80 -> 60 %; mark it as robot/vision, set 8f1e1103d755' -Before @{
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = 'f39be3815d52'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 60; set = '8f1e1103d755'; weight = 100
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100
         Write-Mark
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

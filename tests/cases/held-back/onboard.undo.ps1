@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f206b1dd7ef2 of application robot, for the host itself.
+    rarms undo script: plan 147a14b4b4e3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 %, limit 100 %, weight 100)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f206b1dd7ef2'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '147a14b4b4e3'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -49,9 +49,9 @@ function Add-Plan {
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision; reserve 80 %, limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = 'f39be3815d52'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 60; set = '8f1e1103d755'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
     } -Set {
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

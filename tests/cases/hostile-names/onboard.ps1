@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 21eb93d56481 of application robot, for the host itself.
+    rarms apply script: plan 3646a804f2f2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '21eb93d56481'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '3646a804f2f2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '950c0d50ae472d4302e81ae0fa3ef372cd24f682adff63a3221a98f18337c96c'
+        UndoDigest = '3ab7e93e4e7f63a7a8b69b6128ec902d7aa3637ce63553114f3387f4487b77cc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -55,7 +55,7 @@ function Add-Plan {
     }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ taken = $false } -After @{
         checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824; name = 'vision'
-        processors = 2; reserve = 80; set = '361ebcdb6468'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
+        processors = 2; reserve = 80; set = '28cc232b41a1'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
         Write-Mark
@@ -479,9 +479,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan adfabe7ac829 of application robot, for the host itself.
+    rarms apply script: plan 74829b3d7eef of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'adfabe7ac829'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '74829b3d7eef'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f20d8b9f587b9ec0c44f27e9f074dad746fa170ad75152ec26e7ecb40bfd99f6'
+        UndoDigest = '96be3a01f0476d8902791a9b7691f3dd759f3f08d62aafb060068e76ed594ad8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -54,7 +54,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
-        name = 'speech'; processors = 1; reserve = 40; set = 'e9f28d224f00'; start_action = 'nothing'; state = 'off'
+        name = 'speech'; processors = 1; reserve = 40; set = 'bebdadca1351'; start_action = 'nothing'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
@@ -72,7 +72,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
-        name = 'vision'; processors = 2; reserve = 80; set = 'b0900e6c24e2'; start_action = 'start'; state = 'off'
+        name = 'vision'; processors = 2; reserve = 80; set = '4979768ee9e2'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -498,9 +498,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c48aa65cc40c of application robot, for the host itself.
+    rarms apply script: plan 66395576602a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB -> 1 GiB)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c48aa65cc40c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '66395576602a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9c2ebdf7f3acaa87b8c374e0445e2aaf527c32ba4c495d11beddd2d9b58f0129'
+        UndoDigest = '316f57cc2b7a6ff0ff956e8f6954fa74136b346a8e6667fd1f82a88f9e0d21ab'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,10 +48,10 @@ function Add-Plan {
 
     # === speech: not as wanted: memory (rarms.yaml:19:3) ==========================================
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set cf356994122a' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '63f8fd0cdc73'
+    Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set 2c6d7af35b8b' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = 'cf356994122a'
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
         Write-Mark
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 1fef68a68b93 of application robot, for the host itself.
+    rarms undo script: plan 5e60ab08a533 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (memory 512 MiB)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '1fef68a68b93'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '5e60ab08a533'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -49,9 +49,9 @@ function Add-Plan {
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; memory 512 MiB' -Undoes 0 -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = 'cf356994122a'
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '63f8fd0cdc73'
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'
     } -Set {
         Write-Mark
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

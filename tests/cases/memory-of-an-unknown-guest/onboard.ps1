@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan cbbf75c0d8de of application robot, for the host itself.
+    rarms apply script: plan 03673762bd49 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'cbbf75c0d8de'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '03673762bd49'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bb1bf7c8723b4e54eb908231f51a765e0db732449a40af3afb0ba6cb3553786f'
+        UndoDigest = 'faf46578c0555531e706675d500b081702729474ccc5311c71824f51d2f4c524'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,10 +53,10 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set cf356994122a' -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '63f8fd0cdc73'; state = 'off'
+    Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set 2c6d7af35b8b' -Before @{
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'; state = 'off'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = 'cf356994122a'; state = 'off'
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'; state = 'off'
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
         Write-Mark
@@ -477,9 +477,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

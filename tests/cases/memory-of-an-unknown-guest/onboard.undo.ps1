@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan cbbf75c0d8de of application robot, for the host itself.
+    rarms undo script: plan 03673762bd49 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'cbbf75c0d8de'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '03673762bd49'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -54,9 +54,9 @@ function Add-Plan {
         Invoke-PartitionStop -GraceMs 120000
     }
     Add-Step -Action 'mark it as robot/speech; memory 512 MiB' -Undoes 1 -Before @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = 'cf356994122a'; state = 'off'
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'; state = 'off'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '63f8fd0cdc73'; state = 'off'
+        dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'; state = 'off'
     } -Set {
         Write-Mark
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
@@ -479,9 +479,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

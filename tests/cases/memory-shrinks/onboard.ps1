@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e17e57e343ff of application robot, for the host itself.
+    rarms apply script: plan eed8b07c82a9 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (memory 1 GiB -> 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e17e57e343ff'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'eed8b07c82a9'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1f7f8a9f280666ea69d26fb39542ba22e89b53dba4dbcd0ee4c55de86d83d597'
+        UndoDigest = '0536d20d5573da3b94529e239969c390c4109307532b1f99dc7f3e001fbfcda7'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,10 +53,10 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'memory 1 GiB -> 512 MiB; mark it as robot/vision, set 703f701e9205' -Before @{
-        dynamic_memory = $false; mark = 'robot/vision'; memory = 1073741824; set = '361ebcdb6468'; state = 'off'
+    Add-Step -Action 'memory 1 GiB -> 512 MiB; mark it as robot/vision, set 9772f0245732' -Before @{
+        dynamic_memory = $false; mark = 'robot/vision'; memory = 1073741824; set = '28cc232b41a1'; state = 'off'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/vision'; memory = 536870912; set = '703f701e9205'; state = 'off'
+        dynamic_memory = $false; mark = 'robot/vision'; memory = 536870912; set = '9772f0245732'; state = 'off'
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
         Write-Mark
@@ -477,9 +477,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

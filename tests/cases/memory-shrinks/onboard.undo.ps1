@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e17e57e343ff of application robot, for the host itself.
+    rarms undo script: plan eed8b07c82a9 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (memory 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e17e57e343ff'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'eed8b07c82a9'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -54,9 +54,9 @@ function Add-Plan {
         Invoke-PartitionStop -GraceMs 120000
     }
     Add-Step -Action 'mark it as robot/vision; memory 1 GiB' -Undoes 1 -Before @{
-        dynamic_memory = $false; mark = 'robot/vision'; memory = 536870912; set = '703f701e9205'; state = 'off'
+        dynamic_memory = $false; mark = 'robot/vision'; memory = 536870912; set = '9772f0245732'; state = 'off'
     } -After @{
-        dynamic_memory = $false; mark = 'robot/vision'; memory = 1073741824; set = '361ebcdb6468'; state = 'off'
+        dynamic_memory = $false; mark = 'robot/vision'; memory = 1073741824; set = '28cc232b41a1'; state = 'off'
     } -Set {
         Write-Mark
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -479,9 +479,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

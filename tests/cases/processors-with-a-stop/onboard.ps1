@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 199b1a47e6de of application robot, for the host itself.
+    rarms apply script: plan bb51e5965350 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (reserve 40 -> 20 %; processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '199b1a47e6de'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'bb51e5965350'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7a40137e63035de9daec9e0039021d3286eb2bcf29cc11edd6f88ba10c6353a5'
+        UndoDigest = 'c17573a914996262e1eea42c4d460b8b3495c58bf069ce8eb75e84fe1b76a94d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,10 +53,10 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'reserve 40 -> 20 %; processors 1 -> 2; mark it as robot/speech, set 7c08b2c3712c' -Before @{
-        limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '63f8fd0cdc73'; state = 'off'; weight = 100
+    Add-Step -Action 'reserve 40 -> 20 %; processors 1 -> 2; mark it as robot/speech, set 9574858e36ae' -Before @{
+        limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '9318451c660e'; state = 'off'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '7c08b2c3712c'; state = 'off'; weight = 100
+        limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '9574858e36ae'; state = 'off'; weight = 100
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100 -Count 2
         Write-Mark
@@ -477,9 +477,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 199b1a47e6de of application robot, for the host itself.
+    rarms undo script: plan bb51e5965350 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (processors 1; reserve 40 %, limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '199b1a47e6de'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'bb51e5965350'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -54,9 +54,9 @@ function Add-Plan {
         Invoke-PartitionStop -GraceMs 120000
     }
     Add-Step -Action 'mark it as robot/speech; processors 1; reserve 40 %, limit 100 %, weight 100' -Undoes 1 -Before @{
-        limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '7c08b2c3712c'; state = 'off'; weight = 100
+        limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '9574858e36ae'; state = 'off'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '63f8fd0cdc73'; state = 'off'; weight = 100
+        limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '9318451c660e'; state = 'off'; weight = 100
     } -Set {
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Count 1 -Reserve 40 -Maximum 100 -RelativeWeight 100
@@ -479,9 +479,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6dc2653056d0 of application robot, for the host itself.
+    rarms apply script: plan 5612b71baac2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (erase the mark)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6dc2653056d0'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '5612b71baac2'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cf4b56a1c9fac15554f12bcb5a1479ed3acecc5710df1d8832121ea2ddc1a795'
+        UndoDigest = '006049084c68f6bd235ebafc5bc090e8d254eb3a14c8460637ffcbb59d4a9836'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +48,7 @@ function Add-Plan {
 
     # === speech: rarms release (rarms.yaml:13:3) ==================================================
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'erase the mark' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
+    Add-Step -Action 'erase the mark' -Before @{ mark = 'robot/speech'; set = '9318451c660e' } -After @{ mark = ''; set = '' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -462,9 +462,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

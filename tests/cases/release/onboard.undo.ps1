@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6dc2653056d0 of application robot, for the host itself.
+    rarms undo script: plan 5612b71baac2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6dc2653056d0'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '5612b71baac2'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -48,7 +48,7 @@ function Add-Plan {
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech' -Undoes 0 -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech' -Undoes 0 -Before @{ mark = ''; set = '' } -After @{ mark = 'robot/speech'; set = '9318451c660e' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -462,9 +462,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

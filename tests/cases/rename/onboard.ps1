@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a678d5207b97 of application robot, for the host itself.
+    rarms apply script: plan 30286ec8e3ca of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (name speech -> voice)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a678d5207b97'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '30286ec8e3ca'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '291f494b63a65d26f74b83900026955d89881d847f30b5ffd7134991a8e0b44d'
+        UndoDigest = '21a855b19d0b24d19bf9f6eec91084bf0fea796c07edad3504ddb62fffe75a42'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,10 +48,10 @@ function Add-Plan {
 
     # === voice: not as wanted: name (rarms.yaml:13:3) =============================================
     Use-Target -Address 'partition/voice' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/voice, set 63f8fd0cdc73; name speech -> voice; mark it as robot/voice, set 7e36d19fd4be' -Before @{
-        mark = 'robot/speech'; name = 'speech'; set = '63f8fd0cdc73'
+    Add-Step -Action 'mark it as robot/voice, set 9318451c660e; name speech -> voice; mark it as robot/voice, set f1e28b778d77' -Before @{
+        mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'
     } -After @{
-        mark = 'robot/voice'; name = 'voice'; set = '7e36d19fd4be'
+        mark = 'robot/voice'; name = 'voice'; set = 'f1e28b778d77'
     } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'voice'
         Write-Mark
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan a678d5207b97 of application robot, for the host itself.
+    rarms undo script: plan 30286ec8e3ca of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (give it its name speech)
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'a678d5207b97'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '30286ec8e3ca'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -49,9 +49,9 @@ function Add-Plan {
     # === voice: takes back what the apply script did to it, the last step first (rarms.yaml:13:3) =
     Use-Target -Address 'partition/voice' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/voice; give it its name speech; mark it as robot/speech' -Undoes 0 -Before @{
-        mark = 'robot/voice'; name = 'voice'; set = '7e36d19fd4be'
+        mark = 'robot/voice'; name = 'voice'; set = 'f1e28b778d77'
     } -After @{
-        mark = 'robot/speech'; name = 'speech'; set = '63f8fd0cdc73'
+        mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'
     } -Set {
         Hyper-V\Rename-VM -VM $script:Vm -NewName 'speech'
         Write-Mark
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

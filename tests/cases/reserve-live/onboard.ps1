@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 847bc378b8af of application robot, for the host itself.
+    rarms apply script: plan 667a14b5d98e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '847bc378b8af'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '667a14b5d98e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd96aca2bfe76e9ba4233a37898fd5609790947f5098bd82e420fb10abe742ed6'
+        UndoDigest = '3393cb70caa9712ab1a1a87734412cae9d8014a8ce053d11489ada50f6041695'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,10 +48,10 @@ function Add-Plan {
 
     # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; mark it as robot/vision, set 9f897c50146c' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; weight = 100
+    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; mark it as robot/vision, set d38b532de154' -Before @{
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = '9f897c50146c'; weight = 200
+        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; weight = 200
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200
         Write-Mark
@@ -469,9 +469,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

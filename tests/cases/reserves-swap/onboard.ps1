@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 61d20c6b331f of application robot, for the host itself.
+    rarms apply script: plan 0dfe58a8f426 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (reserve 20 -> 60 %)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '61d20c6b331f'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '0dfe58a8f426'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd942e635fcbef91256f2f8a242e9289b6c4db80ec429a26f3fb594cbbe6d9b1f'
+        UndoDigest = '3a85478077bd351746b8df7a55fa1a2d4a40f7708c98b16468180a81142b412e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -49,10 +49,10 @@ function Add-Plan {
 
     # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 60 -> 20 %; mark it as robot/vision, set 846e6d0b17bd' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = '46c38a6e16e6'; weight = 100
+    Add-Step -Action 'reserve 60 -> 20 %; mark it as robot/vision, set 2a25f044217c' -Before @{
+        limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 20; set = '846e6d0b17bd'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100
         Write-Mark
@@ -60,10 +60,10 @@ function Add-Plan {
 
     # === speech: not as wanted: reserve, limit or weight (rarms.yaml:13:3) ========================
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'reserve 20 -> 60 %; mark it as robot/speech, set 74f4c70798be' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
-        limit = 100; mark = 'robot/speech'; reserve = 20; set = 'ebd07b94427f'; weight = 100
+    Add-Step -Action 'reserve 20 -> 60 %; mark it as robot/speech, set c959e400da4b' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
+        limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/speech'; reserve = 60; set = '74f4c70798be'; weight = 100
+        limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100
         Write-Mark
@@ -481,9 +481,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 61d20c6b331f of application robot, for the host itself.
+    rarms undo script: plan 0dfe58a8f426 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed (reserve 20 %, limit 100 %, weight 100)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '61d20c6b331f'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '0dfe58a8f426'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -50,9 +50,9 @@ function Add-Plan {
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; reserve 20 %, limit 100 %, weight 100' -Undoes 1 -Before @{
-        limit = 100; mark = 'robot/speech'; reserve = 60; set = '74f4c70798be'; weight = 100
+        limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/speech'; reserve = 20; set = 'ebd07b94427f'; weight = 100
+        limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
     } -Set {
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 20 -Maximum 100 -RelativeWeight 100
@@ -61,9 +61,9 @@ function Add-Plan {
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision; reserve 60 %, limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 20; set = '846e6d0b17bd'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 60; set = '46c38a6e16e6'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
     } -Set {
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 60 -Maximum 100 -RelativeWeight 100
@@ -481,9 +481,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

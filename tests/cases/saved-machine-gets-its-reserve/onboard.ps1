@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 97a364b1b525 of application robot, for the host itself.
+    rarms apply script: plan ba5d14d14726 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, started (reserve 80 -> 40 %, weight 100 -> 200)
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '97a364b1b525'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'ba5d14d14726'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1000cc6ee5f9fdf366691721618d48fa3c214ce0fd03aaffd929d20432a2427c'
+        UndoDigest = 'a7ec4254f08fa2a99831bd7fc5d8b31db46b0d03c5909f266083e43b8c9242c8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -52,10 +52,10 @@ function Add-Plan {
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ running = $false } -After @{
         running = $true; state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
-    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; mark it as robot/vision, set 9f897c50146c' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; weight = 100
+    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; mark it as robot/vision, set d38b532de154' -Before @{
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = '9f897c50146c'; weight = 200
+        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; weight = 200
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200
         Write-Mark
@@ -473,9 +473,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

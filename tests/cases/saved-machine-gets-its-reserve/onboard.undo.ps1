@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 97a364b1b525 of application robot, for the host itself.
+    rarms undo script: plan ba5d14d14726 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped (reserve 80 %, limit 100 %, weight 100). It is off after 120 s at the latest, and stays off
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '97a364b1b525'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'ba5d14d14726'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -50,9 +50,9 @@ function Add-Plan {
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'mark it as robot/vision; reserve 80 %, limit 100 %, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = '9f897c50146c'; weight = 200
+        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; weight = 200
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; weight = 100
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100
     } -Set {
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 80 -Maximum 100 -RelativeWeight 100
@@ -474,9 +474,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f8253ca2af2b of application robot, for the host itself.
+    rarms apply script: plan c6968f9ffdbb of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (secure boot MicrosoftWindows -> off). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f8253ca2af2b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c6968f9ffdbb'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '350e7c7bb55a14dfc5ac825e2c01992c967b7d58a968cf62f75eb85383f6d1a0'
+        UndoDigest = '2e68b5e4ee784e042c6b9793d66eeba5bf927f2e9f3dbf079716eb3a8d65d243'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,10 +53,10 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'secure boot MicrosoftWindows -> off; mark it as robot/speech, set 10dc9af784c3' -Before @{
-        mark = 'robot/speech'; secure_boot = 'MicrosoftWindows'; set = '63f8fd0cdc73'; state = 'off'
+    Add-Step -Action 'secure boot MicrosoftWindows -> off; mark it as robot/speech, set d07928dfea69' -Before @{
+        mark = 'robot/speech'; secure_boot = 'MicrosoftWindows'; set = '9318451c660e'; state = 'off'
     } -After @{
-        mark = 'robot/speech'; secure_boot = 'off'; set = '10dc9af784c3'; state = 'off'
+        mark = 'robot/speech'; secure_boot = 'off'; set = 'd07928dfea69'; state = 'off'
     } -Set {
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'Off'
         Write-Mark
@@ -477,9 +477,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

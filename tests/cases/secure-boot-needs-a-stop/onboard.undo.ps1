@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f8253ca2af2b of application robot, for the host itself.
+    rarms undo script: plan c6968f9ffdbb of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (secure boot MicrosoftWindows). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f8253ca2af2b'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'c6968f9ffdbb'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -54,9 +54,9 @@ function Add-Plan {
         Invoke-PartitionStop -GraceMs 120000
     }
     Add-Step -Action 'mark it as robot/speech; secure boot MicrosoftWindows' -Undoes 1 -Before @{
-        mark = 'robot/speech'; secure_boot = 'off'; set = '10dc9af784c3'; state = 'off'
+        mark = 'robot/speech'; secure_boot = 'off'; set = 'd07928dfea69'; state = 'off'
     } -After @{
-        mark = 'robot/speech'; secure_boot = 'MicrosoftWindows'; set = '63f8fd0cdc73'; state = 'off'
+        mark = 'robot/speech'; secure_boot = 'MicrosoftWindows'; set = '9318451c660e'; state = 'off'
     } -Set {
         Write-Mark
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftWindows'
@@ -479,9 +479,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c48e9de05d64 of application robot, for the host itself.
+    rarms apply script: plan fa9d52368100 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c48e9de05d64'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'fa9d52368100'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2367b93085eb0c27f13e6c31b26f25df862015b8d61a91213de5ddaf42ffb95d'
+        UndoDigest = 'd80850658c619e9e1f150f657de3c9061ce81d449e7af94e6e9760441f97fe58'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2
@@ -55,7 +55,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'mapping') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/mapping'; memory = 1073741824
-        name = 'mapping'; processors = 1; reserve = 50; set = '57d439343bdb'; start_action = 'start'; state = 'off'
+        name = 'mapping'; processors = 1; reserve = 50; set = 'b81e386612c8'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -73,7 +73,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 1073741824
-        name = 'speech'; processors = 3; reserve = 95; set = '085942b3a46b'; start_action = 'start'; state = 'off'
+        name = 'speech'; processors = 3; reserve = 95; set = 'e2151f12c2ec'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -91,7 +91,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
-        name = 'vision'; processors = 2; reserve = 95; set = '690ed59b57df'; start_action = 'start'; state = 'off'
+        name = 'vision'; processors = 2; reserve = 95; set = '93dda9d42ef5'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 300
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -525,9 +525,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

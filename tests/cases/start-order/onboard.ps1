@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d31eaffa8391 of application robot, for the host itself.
+    rarms apply script: plan 644d5ba1b048 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd31eaffa8391'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '644d5ba1b048'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '27144ea06f0561ac1ceedf8ef9b45999d84e6677dde147145569b6baa36073f6'
+        UndoDigest = '93f3de0e81586b8d36f7791ece965ee4cfd16aad722a63e1dec48e8fc9c2fa40'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -55,7 +55,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'door') -Generation 2 -MemoryStartupBytes 268435456 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/door'; memory = 268435456; name = 'door'
-        processors = 1; reserve = 20; set = '5fd49537c9bf'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
+        processors = 1; reserve = 20; set = 'f0a37ddc6e3e'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 268435456
         Clear-NetworkAdapter
@@ -72,7 +72,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'speech') -Generation 2 -MemoryStartupBytes 536870912 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/speech'; memory = 536870912
-        name = 'speech'; processors = 1; reserve = 40; set = '90826a6a7c44'; start_action = 'start'; state = 'off'
+        name = 'speech'; processors = 1; reserve = 40; set = '1d0501056ae3'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 536870912
@@ -90,7 +90,7 @@ function Add-Plan {
     } -Set { Hyper-V\New-VM -Name (Get-PendingName -Name 'vision') -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD }
     Add-Step -Action 'give it all its settings, and its name last' -Before @{ adapters = 1; taken = $false } -After @{
         adapters = 0; checkpoints = 'disabled'; dynamic_memory = $false; limit = 100; mark = 'robot/vision'; memory = 1073741824
-        name = 'vision'; processors = 2; reserve = 80; set = '092c674cd6c2'; start_action = 'start'; state = 'off'
+        name = 'vision'; processors = 2; reserve = 80; set = 'ea5adfba1827'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 300
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
@@ -524,9 +524,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d7923ad9f6dd of application robot, for the host itself.
+    rarms apply script: plan f7e2d8bab50c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd7923ad9f6dd'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f7e2d8bab50c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9a4a896b2d375ee95fd55fd1b67b284aa8b479277ebbf33aac4ff62f2f829c4b'
+        UndoDigest = '543633c1265aa317ba6be34a2b6d91117211fe6d2747aee4393593e1fd234dd1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +48,7 @@ function Add-Plan {
 
     # === vision: rarms start (rarms.yaml:12:3) ====================================================
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision, set 361ebcdb6468' -Before @{ mark = 'robot/vision'; set = '361ebcdb6468 stopped' } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1' -Before @{ mark = 'robot/vision'; set = '28cc232b41a1 stopped' } -After @{ mark = 'robot/vision'; set = '28cc232b41a1' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -465,9 +465,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan d7923ad9f6dd of application robot, for the host itself.
+    rarms undo script: plan f7e2d8bab50c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'd7923ad9f6dd'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f7e2d8bab50c'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -52,7 +52,7 @@ function Add-Plan {
     Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'mark it as robot/vision' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '361ebcdb6468' } -After @{ mark = 'robot/vision'; set = '361ebcdb6468 stopped' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision' -Undoes 0 -Before @{ mark = 'robot/vision'; set = '28cc232b41a1' } -After @{ mark = 'robot/vision'; set = '28cc232b41a1 stopped' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -466,9 +466,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

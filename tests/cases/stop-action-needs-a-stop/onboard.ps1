@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 2c9e4a554fef of application robot, for the host itself.
+    rarms apply script: plan 6baee7e7a38e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '2c9e4a554fef'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6baee7e7a38e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c581592e93a17f3a9598d72e2725ed0f68fd120f5b196e6cfca84155804036b7'
+        UndoDigest = 'c45e53f5d2c2b87dce130653795e854aeb27dec6acdf5d684cb3db7affef4beb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,11 +53,11 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down; mark it as robot/vision, set 9f897c50146c' -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; start_action = 'start_if_running'; state = 'off'
+    Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down; mark it as robot/vision, set d38b532de154' -Before @{
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; start_action = 'start_if_running'; state = 'off'
         stop_action = 'save'; weight = 100
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = '9f897c50146c'; start_action = 'start'; state = 'off'
+        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -Set {
         Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 40 -Maximum 100 -RelativeWeight 200
@@ -480,9 +480,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 2c9e4a554fef of application robot, for the host itself.
+    rarms undo script: plan 6baee7e7a38e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '2c9e4a554fef'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '6baee7e7a38e'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -54,10 +54,10 @@ function Add-Plan {
         Invoke-PartitionStop -GraceMs 120000
     }
     Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100' -Undoes 1 -Before @{
-        limit = 100; mark = 'robot/vision'; reserve = 40; set = '9f897c50146c'; start_action = 'start'; state = 'off'
+        limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -After @{
-        limit = 100; mark = 'robot/vision'; reserve = 80; set = '361ebcdb6468'; start_action = 'start_if_running'; state = 'off'
+        limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; start_action = 'start_if_running'; state = 'off'
         stop_action = 'save'; weight = 100
     } -Set {
         Write-Mark
@@ -482,9 +482,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

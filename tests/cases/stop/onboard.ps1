@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c0aef4f0ef55 of application robot, for the host itself.
+    rarms apply script: plan 611ca48ce998 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: stopped. It is off after 120 s at the latest, and stays off
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c0aef4f0ef55'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '611ca48ce998'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7151c0215a52adec67dc5e98cd45bdb20a382c0f6c9da8fb75a286eeb415c36c'
+        UndoDigest = '395b199aaf8022ec545ecf03ae18c6804b4d0b4fa1f1687bd20b07630af282a7'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -54,7 +54,7 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'mark it as robot/speech, set 63f8fd0cdc73 stopped' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73 stopped' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech, set 9318451c660e stopped' -Before @{ mark = 'robot/speech'; set = '9318451c660e' } -After @{ mark = 'robot/speech'; set = '9318451c660e stopped' } -Set { Write-Mark }
 
     # === vision: rarms stop (rarms.yaml:12:3) =====================================================
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
@@ -62,7 +62,7 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'mark it as robot/vision, set 361ebcdb6468 stopped' -Before @{ mark = 'robot/vision'; set = '361ebcdb6468' } -After @{ mark = 'robot/vision'; set = '361ebcdb6468 stopped' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision, set 28cc232b41a1 stopped' -Before @{ mark = 'robot/vision'; set = '28cc232b41a1' } -After @{ mark = 'robot/vision'; set = '28cc232b41a1 stopped' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -476,9 +476,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

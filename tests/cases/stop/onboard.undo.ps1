@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c0aef4f0ef55 of application robot, for the host itself.
+    rarms undo script: plan 611ca48ce998 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c0aef4f0ef55'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '611ca48ce998'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -50,7 +50,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision' -Undoes 3 -Before @{ mark = 'robot/vision'; set = '361ebcdb6468 stopped' } -After @{ mark = 'robot/vision'; set = '361ebcdb6468' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/vision' -Undoes 3 -Before @{ mark = 'robot/vision'; set = '28cc232b41a1 stopped' } -After @{ mark = 'robot/vision'; set = '28cc232b41a1' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Undoes 2 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         state = 'off'
     } -After @{
@@ -59,7 +59,7 @@ function Add-Plan {
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech' -Undoes 1 -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73 stopped' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech' -Undoes 1 -Before @{ mark = 'robot/speech'; set = '9318451c660e stopped' } -After @{ mark = 'robot/speech'; set = '9318451c660e' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Undoes 0 -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{
         state = 'off'
     } -After @{
@@ -478,9 +478,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 097006aa20fe of application robot, for the host itself.
+    rarms apply script: plan f58b71732dc7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '097006aa20fe'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f58b71732dc7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ddd6d1e17a92d81b29c9bc562e57afb8b0d6a28b3827f6c976233e9746d36e91'
+        UndoDigest = '445fb7c506cfc14480eeb3b1f4e585bf48dae6342db3819e825070b9f552f414'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +48,7 @@ function Add-Plan {
 
     # === speech: `rarms measure` stopped it and ended before it started it again (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech, set 63f8fd0cdc73' -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73 measuring' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech, set 9318451c660e' -Before @{ mark = 'robot/speech'; set = '9318451c660e measuring' } -After @{ mark = 'robot/speech'; set = '9318451c660e' } -Set { Write-Mark }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 536870912 } -Before @{ state = 'off' } -After @{
         state = 'running'
     } -Set { Hyper-V\Start-VM -VM $script:Vm }
@@ -465,9 +465,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

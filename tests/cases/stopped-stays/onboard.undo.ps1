@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 097006aa20fe of application robot, for the host itself.
+    rarms undo script: plan f58b71732dc7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '097006aa20fe'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f58b71732dc7'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -52,7 +52,7 @@ function Add-Plan {
     Add-Step -Action 'stop it' -Undoes 1 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'mark it as robot/speech' -Undoes 0 -Before @{ mark = 'robot/speech'; set = '63f8fd0cdc73' } -After @{ mark = 'robot/speech'; set = '63f8fd0cdc73 measuring' } -Set { Write-Mark }
+    Add-Step -Action 'mark it as robot/speech' -Undoes 0 -Before @{ mark = 'robot/speech'; set = '9318451c660e' } -After @{ mark = 'robot/speech'; set = '9318451c660e measuring' } -Set { Write-Mark }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -466,9 +466,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan fc8d58a71416 of application robot, for the host itself.
+    rarms apply script: plan 20861c8d9170 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fc8d58a71416'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '20861c8d9170'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cd1cb04541c828711f95b2fe4fd590c293bbfbe05173acc412b4f24c32523c56'
+        UndoDigest = 'f78617eb19d58722eda35be143eacfa658f6214d24f522a5d9aed44d8e627f5b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -486,9 +486,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f64fc9c8bbbb of application robot, for the host itself.
+    rarms apply script: plan 6d38e5eb69dd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f64fc9c8bbbb'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6d38e5eb69dd'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8592dd8c3ddfc2f210db44f04a8c27a6dd0f36a10852c2afdbc50ce91badf4ed'
+        UndoDigest = 'a3ce580ac065ae4474fa90924c0ac0395d77083ec65e5a5722ec92a12621172c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -484,9 +484,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan d779e276d9f9 of application robot, for the host itself.
+    rarms apply script: plan 37e002fba75e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped (when the host starts: nothing). It is off after 120 s at the latest, and stays off
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'd779e276d9f9'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '37e002fba75e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0164b232ec4cfd8d5cfad07b5696c2c412b41f00bd8003960facdcad3c22f4ed'
+        UndoDigest = 'e503a383cf92d2bf4e7822a7a2b41076ff7dd1bea2a3531e2e2b3e50d159198c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -53,10 +53,10 @@ function Add-Plan {
     Add-Step -Action 'stop it (asked; after 120 s turned off)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'when the host starts: nothing; mark it as robot/speech, set e9f28d224f00' -Before @{
-        mark = 'robot/speech'; set = '63f8fd0cdc73'; start_action = 'start'
+    Add-Step -Action 'when the host starts: nothing; mark it as robot/speech, set bebdadca1351' -Before @{
+        mark = 'robot/speech'; set = '9318451c660e'; start_action = 'start'
     } -After @{
-        mark = 'robot/speech'; set = 'e9f28d224f00'; start_action = 'nothing'
+        mark = 'robot/speech'; set = 'bebdadca1351'; start_action = 'nothing'
     } -Set {
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Nothing'
         Write-Mark
@@ -474,9 +474,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan d779e276d9f9 of application robot, for the host itself.
+    rarms undo script: plan 37e002fba75e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, started (when the host starts: start)
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'd779e276d9f9'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '37e002fba75e'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -50,9 +50,9 @@ function Add-Plan {
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:11:1)
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; when the host starts: start' -Undoes 1 -Before @{
-        mark = 'robot/speech'; set = 'e9f28d224f00'; start_action = 'nothing'
+        mark = 'robot/speech'; set = 'bebdadca1351'; start_action = 'nothing'
     } -After @{
-        mark = 'robot/speech'; set = '63f8fd0cdc73'; start_action = 'start'
+        mark = 'robot/speech'; set = '9318451c660e'; start_action = 'start'
     } -Set {
         Write-Mark
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start'
@@ -475,9 +475,8 @@ function Read-Journal {
         elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
         else {
             $script:Started = $record
-            # An older rarms wrote neither.
-            if ($null -ne $record.PSObject.Properties['history']) { $script:Past = @($record.history) }
-            if ($null -ne $record.PSObject.Properties['started_at']) { $script:StartedAt = $record.started_at }
+            $script:Past = @($record.history)
+            $script:StartedAt = $record.started_at
             foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }

@@ -189,6 +189,7 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
         plan="a",
         application="robot",
         started_by="me",
+        started_at="2026-11-20 09:00:00 UTC",
         script=script,
         undo=script,
         serials={},

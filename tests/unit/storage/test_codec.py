@@ -9,10 +9,9 @@ from typing import Literal
 
 import pytest
 
-from rarms_iac.model.changes import Reason
 from rarms_iac.model.host import Host
 from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import Readings, Undo, UndoLevel
+from rarms_iac.model.plan import Readings
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost
 from rarms_iac.model.system import Measured
 from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
@@ -141,11 +140,3 @@ def test_canonical_json_does_not_depend_on_order() -> None:
     assert digest({"a": "é"}) == digest({"a": "é"}) != digest({"a": "e"})
     assert short(digest(BOX)) == digest(BOX)[:12]
     assert canonical(Colour.RED) == '"red"'
-
-
-def test_a_field_is_read_under_its_former_name() -> None:
-    # Journals are finished by later versions of rarms, too.
-    assert decode(Reason, {"says": "its reserve differs", "place": None}) == Reason(message="its reserve differs")
-    undo = {"level": "none", "operation": None, "says": "it is lost"}
-    assert decode(Undo, undo) == Undo(level=UndoLevel.NONE, operation=None, message="it is lost")
-    assert encode(Reason(message="its reserve differs")) == {"message": "its reserve differs", "place": None}

@@ -118,6 +118,7 @@ def a_start() -> RunStarted:
         plan=plan().id,
         application="robot",
         started_by="me",
+        started_at="2026-11-20 09:00:00 UTC",
         host_plan=host_plan(),
         steps=(step(),),
         serials={"robot": 4},
