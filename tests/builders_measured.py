@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.measurement import Bench, EnvironmentSetup, Setting
+from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import BusyLoop, Component, Interference, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
@@ -28,9 +28,9 @@ def a_setting(reserve: int = 70, *series: Series) -> Setting:
     return Setting(reserve=reserve, series=series or (a_series(),), beside=100 - reserve, seed=7)
 
 
-def a_bench() -> Bench:
+def a_bench() -> PlatformFacts:
     """The simulated host with two LPs that everything is tried on."""
-    return Bench(
+    return PlatformFacts(
         provider=ProviderKind.SIMULATED,
         processor="simulated",
         logical_processors=2,

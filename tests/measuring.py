@@ -12,7 +12,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.reservations import names_of, rests_on_a_log
+from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.storage.datalog.files import append_setting, begin_log
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance, Recorded
@@ -43,7 +43,7 @@ def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting],
 
 def leave_logs(folder: Path, least: Mapping[str, int]) -> None:
     """A log for every reservation that is to be measured: at so many per cent every threshold holds, below it none."""
-    for group in filter(rests_on_a_log, groups_of(_system(folder))):
+    for group in filter(depends_on_a_log, groups_of(_system(folder))):
         members = names_of(group.members)
         reserve = max(least[name] for name in members)
         good = [replace(steady(name, 10.0), elapsed_ms=1000.0) for name in members]

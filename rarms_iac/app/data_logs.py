@@ -24,8 +24,8 @@ from rarms_iac.planner.reservations import (
     MeasuredTogether,
     Names,
     NotMeasured,
+    depends_on_a_log,
     names_of,
-    rests_on_a_log,
     to_be_measured,
 )
 from rarms_iac.statistics.curves import Curve, curve_of
@@ -33,7 +33,7 @@ from rarms_iac.statistics.samples import usable_processors
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import Files, LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
-from rarms_iac.storage.datalog.staleness import BenchNow, Comparison, compare
+from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, compare
 
 LISTED = 4
 """Changes that one message names; more are counted."""
@@ -116,7 +116,7 @@ def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
         return "its data log is damaged"
     if log is None:
         return "its data log is gone"
-    return "; ".join(map(str, compare_log(log, subject, Files(folder), bench_now(host)).changed))
+    return "; ".join(map(str, compare_log(log, subject, Files(folder), observed_platform(host)).changed))
 
 
 def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
@@ -135,22 +135,24 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
     for name, kind in kinds.items():
         alike.setdefault(kind, []).append(name)
     logs: dict[tuple[Hashable, Names], MeasuredTogether | NotMeasured] = {}
-    for group in filter(rests_on_a_log, groups_of(system)):
+    for group in filter(depends_on_a_log, groups_of(system)):
         for kind, names in alike.items():
             if _may_run_on(group, names):
                 host = system.hosts[names[0]]
-                logs[kind, names_of(group.members)] = _measured_together(system, folder, group, host, kind.bench)
+                logs[kind, names_of(group.members)] = _measured_together(
+                    system, folder, group, host, kind.platform_facts
+                )
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
-def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow) -> Comparison:
+def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts: ObservedPlatform) -> Comparison:
     """Compare a data log with what is now.
 
     Args:
         log: As it was read.
         subject: What it is to be about.
         files: Of the manifest's folder.
-        bench: The host as it is now.
+        platform_facts: The host as it is now.
 
     NOTE: interpreters outside of the folder are recorded by a measurement and not looked for here: nothing but files
     below the folder is opened for a manifest that a stranger may have written.
@@ -158,10 +160,10 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow
     Returns:
         What changed, by which a log is stale, and what cannot be told from here.
     """
-    return compare(log.header, identity_of(subject, files.of(subject), {}), bench)
+    return compare(log.header, identity_of(subject, files.of(subject), {}), platform_facts)
 
 
-def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
+def observed_platform(host: Host, facts: HostFacts | None = None) -> ObservedPlatform:
     """Return what is known of a host now, to be compared with what a data log says of it.
 
     Args:
@@ -172,10 +174,12 @@ def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
         The processor, scheduler and so on; what is not known is left open.
     """
     image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
-    bench = BenchNow(provider=host.provider, logical_processors=host.logical_processors, guest_image=image)
+    platform_facts = ObservedPlatform(
+        provider=host.provider, logical_processors=host.logical_processors, guest_image=image
+    )
     if facts is None:
-        return bench
-    return replace(bench, smt=facts.smt, scheduler=facts.scheduler, os_build=facts.os_build)
+        return platform_facts
+    return replace(platform_facts, smt=facts.smt, scheduler=facts.scheduler, os_build=facts.os_build)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +187,7 @@ class _Kind:
     """What hosts share for which the same data logs hold."""
 
     platform: str
-    bench: BenchNow
+    platform_facts: ObservedPlatform
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +199,7 @@ class _LogFolder:
 
 
 def _measured_together(
-    system: System, folder: _LogFolder, group: Group, host: Host, bench: BenchNow
+    system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
     subject = subject_of(system, host, members, interference_of(system, members))
@@ -224,7 +228,7 @@ def _measured_together(
             values=values,
         )
     own = group.request.hyperv.image
-    now = replace(bench, guest_image=own) if own is not None else bench
+    now = replace(platform_facts, guest_image=own) if own is not None else platform_facts
     comparison = compare_log(log, subject, folder.files, now)
     if comparison.changed:
         message = (
@@ -323,8 +327,8 @@ def _list_some(things: tuple[object, ...] | list[str]) -> str:
 
 def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
     state = states.get(host.name)
-    bench = bench_now(host, state.facts if state else None)
-    return _Kind(platform=host.platform, bench=bench)
+    platform_facts = observed_platform(host, state.facts if state else None)
+    return _Kind(platform=host.platform, platform_facts=platform_facts)
 
 
 def _may_run_on(group: Group, hosts: list[str]) -> bool:

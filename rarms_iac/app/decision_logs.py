@@ -19,7 +19,7 @@ from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import Names, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import Names, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import (
     Chosen,
@@ -58,7 +58,7 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
     system, names = measurements.system, set(components)
     reservations = measured_reservations(measurements, {})
     paths: list[Path] = []
-    for group in filter(rests_on_a_log, groups_of(system)):
+    for group in filter(depends_on_a_log, groups_of(system)):
         if names and names.isdisjoint(names_of(group.members)):
             continue
         platforms: dict[str, Host] = {}
@@ -112,7 +112,7 @@ def _entries(
             data_log=path.relative_to(measurements.folder).as_posix(),
             identity=log.header.digest,
             setup=log.header.setup,
-            bench=log.header.bench,
+            platform_facts=log.header.platform_facts,
         )
         for member in group.members
         if member.apt

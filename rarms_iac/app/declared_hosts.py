@@ -25,7 +25,7 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.explain import evident_causes
 from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
 from rarms_iac.planner.problem import Problem, problem_of
-from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource, fixed, rests_on_a_log
+from rarms_iac.planner.reservations import FixedReservations, NotMeasured, ReservationSource, depends_on_a_log, fixed
 from rarms_iac.planner.sizes import unmeasured
 
 NOT_YET_MEASURED = Finding.note("RARMS101", "The reserve has not been measured yet")
@@ -59,10 +59,14 @@ def declared_host_findings(manifest: Manifest, errors: Sequence[Diagnostic]) -> 
         damaged logs; warnings and notes on logs that hold; a note for what was never measured.
     """
     system, places = manifest.system, manifest.places
-    rests_on_logs = any(component.cpu.reserve is Measured.MEASURED for component in system.components.values())
-    if not rests_on_logs and len(system.components) * len(system.hosts) > LOOKED_AT and not _exceeds_all_hosts(system):
+    depends_on_logs = any(component.cpu.reserve is Measured.MEASURED for component in system.components.values())
+    if (
+        not depends_on_logs
+        and len(system.components) * len(system.hosts) > LOOKED_AT
+        and not _exceeds_all_hosts(system)
+    ):
         return
-    source = measured_reservations(measurements_of(manifest), {}) if rests_on_logs else FixedReservations()
+    source = measured_reservations(measurements_of(manifest), {}) if depends_on_logs else FixedReservations()
     problem = problem_of(system, _AtLeast(source=source), {}, may_move=True)
     blamed = {error.address for error in errors}
     right = [group for group in problem.groups if not _is_about(group, blamed)]
@@ -121,7 +125,7 @@ def _about_logs(
     groups: Iterable[Group], problem: Problem, source: ReservationSource, places: Places
 ) -> Iterator[Diagnostic]:
     """Report what there is to say of the data logs; one platform on which a log holds is enough."""
-    for group in filter(rests_on_a_log, groups):
+    for group in filter(depends_on_a_log, groups):
         hosts = [problem.system.hosts[name] for name in problem.claims[group.name]]
         answers = [(source.reservation(group.members, host), host) for host in hosts]
         known = next((host for answer, host in answers if not isinstance(answer, NotMeasured)), None)

@@ -40,7 +40,7 @@ from rarms_iac.planner.alternatives import ChosenPlace, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning
 from rarms_iac.planner.problem import by_name
-from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
@@ -97,7 +97,7 @@ def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
 
 def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component: Component) -> Explanation:
     group, host, measurements = partition.group, place.host, partition.measurements
-    rests = rests_on_a_log(group)
+    rests = depends_on_a_log(group)
     answer = partition.reservations.log(group.members, host)
     log = answer if rests and isinstance(answer, MeasuredTogether) else None
     beside_fixed = None if rests else _log_beside_fixed(partition, host)
@@ -171,7 +171,7 @@ def _data_log_summary(measurements: Measurements, group: Group, host: Host, log:
     subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
     whole = read_log(path_of(measurements.folder, subject))
     assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
-    bench, times = whole.header.bench, sorted(recorded.provenance.when for recorded in whole.recorded)
+    platform, times = whole.header.platform_facts, sorted(recorded.provenance.when for recorded in whole.recorded)
     return DataLogSummary(
         path=log.path,
         first=times[0] if times else "",
@@ -179,12 +179,12 @@ def _data_log_summary(measurements: Measurements, group: Group, host: Host, log:
         reserves=log.measured,
         interference=whole.header.setup.interference,
         processors=log.processors,
-        provider=bench.provider.value,
-        processor=bench.processor,
-        logical_processors=bench.logical_processors,
-        smt=bench.smt,
-        scheduler=bench.scheduler,
-        os_build=bench.os_build,
+        provider=platform.provider.value,
+        processor=platform.processor,
+        logical_processors=platform.logical_processors,
+        smt=platform.smt,
+        scheduler=platform.scheduler,
+        os_build=platform.os_build,
         again=log.again,
     )
 

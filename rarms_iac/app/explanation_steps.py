@@ -263,7 +263,7 @@ def _log(log: DataLogSummary) -> Iterator[str]:
     smt = "with SMT" if log.smt else "without SMT"
     build = f", build {log.os_build}" if log.os_build else ""
     yield (
-        f"bench: {log.provider}, {log.processor or 'no processor model'}, "
+        f"machine: {log.provider}, {log.processor or 'no processor model'}, "
         f"{show_processors(log.logical_processors)} {smt}, scheduler {log.scheduler.value}{build}; "
         f"against {log.interference}"
     )

@@ -21,7 +21,7 @@ from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
-from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
 from rarms_iac.statistics.curves import Curve, components_not_shown
 from rarms_iac.storage.datalog.files import log_path
 
@@ -165,7 +165,7 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
     reservations = measured_reservations(measurements, {})
     problem = problem_of(system, reservations, {}, may_move=False)
     groups = [
-        group for group in problem.groups if rests_on_a_log(group) and all(member.apt for member in group.members)
+        group for group in problem.groups if depends_on_a_log(group) and all(member.apt for member in group.members)
     ]
     shared = [
         host for host in by_name(system.hosts) if all(host.name in problem.claims[group.name] for group in groups)

@@ -18,7 +18,7 @@ from rarms_iac.model.run import Command
 from rarms_iac.model.system import Component, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 
@@ -42,7 +42,7 @@ class GuideFacts:
     task: str | None
     task_values: tuple[str, ...]  # `Priority = 5 (DWORD)`
     command: str  # for a shell; empty: the manifest names no program
-    rests_on: str  # what the reserve comes from
+    depends_on: str  # what the reserve comes from
     shortest_ms: float | None  # the shortest response time that a threshold allows
 
 
@@ -95,7 +95,7 @@ def _facts(
     group: Group, host: Host, placed: PlacedPartition, reservations: MeasuredReservations, component: Component
 ) -> GuideFacts:
     log = reservations.log(group.members, host)
-    measured = rests_on_a_log(group) and isinstance(log, MeasuredTogether)
+    measured = depends_on_a_log(group) and isinstance(log, MeasuredTogether)
     return GuideFacts(
         component=component.name,
         partition=group.name,
@@ -111,7 +111,7 @@ def _facts(
         task=component.task,
         task_values=(),
         command=_command(component),
-        rests_on=f"the least at which {log.path} meets that"
+        depends_on=f"the least at which {log.path} meets that"
         if measured and isinstance(log, MeasuredTogether)
         else "as the manifest fixes it",
         shortest_ms=_shortest(component),

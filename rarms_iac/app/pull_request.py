@@ -19,7 +19,7 @@ from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, depends_on_a_log
 from rarms_iac.planner.sizes import size
 from rarms_iac.powershell.outline import ScriptDifference
 from rarms_iac.storage.datalog.identity import file_digest
@@ -108,7 +108,7 @@ def review_plan(hosts: Hosts, made: Plan, limits: PlanLimits, base: str | None) 
 
 def _headrooms(hosts: Hosts, made: Plan, reservations: MeasuredReservations) -> Iterator[AptHeadroom]:
     places = {name: part.host for part in made.hosts for name in part.components}
-    for group in filter(rests_on_a_log, groups_of(hosts.system)):
+    for group in filter(depends_on_a_log, groups_of(hosts.system)):
         if group.name in places:
             yield from _headrooms_of(group, places[group.name], reservations)
 
@@ -166,7 +166,7 @@ def _logs_of(manifest: Manifest) -> dict[str, tuple[LogUse, str]]:
     """What follows from each data log that the manifest's partitions rest on, and the digest of the log."""
     reservations = measured_reservations(measurements_of(manifest), {})
     found: dict[str, tuple[LogUse, str]] = {}
-    for group in filter(rests_on_a_log, groups_of(manifest.system)):
+    for group in filter(depends_on_a_log, groups_of(manifest.system)):
         for host in manifest.system.hosts.values():
             log = reservations.log(group.members, host)
             if not isinstance(log, NotMeasured):

@@ -4,7 +4,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import bench_now, compare_log, measured_reservations, measurements_of, path_of, subject_of
+from rarms_iac.app.data_logs import (
+    compare_log,
+    measured_reservations,
+    measurements_of,
+    observed_platform,
+    path_of,
+    subject_of,
+)
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -135,7 +142,7 @@ def _log_beside_manifest(system: System, files: Files, path: Path, log: DataLog)
         files.folder, subject_of(system, host, setup.members, interference_of(system, setup.members))
     )
     subject = subject_of(system, host, setup.members, setup.interference)
-    comparison = compare_log(log, subject, files, bench_now(host))
+    comparison = compare_log(log, subject, files, observed_platform(host))
     return LogBesideManifest(
         path=path.relative_to(files.folder).as_posix(),
         log=log,

@@ -48,9 +48,9 @@ from rarms_iac.planner.reservations import (
     Names,
     NotMeasured,
     ReservationSource,
+    depends_on_a_log,
     fixed,
     names_of,
-    rests_on_a_log,
     to_be_measured,
 )
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
@@ -103,7 +103,7 @@ def report_of(
         unmeasured=tuple(
             names_of(group.members)
             for group in groups_of(system)
-            if rests_on_a_log(group) and names_of(group.members) not in rested
+            if depends_on_a_log(group) and names_of(group.members) not in rested
         ),
         proofs=tuple(proofs),
     )
@@ -134,7 +134,7 @@ def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
         log=logged.path,
         processors=processors,
         criticality=max(member.criticality for member in members),
-        rests=logged.is_expected and not logged.stale and group is not None and rests_on_a_log(group),
+        rests=logged.is_expected and not logged.stale and group is not None and depends_on_a_log(group),
         fixed=names
         if group is not None and not to_be_measured(members) and all(member.cpu.reserve for member in members)
         else (),
@@ -220,17 +220,20 @@ def _shown(measurements: Sequence[Measurement]) -> ReservationSource:
 
 
 def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
-    bench, setup = log.header.bench, log.header.setup
+    platform, setup = log.header.platform_facts, log.header.setup
     when = sorted(recorded.provenance.when for recorded in log.counting)
     if when:
         yield "Measured", when[0] if when[0] == when[-1] else f"{when[0]} to {when[-1]}"
         yield "By rarms", ", ".join(sorted({recorded.provenance.rarms_version for recorded in log.counting}))
-    yield "Machine", f"{bench.processor}, {show_processors(bench.logical_processors)}{', SMT' if bench.smt else ''}"
-    yield "Provider", f"{bench.provider.value}, scheduler {bench.scheduler.value}"
-    if bench.os_build:
-        yield "Build of the operating system", str(bench.os_build)
-    if bench.guest_image:
-        yield "Guest image", bench.guest_image
+    yield (
+        "Machine",
+        f"{platform.processor}, {show_processors(platform.logical_processors)}{', SMT' if platform.smt else ''}",
+    )
+    yield "Provider", f"{platform.provider.value}, scheduler {platform.scheduler.value}"
+    if platform.os_build:
+        yield "Build of the operating system", str(platform.os_build)
+    if platform.guest_image:
+        yield "Guest image", platform.guest_image
     yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
     yield "Limit and weight", f"{show_percent(setup.limit)}, {setup.weight}"
     beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})

@@ -28,7 +28,13 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.planning_findings import NOT_MET
 from rarms_iac.planner.problem import HostView, host_view
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import (
+    MeasuredReservations,
+    MeasuredTogether,
+    NotMeasured,
+    depends_on_a_log,
+    names_of,
+)
 from rarms_iac.planner.sizes import size
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import Curve, Point
@@ -74,7 +80,7 @@ class Selection:
     before: Threshold | None
     after: Threshold
     levels: tuple[SelectedLevel, ...]  # by platform
-    rests_on_a_log: bool  # else the manifest fixes the reserve
+    depends_on_a_log: bool  # else the manifest fixes the reserve
     headrooms: tuple[HostHeadroom, ...]  # none where there is no layout
     why_no_headroom: str
     findings: tuple[Diagnostic, ...]
@@ -253,7 +259,7 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Se
     _refuse_far(choice, logs)
     planning = plan_layout(system, reservations, views, manifest.places)
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
-    if group is not None and rests_on_a_log(group) and not levels:
+    if group is not None and depends_on_a_log(group) and not levels:
         addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
         reasons = [finding for finding in planning.findings if finding.address in addresses]
         findings = [_with_next_command(finding, logs, choice) for finding in reasons or planning.findings]
@@ -269,7 +275,7 @@ def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> Se
         before=choice.component.apt.get(choice.index.name),
         after=choice.threshold,
         levels=levels,
-        rests_on_a_log=group is not None and rests_on_a_log(group),
+        depends_on_a_log=group is not None and depends_on_a_log(group),
         headrooms=_headrooms(planning, system, views),
         why_no_headroom=_why_no_layout(planning),
         findings=() if has_errors(planning.findings) else planning.findings,

@@ -22,7 +22,7 @@ from rarms_iac.model.system import System
 from rarms_iac.model.totals import HostTotals, host_totals, totals_of
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.reservations import names_of, rests_on_a_log
+from rarms_iac.planner.reservations import depends_on_a_log, names_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +192,7 @@ def _beside_what_is_there(
 
 
 def _measured_groups(system: System) -> Iterator[tuple[str, ...]]:
-    return (names_of(group.members) for group in groups_of(system) if rests_on_a_log(group))
+    return (names_of(group.members) for group in groups_of(system) if depends_on_a_log(group))
 
 
 def _observe_alone(hosts: Hosts, name: str) -> State:

@@ -14,7 +14,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.problem import host_view
-from rarms_iac.planner.reservations import rests_on_a_log
+from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 
 
@@ -65,5 +65,5 @@ def placed_without_log(system: System, planned: PlannedTotals, hosts: Collection
     here = {partition.name: partition for partition in planned.placed if partition.host in hosts}
     for group in groups_of(system):
         partition = here.get(group.name)
-        if partition is not None and partition.reserved and not rests_on_a_log(group):
+        if partition is not None and partition.reserved and not depends_on_a_log(group):
             yield partition

@@ -185,14 +185,14 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
     context.reporter.experiment_started(experiment, settings)
     with ExitStack() as ends:
         ends.callback(context.reporter.experiment_ended)
-        bench: _TestBench | None = None
+        partitions: _TestPartitions | None = None
         while isinstance(step := strategy.step(settings), Measure):
             if context.should_stop():
                 step = Stopped()
                 break
-            bench = bench or _make_bench(experiment, context, ends)
+            partitions = partitions or _make_test_partitions(experiment, context, ends)
             context.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
-            setting = _run_setting(experiment, context, bench, step)
+            setting = _run_setting(experiment, context, partitions, step)
             if not isinstance(setting, Setting):
                 step = setting
                 break
@@ -203,19 +203,19 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _TestBench:
+class _TestPartitions:
     """The test partitions, and what there is room for."""
 
     budget: MeasuringBudget
     shapes: tuple[PartitionShape, PartitionShape]
 
 
-def _make_bench(experiment: Experiment, context: MeasuringContext, ends: ExitStack) -> _TestBench:
+def _make_test_partitions(experiment: Experiment, context: MeasuringContext, ends: ExitStack) -> _TestPartitions:
     budget = context.budget()
     shapes = shapes_for(experiment, budget)
     classes = {values.name: registry_values(values) for values in _task_classes(experiment)}
     ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
-    return _TestBench(budget=budget, shapes=shapes)
+    return _TestPartitions(budget=budget, shapes=shapes)
 
 
 def shapes_for(experiment: Experiment, budget: MeasuringBudget) -> tuple[PartitionShape, PartitionShape]:
@@ -253,18 +253,18 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
 
 
 def _run_setting(
-    experiment: Experiment, context: MeasuringContext, bench: _TestBench, step: Measure
+    experiment: Experiment, context: MeasuringContext, partitions: _TestPartitions, step: Measure
 ) -> Setting | SettingFailed | Stopped:
     """One setting, of a reservation that the budget has; where something disturbed it, measured again."""
-    beside = reserve_for_load(bench.budget, experiment.setup, step.reserve)
+    beside = reserve_for_load(partitions.budget, experiment.setup, step.reserve)
     if beside is None:
         raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
-    set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
-    processors = bench.budget.capacity.logical_processors
+    set_reserves(context.host, experiment.application, partitions.shapes, {P1: step.reserve, P2: beside})
+    processors = partitions.budget.capacity.logical_processors
     takes = beside * processors / 100 if wants_all_processors(experiment.load, processors) else None
     disturbances: list[str] = []
     while True:
-        setting, evidence = _try_setting(experiment, context, bench, step, beside)
+        setting, evidence = _try_setting(experiment, context, partitions, step, beside)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
         reason = disturbance(evidence, processors, takes)
@@ -275,7 +275,7 @@ def _run_setting(
 
 
 def _try_setting(
-    experiment: Experiment, context: MeasuringContext, bench: _TestBench, step: Measure, beside: int
+    experiment: Experiment, context: MeasuringContext, partitions: _TestPartitions, step: Measure, beside: int
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """A setting from the first sample to the last, and what the host counted meanwhile."""
 
@@ -288,7 +288,7 @@ def _try_setting(
         return is_clear(by_component, goal_of(experiment), precision=step.precision, patient=step.patient)
 
     settling = Settling(
-        memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, bench.budget, step.reserve)
+        memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, partitions.budget, step.reserve)
     )
     work = replace(_work(experiment, context, step.reserve), least_ms=settling.least_ms)
     with context.host.run(work) as running:

@@ -82,7 +82,7 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bench:
+class PlatformFacts:
     """The machine that was measured on, as far as it can change what is measured there."""
 
     provider: ProviderKind

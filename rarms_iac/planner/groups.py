@@ -122,14 +122,14 @@ def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...
 
 
 def _together(free: Mapping[str, Component]) -> Iterable[list[Component]]:
-    """The components that share a partition; what `together` names beside them is for `company` to tell."""
+    """The components that share a partition; `sharing_contradictions` tells of other names in `together`."""
     parts: dict[str, list[Component]] = {}
     for name, first in bound_together(free).items():
         parts.setdefault(first, []).append(free[name])
     return parts.values()
 
 
-def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
+def sharing_contradictions(groups: Iterable[Group], system: System) -> Iterator[Cause]:
     """Find where partitions contradict `together`, `apart` and `dedicated`.
 
     Args:
@@ -146,17 +146,19 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
         for other in component.apart:
             if other != name and partitions.get(other) == home:
                 message = f"{name} must be apart from {other}, and both are in partition {home}."
-                yield _company(name, message, {"partition": home, "others": (other,)})
+                yield _contradiction(name, message, {"partition": home, "others": (other,)})
         if component.dedicated and len(members[home]) > 1:
             others = tuple(member for member in members[home] if member != name)
             message = f"{name} is dedicated, and shares partition {home} with {list_others(members[home], (name,))}."
-            yield _company(name, message, {"partition": home, "others": others})
+            yield _contradiction(name, message, {"partition": home, "others": others})
         for other in component.together:
             if partitions.get(other, home) != home:
                 message = f"{name} must be together with {other}, which is in partition {partitions[other]}."
-                yield _company(name, message, {"partition": home, "others": (other,)})
+                yield _contradiction(name, message, {"partition": home, "others": (other,)})
 
 
-def _company(name: str, message: str, values: Facts) -> Cause:
+def _contradiction(name: str, message: str, values: Facts) -> Cause:
     advice = "Change `partitions`, or take the rule out."
-    return Cause(address=f"component/{name}", message=message, code=findings.COMPANY.code, advice=advice, values=values)
+    return Cause(
+        address=f"component/{name}", message=message, code=findings.CANNOT_SHARE.code, advice=advice, values=values
+    )

@@ -10,10 +10,10 @@ from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, P
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.planner import planning_findings as findings
-from rarms_iac.planner.groups import Group, company, groups_of
+from rarms_iac.planner.groups import Group, groups_of, sharing_contradictions
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
-from rarms_iac.planner.reservations import ReservationSource, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import ReservationSource, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 
 
@@ -109,7 +109,7 @@ def problem_of(
     sizes: dict[str, Mapping[str, PlacedPartition]] = {}
     blocked: dict[str, tuple[Cause, ...]] = {}
     for group in groups:
-        kinds = alike_in_logs if rests_on_a_log(group) else alike
+        kinds = alike_in_logs if depends_on_a_log(group) else alike
         sizes[group.name], blocked[group.name] = _sizes(group, kinds, reservations, views)
     claims = {name: _claims(of) for name, of in sizes.items()}
     return Problem(
@@ -119,7 +119,7 @@ def problem_of(
         sizes=sizes,
         claims=claims,
         blocked=blocked,
-        contradictions=tuple(company(groups, system)),
+        contradictions=tuple(sharing_contradictions(groups, system)),
         items=tuple(
             _item(group, claims[group.name], current_hosts.get(group.name, ""), may_move=may_move) for group in groups
         ),

@@ -114,7 +114,7 @@ def to_be_measured(members: Iterable[Component]) -> Names:
     return tuple(sorted(member.name for member in members if is_open(member)))
 
 
-def rests_on_a_log(group: Group) -> bool:
+def depends_on_a_log(group: Group) -> bool:
     """Tell whether the partition's reservation comes from a data log.
 
     Args:

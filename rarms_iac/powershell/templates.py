@@ -144,7 +144,7 @@ PARTS = (
     "disks",
     "tasks",
     "unseen",
-    "bench",
+    "test_partitions",
     "runner",
     "measuring",
 )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.measurement import Bench, SettingEvidence
+from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import State
@@ -129,7 +129,7 @@ class WorkHost(Protocol):
         """Observe what is there now; the contract is that of `StepwiseHost.observe`."""
         ...
 
-    def bench(self) -> Bench:
+    def platform_facts(self) -> PlatformFacts:
         """Describe what of this machine can change what is measured on it, equal as long as that is equal.
 
         Raises:

@@ -87,7 +87,7 @@ def _head(facts: GuideFacts) -> Iterator[str]:
     yield ""
     yield f"Good enough is: {'; '.join(facts.apt) or 'no threshold is set'}."
     yield f"Its partition {facts.partition} gets {facts.reserve} % of {each_processor(facts.processors)},"
-    yield f"{facts.rests_on}."
+    yield f"{facts.depends_on}."
     if facts.beside:
         yield f"In the same partition run: {', '.join(facts.beside)}."
     yield "Choose the section of the host's kind. Lower other reserves before raising this one, so that the host never"

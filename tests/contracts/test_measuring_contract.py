@@ -291,11 +291,11 @@ def test_a_component_that_cannot_start_is_refused_and_leaves_nothing(tmp_path: P
 
 
 def test_the_bench_says_what_it_is(host: MeasuringHost) -> None:
-    bench = host.bench()
+    bench = host.platform_facts()
 
     assert bench.logical_processors == host.observe().facts.logical_processors
     assert bench.processor
-    assert bench == host.bench()
+    assert bench == host.platform_facts()
 
 
 def test_what_does_not_run_cannot_be_worked_in(host: MeasuringHost) -> None:

@@ -11,7 +11,7 @@ from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.experiments.level_prompt import SessionEnded
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tune import TuneRequest, TuningPrompt, TuningResult, tune_components
-from rarms_iac.app.experiments.tuning_subject import TuningSubject, bench_of, subject_of_tuning
+from rarms_iac.app.experiments.tuning_subject import TuningSubject, subject_of_tuning, tuning_host
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.planner.combining.candidates import candidates_of
 from rarms_iac.planner.combining.oracle import WHOLE, total
@@ -95,7 +95,7 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
     try:
         application = hosts.system.application.name
         states = {name: stopped_to_measure(state, application) for name, state in observe_hosts(hosts).items()}
-        subject = subject_of_tuning(hosts, bench_of(hosts), states)
+        subject = subject_of_tuning(hosts, tuning_host(hosts), states)
     except UseCaseError as problem:
         if {finding.code for finding in problem.diagnostics} <= NO_SUBJECT:
             return None

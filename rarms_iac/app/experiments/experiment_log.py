@@ -55,7 +55,7 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     path, header = data_log_path(session.hosts, experiment), _header(session, experiment)
     with log_errors():
         log = read_log(path)
-    changed = () if log is None else compare(log.header, header.identity, known(header.bench)).changed
+    changed = () if log is None else compare(log.header, header.identity, known(header.platform_facts)).changed
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 
 
@@ -101,7 +101,7 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     files = Files(Path(session.hosts.folder))
     interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
     identity = identity_of(subject, files.of(subject), interpreters)
-    return header_of(subject, identity, session.host_of(experiment).bench())
+    return header_of(subject, identity, session.host_of(experiment).platform_facts())
 
 
 def remeasurements_for(

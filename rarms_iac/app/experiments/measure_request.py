@@ -228,7 +228,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     for members in _members(hosts, request):
         load = request.interference or interference_of(system, members)
         experiments += [
-            experiment_of(system, host, members, load, request.samples) for host in _benches(hosts, members)
+            experiment_of(system, host, members, load, request.samples) for host in _hosts_to_measure_on(hosts, members)
         ]
     return tuple(experiments)
 
@@ -311,7 +311,7 @@ def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ..
     return tuple(tuple(member.name for member in group.members) for group in to_measure)
 
 
-def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
+def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
     """The first host of each platform that all of them may run on and that can be measured on."""
     system = hosts.system
     allowed = [

@@ -12,7 +12,7 @@ from rarms_iac.app.experiments.measure import record_reservations
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.experiments.tuning_search import TuningConclusion, search_combinations
-from rarms_iac.app.experiments.tuning_subject import Experiments, bench_of, subject_of_tuning
+from rarms_iac.app.experiments.tuning_subject import Experiments, subject_of_tuning, tuning_host
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, edit_partitions
 from rarms_iac.app.measurement_files import now
@@ -137,7 +137,7 @@ def tune_components(
         edits = edit_partitions(hosts.manifest, end.compounds)
     # NOTE: the manifest is written when the run is recorded, and what follows from it is always recorded: killed in
     # between, the same command finds the manifest as tuned, has nothing to do, and could not tell the run any more.
-    record_tuning(hosts, end.subject.bench.platform, tuning_run(end, request.strategy, written=bool(edits.texts)))
+    record_tuning(hosts, end.subject.host.platform, tuning_run(end, request.strategy, written=bool(edits.texts)))
     edits.write()
     if not request.dry_run:
         record_reservations(hosts)
@@ -147,7 +147,7 @@ def tune_components(
 def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: PartitionEdits) -> TuningResult:
     findings = (*tuning_findings(end, hosts.manifest.places), *(_still_too_much(hosts, end) if edits.texts else ()))
     return TuningResult(
-        platform=end.subject.bench.platform,
+        platform=end.subject.host.platform,
         hosts=tuple(sorted(hosts.chosen)),
         run=tuning_run(end, request.strategy, written=bool(edits.texts)),
         findings=findings,
@@ -159,12 +159,12 @@ def _result(hosts: Hosts, end: TuningConclusion, request: TuneRequest, edits: Pa
 def _search_held(session: MeasuringSession, request: TuneRequest, prompt: TuningPrompt) -> TuningConclusion:
     """Ask until there is an answer, with the host held that is measured on."""
     hosts = session.hosts
-    bench = bench_of(hosts)
-    with hold_hosts(session, [bench.name]) as held, starting_again(held) as still_stopped:
+    host = tuning_host(hosts)
+    with hold_hosts(session, [host.name]) as held, starting_again(held) as still_stopped:
         states = observe_hosts(hosts)
         if not request.on_busy_host:
             states = {name: stopped_to_measure(state, session.application) for name, state in states.items()}
-        subject = subject_of_tuning(hosts, bench, states)
+        subject = subject_of_tuning(hosts, host, states)
         oracle = Experiments(subject=subject, session=held, strategy=request.strategy, samples=request.samples)
         inquiry = Inquiry(oracle=oracle, reporter=prompt, consent=prompt, may_share=subject.may_share)
         end = search_combinations(subject, inquiry, request.strategy, repeat=request.repeat)
@@ -200,10 +200,10 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
                 "Lower a reserve (", PLAN, " names ways out), or have it measured: `cpu: { reserve: measured }`."
             )
         yield findings.UNABLE.at(
-            places.key("hosts", end.subject.bench.name),
+            places.key("hosts", end.subject.host.name),
             message,
             advice,
-            address=f"host/{end.subject.bench.name}",
+            address=f"host/{end.subject.host.name}",
             values={"reserved_lp": end.before / 100, "capacity_lp": end.subject.capacity / 100},
         )
     for contradiction in end.contradictions:
@@ -257,7 +257,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
             PLAN,
             " tells more.",
         ),
-        address=f"host/{end.subject.bench.name}",
+        address=f"host/{end.subject.host.name}",
         values={"reserved_lp": end.after / 100, "capacity_lp": end.subject.capacity / 100},
     )
 

@@ -123,7 +123,7 @@ def _by_the_graph(start: TuningConclusion, inquiry: Inquiry) -> TuningConclusion
         predict=subject.predict,
     )
     measurements = measurements_of(subject.hosts.manifest)
-    recorded = recorded_answers(measurements, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
+    recorded = recorded_answers(measurements, subject.host, tuning.candidates, {subject.host.name: subject.state})
     best, _ = search(tuning, inquiry, recorded=recorded)
     proved = best.proved and not layout_fit.unsure
     if not isinstance(best, Best):

@@ -27,7 +27,7 @@ from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_in, least_cost
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
-from rarms_iac.planner.reservations import names_of, rests_on_a_log
+from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.statistics.curves import components_not_shown, curves_of
 from rarms_iac.storage.datalog.decisions import TuningStrategy
 
@@ -41,9 +41,9 @@ class TuningSubject:
     """Partitions whose reservations rest on measurements, on hosts of one platform, which tuning may combine."""
 
     hosts: Hosts
-    bench: Host  # where compounds are measured
+    host: Host  # where compounds are measured
     problem: Problem  # as it is planned now
-    state: State  # of the bench
+    state: State  # of the host
     cois: tuple[Coi, ...]
     capacity: int  # of the chosen hosts, in per cent of one logical processor
     fixed: int  # what partitions reserve that are not tuned, in the same unit
@@ -60,19 +60,19 @@ class TuningSubject:
         return max(0, self.capacity - self.fixed)
 
     def may_share(self, members: Members) -> bool:
-        """Return whether these components may share a partition on some host, and be measured on the bench.
+        """Return whether these components may share a partition on some host, and be measured on the one tuned on.
 
         Args:
             members: sorted names.
 
         Returns:
-            False too where the bench has no room for them.
+            False too where the host has no room for them.
         """
         groups = [group for group in self.problem.groups if names_of(group.members)[0] in members]
         return may_share(*groups) and bool(self._homes(members)) and self.highest(members) > 0
 
     def highest(self, members: Members) -> int:
-        """Return the highest CR that the bench can give to a P1 of these components.
+        """Return the highest CR that the host can give to a P1 of these components.
 
         Args:
             members: sorted names.
@@ -81,7 +81,7 @@ class TuningSubject:
             Whole per cent of each of P1's processors; 0: it has no room.
         """
         return highest_reserve(
-            host_budget(self.bench, self.state, self.system.application.name), self.experiment(members).setup
+            host_budget(self.host, self.state, self.system.application.name), self.experiment(members).setup
         )
 
     def experiment(self, members: Members, samples: int | None = None) -> Experiment:
@@ -94,7 +94,7 @@ class TuningSubject:
         Returns:
             The experiment; nothing is run.
         """
-        return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
+        return experiment_of(self.system, self.host, members, interference_of(self.system, members), samples)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
         """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep.
@@ -164,13 +164,13 @@ class LayoutFit:
         return isinstance(packing, Packing)
 
 
-def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> TuningSubject:
+def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> TuningSubject:
     """Return what there is to tune: partitions whose reservations rest on measurements, and what they may share.
 
     Args:
         hosts: Of one platform.
-        bench: The host that compounds are measured on.
-        states: What hosts look like, by name; with that of the bench.
+        host: The host that compounds are measured on.
+        states: What hosts look like, by name; with that of the host.
 
     Returns:
         CoIs by partition name; amounts in per cent of one logical processor.
@@ -190,21 +190,19 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
             [diagnostic for diagnostic in diagnostics if has_errors([diagnostic])],
             hosts.manifest.sources,
         )
-    groups = [group for group in problem.groups if _can_be_tuned(group, problem, bench)]
-    cois = tuple(
-        coi_as_measured(group, problem.claims[group.name][bench.name], reservations, bench) for group in groups
-    )
+    groups = [group for group in problem.groups if _can_be_tuned(group, problem, host)]
+    cois = tuple(coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups)
     tuned = {coi.name for coi in cois}
     chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
     return TuningSubject(
         hosts=hosts,
-        bench=bench,
+        host=host,
         problem=problem,
-        state=states[bench.name],
+        state=states[host.name],
         cois=cois,
         capacity=sum(free_in(host_bin).percent for host_bin in chosen),
         fixed=sum(least_cost(item) for item in problem.items if item.name not in tuned),
-        predict=predictor_of(alone_in(groups, reservations, bench)),
+        predict=predictor_of(alone_in(groups, reservations, host)),
     )
 
 
@@ -218,7 +216,7 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
         )
 
 
-def bench_of(hosts: Hosts) -> Host:
+def tuning_host(hosts: Hosts) -> Host:
     """Return the first of the chosen hosts that can be measured on.
 
     Args:
@@ -247,12 +245,12 @@ def bench_of(hosts: Hosts) -> Host:
     )
 
 
-def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
+def _can_be_tuned(group: Group, problem: Problem, host: Host) -> bool:
     """A partition whose entry fixes what it gets is left alone: what is measured elsewhere would not hold there."""
     request = group.request
     own = request.memory is not None or request.processors is not None or request.cpu.limit is not None
-    measured = rests_on_a_log(group) and all(member.apt for member in group.members)
-    return measured and not own and request.cpu.weight is None and bench.name in problem.claims[group.name]
+    measured = depends_on_a_log(group) and all(member.apt for member in group.members)
+    return measured and not own and request.cpu.weight is None and host.name in problem.claims[group.name]
 
 
 @dataclass(slots=True, kw_only=True)

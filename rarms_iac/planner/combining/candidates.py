@@ -155,7 +155,7 @@ def compound_of(members: Sequence[Coi]) -> Coi:
 
 def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> Iterator[Mask]:
     """Sets of two or more that may share a partition, smaller ones first."""
-    graph = _company(cois[:EXACT_UP_TO], may_share)
+    graph = _sharing_graph(cois[:EXACT_UP_TO], may_share)
     import networkx as nx
 
     for clique in nx.enumerate_all_cliques(graph):
@@ -166,7 +166,7 @@ def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> It
             yield sum(1 << at for at in clique)
 
 
-def _company(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
+def _sharing_graph(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
     """Nodes are the CoIs by number; an edge joins two that may share a partition."""
     import networkx as nx
 

@@ -53,7 +53,7 @@ Edits = tuple[Edit, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lever:
+class RelaxationRange:
     """One thing that can be changed by more or by less."""
 
     partitions: tuple[str, ...] = ()  # whose reservation it changes; none: it changes a host
@@ -87,35 +87,35 @@ class Trials:
         return has_layout(problem, by_first_fit=by_first_fit) is True
 
 
-def smallest_edits(levers: Sequence[Lever], trials: Trials) -> Edits:
+def smallest_edits(relaxations: Sequence[RelaxationRange], trials: Trials) -> Edits:
     """Find changes with which everything fits, none without need, and each as small as can be.
 
     Args:
-        levers: What may be changed; the first are changed first.
+        relaxations: What may be changed; the first are changed first.
         trials: Plans what is tried.
 
     Returns:
-        The changes; none where all levers with their first amounts are not enough, or more are needed than are read.
+        The changes; none where even all first amounts are not enough, or more are needed than are read.
     """
-    levers = [lever for lever in levers if lever.amounts]
-    chosen = [lever.edits_at(lever.amounts[0]) for lever in levers]
-    if not levers or not trials.fits(_flat(chosen)):
+    relaxations = [relaxation for relaxation in relaxations if relaxation.amounts]
+    chosen = [relaxation.edits_at(relaxation.amounts[0]) for relaxation in relaxations]
+    if not relaxations or not trials.fits(_flat(chosen)):
         return ()
-    needed = bisect_left(range(len(levers)), True, lo=1, key=lambda number: trials.fits(_flat(chosen[:number])))
+    needed = bisect_left(range(len(relaxations)), True, lo=1, key=lambda number: trials.fits(_flat(chosen[:number])))
     del chosen[needed:]
     for at in reversed(range(needed)):
         others = _flat(chosen[:at] + chosen[at + 1 :])
         if others and trials.fits(others):
             chosen[at] = ()
             continue
-        lever = levers[at]
+        relaxation = relaxations[at]
         beyond = bisect_left(
-            lever.amounts,
+            relaxation.amounts,
             True,
             lo=1,
-            key=lambda amount: not trials.fits((*others, *lever.edits_at(amount))),
+            key=lambda amount: not trials.fits((*others, *relaxation.edits_at(amount))),
         )
-        chosen[at] = lever.edits_at(lever.amounts[beyond - 1])
+        chosen[at] = relaxation.edits_at(relaxation.amounts[beyond - 1])
     edits = _flat(chosen)
     return edits if len(edits) <= MOST_EDITS else ()
 

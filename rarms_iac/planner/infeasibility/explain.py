@@ -13,14 +13,14 @@ from rarms_iac.model.wording import in_a_row, list_names, number
 from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
-from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Trials, Variant, smallest_edits
-from rarms_iac.planner.infeasibility.levers import (
-    apt_levers,
-    memory_levers,
-    narrowing_levers,
-    pair_levers,
-    processor_levers,
-    reserve_levers,
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Trials, Variant, smallest_edits
+from rarms_iac.planner.infeasibility.relaxations import (
+    apt_relaxations,
+    memory_relaxations,
+    narrowing_relaxations,
+    pair_relaxations,
+    processor_relaxations,
+    reserve_relaxations,
 )
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
@@ -29,7 +29,7 @@ MOST_NAMES = 12
 """Names in a sentence; more are counted."""
 
 MOST_WAYS_OUT = 4
-"""More ways out than these are not read; and no more levers of a kind are tried alone."""
+"""More ways out than these are not read; and no more relaxations of a kind are tried alone."""
 
 PAIRS = 30
 """Pairs that are planned alone."""
@@ -155,7 +155,7 @@ def _sum_exceeds(
 def _all_together(conflict: Conflict, problem: Problem, need: Callable[[Item], int], show: Callable[[int], str]) -> str:
     """The sum of all partitions, where others need the same hosts: ways out count them, and a conflict leaves them out.
 
-    Nothing where all are in the conflict, or where some may run elsewhere.
+    Nothing where all are in the conflict, or where some may run disjoint.
     """
     if len(conflict.items) == len(problem.items) or len(conflict.bins) < len(problem.bins):
         return ""
@@ -194,14 +194,14 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
     """
     trials = Trials(start=start)
     groups = sorted(problem.groups, key=lambda group: (group.criticality, group.name))
-    memory = list(islice(memory_levers(problem), MOST_WAYS_OUT))
-    processors = list(islice(processor_levers(problem), MOST_WAYS_OUT))
+    memory = list(islice(memory_relaxations(problem), MOST_WAYS_OUT))
+    processors = list(islice(processor_relaxations(problem), MOST_WAYS_OUT))
     kinds = (
         _moving(problem, trials),
-        _of_kind(chain.from_iterable(apt_levers(group, problem) for group in groups), memory, conflict, trials),
+        _of_kind(chain.from_iterable(apt_relaxations(group, problem) for group in groups), memory, conflict, trials),
         _of_kind(memory, (), conflict, trials),
-        _of_kind((lever for lever in processors if not lever.to_be_measured), memory, conflict, trials),
-        _of_kind(chain.from_iterable(map(reserve_levers, groups)), memory, conflict, trials),
+        _of_kind((relaxation for relaxation in processors if not relaxation.to_be_measured), memory, conflict, trials),
+        _of_kind(chain.from_iterable(map(reserve_relaxations, groups)), memory, conflict, trials),
     )
     in_turns = (_relaxation(edits) for turn in zip_longest(*kinds, fillvalue=()) for edits in turn if edits)
     sure = list(islice(dict.fromkeys(in_turns), MOST_WAYS_OUT))
@@ -223,13 +223,14 @@ def _moving(problem: Problem, trials: Trials) -> Iterator[Edits]:
 
 
 def _of_kind(
-    levers: Iterable[Lever], memory: Sequence[Lever], conflict: Sequence[str], trials: Trials
+    relaxations: Iterable[RelaxationRange], memory: Sequence[RelaxationRange], conflict: Sequence[str], trials: Trials
 ) -> Sequence[Edits]:
-    """One lever of the conflict alone; where none is enough, each with more memory, and then all of them together."""
-    levers = list(levers)
-    alone = [lever for lever in levers if not lever.partitions or set(lever.partitions) & set(conflict)][:MOST_WAYS_OUT]
-    with_memory = [[*memory, lever] for lever in alone] if memory else []
-    for tried in ([[lever] for lever in alone], with_memory, [[*memory, *levers]] if levers else []):
+    """One relaxation of the conflict alone; where none is enough, each with more memory, then all together."""
+    relaxations = list(relaxations)
+    in_conflict = (each for each in relaxations if not each.partitions or set(each.partitions) & set(conflict))
+    alone = list(islice(in_conflict, MOST_WAYS_OUT))
+    with_memory = [[*memory, each] for each in alone] if memory else []
+    for tried in ([[each] for each in alone], with_memory, [[*memory, *relaxations]] if relaxations else []):
         ways = [edits for together in tried if (edits := smallest_edits(together, trials))]
         if ways:
             return ways
@@ -239,26 +240,26 @@ def _of_kind(
 def _narrowing(
     groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials
 ) -> Iterator[Relaxation]:
-    levers = chain.from_iterable(narrowing_levers(group, problem) for group in groups)
-    for edits in islice(_of_kind(levers, (), conflict, trials), 1):
+    relaxations = chain.from_iterable(narrowing_relaxations(group, problem) for group in groups)
+    for edits in islice(_of_kind(relaxations, (), conflict, trials), 1):
         yield _relaxation(edits, RelaxationKind.FEWER_PROCESSORS)
 
 
 def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[Relaxation]:
     """A pair of the conflict, of the least critical first; where none is enough, several, of all partitions."""
-    pairs = islice(pair_levers(problem, conflict), PAIRS)
+    pairs = islice(pair_relaxations(problem, conflict), PAIRS)
     edits = next(filter(None, (smallest_edits([pair], trials) for pair in pairs)), ())
     if not edits:
-        apart: list[Lever] = []
-        for pair in pair_levers(problem, problem.claims.keys()):
-            if not any(set(pair.partitions) & set(other.partitions) for other in apart):
-                apart.append(pair)
-        edits = smallest_edits(apart, trials)
+        disjoint: list[RelaxationRange] = []
+        for pair in pair_relaxations(problem, problem.claims.keys()):
+            if not any(set(pair.partitions) & set(other.partitions) for other in disjoint):
+                disjoint.append(pair)
+        edits = smallest_edits(disjoint, trials)
     if edits:
         yield _relaxation(edits, RelaxationKind.COMBINING)
 
 
-def _ways_with_more_processors(levers: Sequence[Lever], trials: Trials) -> Iterator[Relaxation]:
-    ways = (smallest_edits([lever], trials) for lever in levers if lever.to_be_measured)
+def _ways_with_more_processors(relaxations: Sequence[RelaxationRange], trials: Trials) -> Iterator[Relaxation]:
+    ways = (smallest_edits([relaxation], trials) for relaxation in relaxations if relaxation.to_be_measured)
     for edits in islice(filter(None, ways), 1):
         yield _relaxation(edits, RelaxationKind.MORE_PROCESSORS)

@@ -13,7 +13,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.host import Host, SchedulerType
-from rarms_iac.model.measurement import Bench, SettingEvidence
+from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
@@ -67,9 +67,9 @@ class LinuxMeasuringHost(LinuxHostProvider):
         super().__init__(host, state_folder, tree)
         self._context = StartContext(base=base)
 
-    def bench(self) -> Bench:
+    def platform_facts(self) -> PlatformFacts:
         facts = self.observe().facts
-        return Bench(
+        return PlatformFacts(
             provider=facts.provider,
             processor=_processor_model(),
             logical_processors=facts.logical_processors,

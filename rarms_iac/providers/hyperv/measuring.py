@@ -14,7 +14,7 @@ from typing import assert_never
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, HypervHost
-from rarms_iac.model.measurement import Bench
+from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, run_of
@@ -85,9 +85,9 @@ class HypervMeasuringHost(LiveHypervHost):
         self._runs: tuple[GuestWork, ...] = ()  # what that session was started with
         self._number = 0  # of the setting
 
-    def bench(self) -> Bench:
+    def platform_facts(self) -> PlatformFacts:
         facts = self.observe().facts
-        return Bench(
+        return PlatformFacts(
             provider=facts.provider,
             processor=facts.computer_name,
             logical_processors=facts.logical_processors,

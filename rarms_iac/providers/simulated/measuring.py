@@ -12,7 +12,7 @@ from typing import assert_never
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.host import Host
-from rarms_iac.model.measurement import Bench
+from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
@@ -110,9 +110,9 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         super().__init__(host, path)
         self._simulate = simulate
 
-    def bench(self) -> Bench:
+    def platform_facts(self) -> PlatformFacts:
         described = description(self._host)
-        return Bench(
+        return PlatformFacts(
             provider=self._host.provider,
             processor=PROCESSOR,
             logical_processors=self._host.logical_processors,

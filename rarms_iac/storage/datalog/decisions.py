@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.model.measurement import Bench, EnvironmentSetup
+from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts
 from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.system import Threshold
@@ -37,7 +37,7 @@ class Chosen:
     data_log: str  # path below the manifest's folder
     identity: str  # the data log's digest
     setup: EnvironmentSetup
-    bench: Bench
+    platform_facts: PlatformFacts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

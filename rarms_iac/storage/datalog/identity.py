@@ -16,7 +16,7 @@ from glob import glob
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from rarms_iac.model.measurement import CONFINEMENT, Bench, EnvironmentSetup
+from rarms_iac.model.measurement import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
 from rarms_iac.model.run import Call, Command, Run
 from rarms_iac.model.system import CommandLoad, Component, Interference, TaskRequest
@@ -62,13 +62,13 @@ def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Map
     return Identity(parts=dict(sorted(parts.items())), interpreters=dict(sorted(interpreters.items())))
 
 
-def header_of(subject: LogSubject, identity: Identity, bench: Bench) -> Header:
+def header_of(subject: LogSubject, identity: Identity, platform_facts: PlatformFacts) -> Header:
     """What the log of a subject begins with.
 
     Args:
         subject: what is measured.
         identity: as `identity_of` makes it.
-        bench: the host that it is measured on.
+        platform_facts: the host that it is measured on.
 
     Returns:
         The header, with the digest of the identity.
@@ -77,7 +77,7 @@ def header_of(subject: LogSubject, identity: Identity, bench: Bench) -> Header:
         platform=subject.platform,
         digest=identity_digest(identity),
         identity=identity,
-        bench=bench,
+        platform_facts=platform_facts,
         setup=subject.setup,
     )
 

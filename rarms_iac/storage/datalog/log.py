@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rarms_iac.model.measurement import Bench, EnvironmentSetup, Setting
+from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting
 
 FORMAT = "rarms-datalog/1"
 
@@ -26,7 +26,7 @@ class Header:
     platform: str
     digest: str  # of the identity's parts
     identity: Identity
-    bench: Bench
+    platform_facts: PlatformFacts
     setup: EnvironmentSetup
     format_version: str = FORMAT
 

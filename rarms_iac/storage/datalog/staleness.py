@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.measurement import Bench
+from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.storage.datalog.identity import FILE
 from rarms_iac.storage.datalog.log import Header, Identity
 
@@ -12,8 +12,8 @@ ABSENT = "nothing"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchNow:
-    """The bench as far as it is known now; None: it was not looked at."""
+class ObservedPlatform:
+    """What is known of the platform now; None: it was not looked at."""
 
     provider: ProviderKind
     logical_processors: int
@@ -48,20 +48,20 @@ class Comparison:
     unverified: tuple[str, ...]  # files that are not here, so that it cannot be told
 
 
-def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:
+def compare(header: Header, identity: Identity, platform_facts: ObservedPlatform) -> Comparison:
     """Compare a log with what would be measured now.
 
     Args:
         header: of the log.
         identity: of what would be measured now.
-        bench: the host as it is now, as far as anybody looked.
+        platform_facts: the host as it is now, as far as anybody looked.
 
     Returns:
         What makes the log stale, what only warns, and what could not be verified.
     """
     return Comparison(
-        changed=(*_parts(header, identity), *_bench(header.bench, bench)),
-        warns=(*_interpreters(header.identity, identity), *_build(header.bench, bench)),
+        changed=(*_parts(header, identity), *_platform_changes(header.platform_facts, platform_facts)),
+        warns=(*_interpreters(header.identity, identity), *_build(header.platform_facts, platform_facts)),
         unverified=tuple(
             part.removeprefix(FILE)
             for part in header.identity.parts
@@ -70,23 +70,23 @@ def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:
     )
 
 
-def known(bench: Bench) -> BenchNow:
+def known(platform_facts: PlatformFacts) -> ObservedPlatform:
     """A host that was looked at whole.
 
     Args:
-        bench: of a host that was observed.
+        platform_facts: of a host that was observed.
 
     Returns:
         The same as what is known now; nothing of it is left open.
     """
-    return BenchNow(
-        provider=bench.provider,
-        logical_processors=bench.logical_processors,
-        guest_image=bench.guest_image,
-        processor=bench.processor,
-        smt=bench.smt,
-        scheduler=bench.scheduler,
-        os_build=bench.os_build,
+    return ObservedPlatform(
+        provider=platform_facts.provider,
+        logical_processors=platform_facts.logical_processors,
+        guest_image=platform_facts.guest_image,
+        processor=platform_facts.processor,
+        smt=platform_facts.smt,
+        scheduler=platform_facts.scheduler,
+        os_build=platform_facts.os_build,
     )
 
 
@@ -99,7 +99,7 @@ def _parts(header: Header, now: Identity) -> Iterator[Changed]:
             yield Changed(part=part, before=before, after=after)
 
 
-def _bench(was: Bench, now: BenchNow) -> Iterator[Changed]:
+def _platform_changes(was: PlatformFacts, now: ObservedPlatform) -> Iterator[Changed]:
     for part, before, after in (
         ("provider", was.provider.value, now.provider.value),
         ("processor model", was.processor, now.processor),
@@ -129,6 +129,6 @@ def _interpreters(was: Identity, now: Identity) -> Iterator[Changed]:
             yield Changed(part=f"program {word}", before=before, after=after)
 
 
-def _build(was: Bench, now: BenchNow) -> Iterator[Changed]:
+def _build(was: PlatformFacts, now: ObservedPlatform) -> Iterator[Changed]:
     if now.os_build is not None and was.os_build != now.os_build:
         yield Changed(part="build of the operating system", before=str(was.os_build), after=str(now.os_build))

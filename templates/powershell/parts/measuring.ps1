@@ -31,7 +31,7 @@ function Invoke-Measuring {
         foreach ($work in $script:Works) { Connect-Guest -Work $work }
         Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
         while ($script:Works.Count -and -not (Test-Path -LiteralPath ($PSCommandPath + '.stop'))) { Step-Setting }
-        Clear-Bench
+        Clear-Measurement
         Write-RunEvent -Kind 'run' -Status 'done'
     } catch {
         $detail = [string] $_.Exception.Message
@@ -45,12 +45,12 @@ function Invoke-Measuring {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        try { if ($held) { Clear-Bench } } finally { Exit-Host }
+        try { if ($held) { Clear-Measurement } } finally { Exit-Host }
     }
     exit 0
 }
 
-function Clear-Bench {
+function Clear-Measurement {
     # The listener may be gone: nothing is written here. A guest that is lost does not keep its partition.
     try {
         Clear-Work

@@ -39,7 +39,7 @@ class Bench:
         subject = LogSubject(
             platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
         )
-        header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
+        header = header_of(subject, identity_of(subject, {}, {}), self.host().platform_facts())
         return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
 
     def search(self, name: str = "bisection", most: int = 100) -> Searching:

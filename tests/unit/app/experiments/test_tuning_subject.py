@@ -13,8 +13,8 @@ from rarms_iac.app.experiments.tuning_subject import (
     LayoutFit,
     TuningStopped,
     TuningSubject,
-    bench_of,
     subject_of_tuning,
+    tuning_host,
 )
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
@@ -65,7 +65,7 @@ def write(text: str) -> None:
 def subject_of(*hosts: str) -> TuningSubject:
     source = ManifestSource(today=date(2026, 11, 22))
     found = select_hosts(load_manifest(source), HostSelection(hosts=hosts))
-    return subject_of_tuning(found, bench_of(found), observe_hosts(found))
+    return subject_of_tuning(found, tuning_host(found), observe_hosts(found))
 
 
 def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> None:

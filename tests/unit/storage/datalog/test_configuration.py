@@ -19,7 +19,7 @@ def chosen(reserve: int = 62) -> Chosen:
         data_log="measurements/onboard/vision/busy-loop.jsonl",
         identity="0" * 64,
         setup=a_subject().setup,
-        bench=a_bench(),
+        platform_facts=a_bench(),
     )
 
 

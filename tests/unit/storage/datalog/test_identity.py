@@ -12,7 +12,7 @@ from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, Sa
 from rarms_iac.model.system import Browser, CommandLoad, Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import Files, LogSubject, file_digest, identity_of
 from rarms_iac.storage.datalog.log import Identity
-from rarms_iac.storage.datalog.staleness import BenchNow, compare, known
+from rarms_iac.storage.datalog.staleness import ObservedPlatform, compare, known
 from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds
 from tests.builders_measured import a_bench, a_header, a_subject
 
@@ -206,7 +206,7 @@ def test_interpreters_are_found_where_programs_are(files: Files) -> None:
 
 def test_the_bench_must_match_as_far_as_it_is_known() -> None:
     header, now = a_header(a_subject(vision())), identity(a_subject(vision()))
-    other = BenchNow(
+    other = ObservedPlatform(
         provider=ProviderKind.HYPERV,
         logical_processors=4,
         guest_image="guest.vhdx",
@@ -214,7 +214,7 @@ def test_the_bench_must_match_as_far_as_it_is_known() -> None:
         smt=True,
         scheduler=SchedulerType.CORE,
     )
-    unseen = BenchNow(provider=ProviderKind.SIMULATED, logical_processors=2, scheduler=SchedulerType.UNKNOWN)
+    unseen = ObservedPlatform(provider=ProviderKind.SIMULATED, logical_processors=2, scheduler=SchedulerType.UNKNOWN)
 
     assert list(map(str, compare(header, now, other).changed)) == [
         "provider: simulated -> hyperv",

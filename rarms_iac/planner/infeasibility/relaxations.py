@@ -28,10 +28,10 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
 from rarms_iac.planner.groups import Group, may_share
-from rarms_iac.planner.infeasibility.edits import Edit, Edits, Lever, Variant
+from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Variant
 from rarms_iac.planner.packing.values import free_in
 from rarms_iac.planner.problem import HostView, Problem, by_name
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log
 from rarms_iac.statistics.curves import holds, tightest_threshold
 
 MORE_PROCESSORS = 8
@@ -39,24 +39,24 @@ _MIB = 2**20
 Known = TypeVar("Known", Host, HostFacts)
 
 
-def reserve_levers(group: Group) -> Iterator[Lever]:
+def reserve_relaxations(group: Group) -> Iterator[RelaxationRange]:
     """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first.
 
     Args:
         group: a partition.
 
     Yields:
-        A lever for each fixed reserve, in steps as the amount is written: per cent of a host, or hundredths of an
+        A relaxation for each fixed reserve, in steps as the amount is written: per cent of a host, or hundredths of an
             LP.
     """
     own = group.request.cpu.reserve is not None and group.request.cpu.reserve is not Measured.MEASURED
     for entry in (group.request,) if own else reversed(group.members):
         reserve = entry.cpu.reserve
         if reserve is not None and not isinstance(reserve, Measured):
-            yield _reserve_lever(group, entry, reserve)
+            yield _reserve_relaxation(group, entry, reserve)
 
 
-def _reserve_lever(group: Group, entry: Component | PartitionRequest, before: CpuAmount) -> Lever:
+def _reserve_relaxation(group: Group, entry: Component | PartitionRequest, before: CpuAmount) -> RelaxationRange:
     """In steps as the amount is written: whole per cent of the host, or hundredths of an LP."""
     field, title = ("components", "") if isinstance(entry, Component) else ("partitions", "partition ")
 
@@ -69,10 +69,10 @@ def _reserve_lever(group: Group, entry: Component | PartitionRequest, before: Cp
         return (Edit(message, lambda variant: variant.with_entries(field, {entry.name: after})),)
 
     most = before.percent if isinstance(before, ShareOfHost) else 100 * before.processors
-    return Lever(partitions=(group.name,), amounts=range(1, ceil(most)), edits_at=edits_at)
+    return RelaxationRange(partitions=(group.name,), amounts=range(1, ceil(most)), edits_at=edits_at)
 
 
-def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
+def apt_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:
     """The APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed.
 
     Args:
@@ -80,19 +80,19 @@ def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
         problem: what has no layout.
 
     Yields:
-        At most one lever; its amounts are CRs below the one that the APTs need now.
+        At most one relaxation; its amounts are CRs below the one that the APTs need now.
     """
     if measured := _measured(group, problem):
         log, least = measured
         edits_at = partial(_relaxed, group, log)
         reserves = [reserve for reserve in range(1, least) if edits_at(reserve)]
-        yield Lever(partitions=(group.name,), amounts=reserves, edits_at=edits_at)
+        yield RelaxationRange(partitions=(group.name,), amounts=reserves, edits_at=edits_at)
 
 
 def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | None:
     """What a partition's reserve rests on, and the CR that its APTs need; None where it is fixed, or not known."""
     source, claims = problem.reservations, problem.claims[group.name]
-    if claims and isinstance(source, MeasuredReservations) and rests_on_a_log(group):
+    if claims and isinstance(source, MeasuredReservations) and depends_on_a_log(group):
         host = problem.system.hosts[next(iter(claims))]
         log, least = source.log(group.members, host), source.least(group.members, host)
         if isinstance(log, MeasuredTogether) and least is not None:
@@ -128,7 +128,7 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Edit:
     return Edit(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply)
 
 
-def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
+def narrowing_relaxations(group: Group, problem: Problem) -> Iterator[RelaxationRange]:
     """Fewer virtual processors for a component that was measured alone and does not use all that it has.
 
     Args:
@@ -136,7 +136,7 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
         problem: what has no layout.
 
     Yields:
-        At most one lever, of a single amount; whether the component is as fast then has to be measured.
+        At most one relaxation, of a single amount; whether the component is as fast then has to be measured.
     """
     measured = _measured(group, problem)
     if measured is None or len(group.members) > 1 or group.request.processors is not None:
@@ -152,22 +152,22 @@ def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
         f"{show_amount(amount)} instead of {show_processors(guaranteed(least, log.processors))}"
     )
     edits = (Edit(message, lambda variant: variant.with_entries("components", {member.name: after})),)
-    yield Lever(partitions=(group.name,), amounts=range(1), edits_at=lambda _: edits, to_be_measured=True)
+    yield RelaxationRange(partitions=(group.name,), amounts=range(1), edits_at=lambda _: edits, to_be_measured=True)
 
 
-def memory_levers(problem: Problem) -> Iterator[Lever]:
+def memory_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
     """More memory of a host, at most as much as all who may run there claim.
 
     Args:
         problem: what has no layout.
 
     Yields:
-        A lever for each host, its amounts in MiB.
+        A relaxation for each host, its amounts in MiB.
     """
     for host in problem.bins:
         claimed = sum(item.claims[host.name].memory for item in problem.items if host.name in item.claims)
         missing = -(-(claimed - free_in(host).memory) // _MIB)
-        yield Lever(amounts=range(missing, 0, -1), edits_at=partial(_more_memory, host.name))
+        yield RelaxationRange(amounts=range(missing, 0, -1), edits_at=partial(_more_memory, host.name))
 
 
 def _more_memory(host: str, mib: int) -> Edits:
@@ -175,14 +175,14 @@ def _more_memory(host: str, mib: int) -> Edits:
     return (Edit(message, lambda variant: _grown([host], variant, memory=mib * _MIB)),)
 
 
-def processor_levers(problem: Problem) -> Iterator[Lever]:
+def processor_relaxations(problem: Problem) -> Iterator[RelaxationRange]:
     """More logical processors: of all hosts of a platform, since they share what was measured.
 
     Args:
         problem: what has no layout.
 
     Yields:
-        A lever for each platform, by its first host; up to `MORE_PROCESSORS` more on each host. It has to be
+        A relaxation for each platform, by its first host; up to `MORE_PROCESSORS` more on each host. It has to be
             measured where the data logs of the platform no longer hold then.
     """
     platforms: dict[str, list[Host]] = {}
@@ -191,10 +191,10 @@ def processor_levers(problem: Problem) -> Iterator[Lever]:
     for hosts in platforms.values():
         names = [host.name for host in hosts]
         there = [group for group in problem.groups if problem.claims[group.name].keys() & set(names)]
-        measured = [group for group in there if rests_on_a_log(group)]
+        measured = [group for group in there if depends_on_a_log(group)]
         members = [member for group in measured if group.request.processors is None for member in group.members]
         wide = sorted(member.name for member in members if member.processors is None)
-        yield Lever(
+        yield RelaxationRange(
             amounts=range(MORE_PROCESSORS, 0, -1),
             edits_at=partial(_more_processors, names, wide, hosts[0].logical_processors),
             to_be_measured=bool(measured),
@@ -237,7 +237,7 @@ def _at_least(known: Known, whole: Mapping[str, int]) -> Known:
     return replace(known, **larger)
 
 
-def pair_levers(problem: Problem, partitions: Collection[str]) -> Iterator[Lever]:
+def pair_relaxations(problem: Problem, partitions: Collection[str]) -> Iterator[RelaxationRange]:
     """Pairs of these partitions that may share one, the least critical first; only measured ones can need less so.
 
     The first level is the least that the two can need together, the last is just less than they reserve apart.
@@ -247,16 +247,16 @@ def pair_levers(problem: Problem, partitions: Collection[str]) -> Iterator[Lever
         partitions: the names among which pairs are made.
 
     Yields:
-        A lever for each pair, its amounts CRs of the compound; all have to be measured.
+        A relaxation for each pair, its amounts CRs of the compound; all have to be measured.
     """
-    groups = [group for group in problem.groups if group.name in partitions and rests_on_a_log(group)]
+    groups = [group for group in problem.groups if group.name in partitions and depends_on_a_log(group)]
     for minor, leader in combinations(sorted(groups, key=lambda group: (group.criticality, group.name)), 2):
         hosts = [name for name in problem.claims[minor.name] if name in problem.claims[leader.name]]
         if hosts and may_share(minor, leader):
-            yield _pair_lever(minor, leader, hosts, problem)
+            yield _pair_relaxation(minor, leader, hosts, problem)
 
 
-def _pair_lever(minor: Group, leader: Group, hosts: Sequence[str], problem: Problem) -> Lever:
+def _pair_relaxation(minor: Group, leader: Group, hosts: Sequence[str], problem: Problem) -> RelaxationRange:
     host = problem.system.hosts[hosts[0]]
     parts = [
         coi_as_measured(group, problem.claims[group.name][host.name], problem.reservations, host)
@@ -288,4 +288,6 @@ def _pair_lever(minor: Group, leader: Group, hosts: Sequence[str], problem: Prob
             ),
         )
 
-    return Lever(partitions=(minor.name, leader.name), amounts=reserves, edits_at=edits_at, to_be_measured=True)
+    return RelaxationRange(
+        partitions=(minor.name, leader.name), amounts=reserves, edits_at=edits_at, to_be_measured=True
+    )

@@ -1,4 +1,4 @@
-# --- part bench: the same bytes in every script that carries it --------------------------------
+# --- part test_partitions: the same bytes in every script that carries it --------------------------------
 # Test partitions: machines that are there while a script measures, and are removed with their disks.
 
 $script:Tests = @()             # in the order in which their reserves are asked for
@@ -73,4 +73,4 @@ function Clear-TestPartition {
         if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
     }
 }
-# --- end of the part bench ---------------------------------------------------------------------
+# --- end of the part test_partitions ---------------------------------------------------------------------
