@@ -27,6 +27,7 @@ def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
         f"On {facts.name}, rarms {lack} manage machines: those that are there cannot be seen, let alone changed.",
         "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
         address=f"host/{facts.name}",
+        values={"host": facts.name, "rights": facts.rights.value},
     )
 
 
@@ -50,6 +51,7 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
             f"{facts.name} {why}: reserve, limit and weight of {whose} would be stored without effect.",
             f"{_scheduler_advice(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
             address=f"host/{facts.name}",
+            values={"host": facts.name, "scheduler": facts.scheduler.value},
         )
     elif facts.scheduler is SchedulerType.UNKNOWN:
         yield UNKNOWN_SCHEDULER.at(
@@ -59,6 +61,7 @@ def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Ite
             "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew; or run `bcdedit "
             "/enum {current}` there: only where hypervisorschedulertype says Root, they have none.",
             address=f"host/{facts.name}",
+            values={"host": facts.name, "scheduler": facts.scheduler.value},
         )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_OUT, UNDO, prose, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
 from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, HostTakenOver, RunEvent
@@ -36,6 +36,7 @@ def used(host: str, plan: str) -> Diagnostic:
         f"Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
         _NEW_PLAN,
         address=f"host/{host}",
+        values={"host": host, "plan": plan},
     )
 
 
@@ -46,6 +47,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
         f"On {host} this is no longer as the plan saw it: {'; '.join(parts)}.",
         prose("Nothing was changed. Look with ", DRIFT, ", then make a new plan."),
         address=f"host/{host}",
+        values={"host": host, "differences": tuple(parts)},
     )
 
 
@@ -58,6 +60,7 @@ def another(host: str, serial: int, planned: int) -> Diagnostic:
         "Nothing was changed. Look whether the plan is applied in the right folder and to the right machine, then make "
         "a new plan.",
         address=f"host/{host}",
+        values={"host": host, "serial": serial, "planned_serial": planned},
     )
 
 
@@ -69,6 +72,7 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
         prose("Wait while that process still works. Otherwise run ", _EITHER),
         address=f"host/{host}",
+        values={"host": host, "run": started.run.value, "plan": started.plan, "owner": started.started_by},
     )
 
 
@@ -80,13 +84,16 @@ def locked(error: HostLocked) -> Diagnostic:
             f"This run asked for nothing on {error.host} for a minute, and {error.owner} took it over.",
             prose("This run changed nothing since. See what the other one did: ", HISTORY, "."),
             address=f"host/{error.host}",
+            values={"host": error.host, "owner": error.owner},
         )
     return _locked(error.host, error.message)
 
 
 def _locked(host: str, detail: str) -> Diagnostic:
     advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`."
-    return LOCKED.at(None, f"{host}: {detail}.", advice, address=f"host/{host}")
+    return LOCKED.at(
+        None, f"{host}: {detail}.", advice, address=f"host/{host}", values={"host": host, "reason": detail}
+    )
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
@@ -96,6 +103,7 @@ def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
         f"{step.address} on {host}, before `{step.title}`: {differences(live, step.before)}.",
         prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=str(step.address),
+        values={**_step_facts(host, step), **_reading_facts(live, step.before)},
     )
 
 
@@ -106,6 +114,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
         f"{step.address} on {host}, `{step.title}`: {error.message}.",
         sentences(error.advice, GO_ON),
         address=str(step.address),
+        values={**_step_facts(host, step), "reason": error.message},
     )
 
 
@@ -116,13 +125,32 @@ def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
         f"{step.address} on {host}, after `{step.title}`: {differences(live, step.after)}.",
         GO_ON,
         address=str(step.address),
+        values={**_step_facts(host, step), **_reading_facts(live, step.after)},
     )
+
+
+def _step_facts(host: str, step: Step) -> Facts:
+    return {"host": host, "step": step.title, "resource": str(step.address)}
+
+
+def _reading_facts(live: Readings, expected: Readings) -> Facts:
+    """What each setting that differs is, and what it should be: `is_reserve` 50, `expected_reserve` 70."""
+    names = [name for name in expected if live.get(name) != expected[name]]
+    return {f"expected_{name.removeprefix('value:')}": expected[name] for name in names} | {
+        f"is_{name.removeprefix('value:')}": live[name] for name in names if name in live
+    }
 
 
 def host_failed(error: HostError) -> Diagnostic:
     """The host cannot be read, or what it keeps for us is damaged."""
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
-    return finding.at(None, f"{error.host}: {error.message}.", error.advice, address=f"host/{error.host}")
+    return finding.at(
+        None,
+        f"{error.host}: {error.message}.",
+        error.advice,
+        address=f"host/{error.host}",
+        values={"host": error.host, "reason": error.message},
+    )
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:
@@ -132,12 +160,15 @@ def not_reached(host: str, address: str, difference: str) -> Diagnostic:
         f"{address} on {host}: {difference}.",
         prose("Something else changes it too. Look with ", DRIFT, "."),
         address=address,
+        values={"host": host, "resource": address, "difference": difference},
     )
 
 
 def nothing_to_undo(host: str, why: str) -> Diagnostic:
     """There is no apply to take back."""
-    return NOTHING_TO_UNDO.at(None, f"{host}: {why}.", "Nothing was changed.", address=f"host/{host}")
+    return NOTHING_TO_UNDO.at(
+        None, f"{host}: {why}.", "Nothing was changed.", address=f"host/{host}", values={"host": host, "reason": why}
+    )
 
 
 def undo_partial(host: str, step: Step) -> Diagnostic:
@@ -147,13 +178,15 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
         f"{step.address} on {host}, `{step.title}`: {step.undo.message}.",
         prose("Look at it with ", DRIFT, " afterwards."),
         address=str(step.address),
+        values={**_step_facts(host, step), "reason": step.undo.message},
     )
 
 
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """The same, as an undo script says it of itself."""
     detail = f"{host}: {lost.rstrip('.')}."
-    return UNDO_PARTIAL.at(None, detail, prose("Look at it with ", DRIFT, " afterwards."), address=f"host/{host}")
+    advice = prose("Look at it with ", DRIFT, " afterwards.")
+    return UNDO_PARTIAL.at(None, detail, advice, address=f"host/{host}", values={"host": host, "reason": lost})
 
 
 def unknown(host: str, plan: str, why: str) -> Diagnostic:
@@ -163,6 +196,7 @@ def unknown(host: str, plan: str, why: str) -> Diagnostic:
         f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
         prose("Run ", APPLY, ": it asks the host's own journal, and finishes what is unfinished."),
         address=f"host/{host}",
+        values={"host": host, "plan": plan, "reason": why},
     )
 
 
@@ -173,6 +207,7 @@ def no_script(host: str, plan: str) -> Diagnostic:
         f"Plan {plan} holds no script for {host}.",
         _NEW_PLAN,
         address=f"host/{host}",
+        values={"host": host, "plan": plan},
     )
 
 
@@ -186,12 +221,14 @@ def script_refused(host: str, event: RunEvent) -> Diagnostic:
             f"{host}: {event.detail}.",
             prose("No step was done. Look with ", DRIFT, ", then make a new plan."),
             address=f"host/{host}",
+            values={"host": host, "reason": event.detail},
         )
     return STEP_MOVED.at(
         None,
         f"{event.address} on {host}: {event.detail}.",
         prose("Nothing more was changed. Look with ", DRIFT, ". ", GO_ON),
         address=event.address,
+        values={"host": host, "resource": event.address, "reason": event.detail},
     )
 
 
@@ -203,6 +240,7 @@ def script_failed(host: str, at: str, message: str, code: int) -> Diagnostic:
         f"{location}: {message.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
         sentences("Mend that on the host.", GO_ON),
         address=at or f"host/{host}",
+        values={"host": host, "resource": at, "exit_code": code, "reason": message.strip()},
     )
 
 

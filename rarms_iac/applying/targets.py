@@ -32,6 +32,7 @@ def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[D
                 " lists them), or leave the option out.",
             ),
             address=target,
+            values={"target": target},
         )
         for target in targets
         if not any(is_below(address, [target]) for address in addresses)

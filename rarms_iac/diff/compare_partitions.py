@@ -177,6 +177,7 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
                     ".",
                 ),
                 address=f"machine/{partition.id}",
+                values={"name": partition.settings.name, "machine": partition.id},
             )
 
 
@@ -216,6 +217,11 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
         f"The host has a machine {quoted(name)} (id {machine.id}) that {owner}.",
         prose("Run ", command("import", name, id=machine.id), " to take it over, or give the partition another name."),
         address=f"partition/{name}",
+        values={
+            "partition": name,
+            "machine": machine.id,
+            "application": machine.mark.application if machine.mark else "",
+        },
     )
 
 
@@ -225,6 +231,7 @@ def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
         f"Partition {quoted(name)} says `protect: true`, and {why}.",
         "Take `protect` out first, in a change of its own, or keep the partition.",
         address=f"partition/{name}",
+        values={"partition": name, "reason": why},
     )
 
 
@@ -245,4 +252,5 @@ def neither_off_nor_running(address: Address, state: RunState, place: Place | No
         RunState.CRITICAL: "Give it its storage back, or remove it in Hyper-V itself, and plan again.",
     }.get(state, "Wait until it is off or running, and plan again.")
     message = f"Partition {quoted(address.partition)} is {state.value}; what has to change needs it off or running."
-    return NOT_AT_REST.at(place, message, advice, address=str(address))
+    values = {"partition": address.partition, "state": state.value}
+    return NOT_AT_REST.at(place, message, advice, address=str(address), values=values)

@@ -48,6 +48,7 @@ def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: Ho
                 f"{drift.address} on {desired.host}: {drift.message}. This plan makes it as the manifest wants it.",
                 prose("Find out who did it: ", DRIFT, " shows what differs, ", HISTORY, " what rarms itself did."),
                 address=str(drift.address),
+                values={"host": desired.host, "resource": str(drift.address), "difference": drift.message},
             )
 
 
@@ -67,6 +68,7 @@ def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]
             "child has its parent's format, and generation 2 takes .vhdx only.",
             "Convert the image (`Convert-VHD`) and name the .vhdx, or say `generation: 1` for this partition.",
             address=str(step.address),
+            values={"partition": creation.partition, "generation": creation.generation, "image": creation.image},
         )
 
 
@@ -83,6 +85,12 @@ def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> I
         f"{desired.host} does not have.{suggestion(creation.switch, switches)} {known}",
         "Name a switch that is there (`hyperv.switch`), or make it on the host first (`New-VMSwitch`).",
         address=str(step.address),
+        values={
+            "partition": creation.partition,
+            "switch": creation.switch,
+            "host": desired.host,
+            "switches": tuple(sorted(switches)),
+        },
     )
 
 
@@ -104,6 +112,7 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
                     f'"{before.settings.name}" runs, and it is stopped for this: {change.reason.message}.',
                     "Apply when its components may rest, or hold it back with `--max-disruption live`.",
                     address=str(change.address),
+                    values={"partition": before.settings.name, "reason": change.reason.message},
                 )
             case _:
                 pass
@@ -115,6 +124,7 @@ def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic
                 "Apply when its components may rest, or make room otherwise: a smaller reserve, or fewer changes at "
                 "once with `--target`.",
                 address=str(step.address),
+                values={"partition": step.address.partition, "reason": step.comment},
             )
 
 
@@ -132,6 +142,7 @@ def review_guests_that_are_not_asked(desired: Desired, plan: HostPlan) -> Iterat
                 "Install or start the integration service for shutdown in the guest, enable it for the machine "
                 "(`Enable-VMIntegrationService`), and plan again; or shut the guest down yourself.",
                 address=str(step.address),
+                values={"partition": step.address.partition},
             )
 
 
@@ -146,6 +157,7 @@ def review_memory(plan: HostPlan) -> Iterator[Diagnostic]:
                     "its components use beyond that is swapped out, or they fail to start.",
                     "Look at what its guest uses at most, and measure its components again with the new size.",
                     address=str(change.address),
+                    values={"partition": old.name, "has_memory_bytes": old.memory, "gets_memory_bytes": new.memory},
                 )
 
 
@@ -164,6 +176,7 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
                 f"{reserve} %: the plan raises the limit to that, and the partition never gets more.",
                 "Raise the limit, or remove it: what was measured without one holds without one.",
                 address=f"partition/{partition.name}",
+                values={"partition": partition.name, "limit_percent": limit, "reserve_percent": reserve},
             )
 
 
@@ -178,6 +191,12 @@ def review_widened_limits(plan: HostPlan) -> Iterator[Diagnostic]:
                     f"{old.limit} %: what is not reserved may go to it.",
                     "Nothing, if it is meant. Reserves of others stay; what they got beyond may shrink.",
                     address=str(change.address),
+                    values={
+                        "partition": old.name,
+                        "old_limit_percent": old.limit,
+                        "limit_percent": new.limit,
+                        "processors": new.processors,
+                    },
                 )
 
 
@@ -192,6 +211,12 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
                 "Copy what is still needed out of it first; nothing brings it back, `rarms undo` neither. To keep it, "
                 "leave out --remove-disks.",
                 address=f"partition/{step.address.partition}",
+                values={
+                    "disk": step.operation.path,
+                    "parent": step.operation.parent,
+                    "partition": step.address.partition,
+                    "host": desired.host,
+                },
             )
     for change in plan.changes if request.remove_disks else ():
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
@@ -204,6 +229,12 @@ def review_removed_disks(request: PlanRequest, desired: Desired, plan: HostPlan)
                     f"{verdict.reason_to_keep}.",
                     "Look at what is on it, and delete it by hand when it is not needed.",
                     address=str(change.address),
+                    values={
+                        "disk": verdict.disk.path,
+                        "partition": change.address.partition,
+                        "host": desired.host,
+                        "reason": verdict.reason_to_keep,
+                    },
                 )
 
 
@@ -224,6 +255,7 @@ def review_remaining_disks(request: PlanRequest, desired: Desired, plan: HostPla
                     " delete what rarms made.",
                 ),
                 address=str(step.address),
+                values={"partition": step.address.partition, "host": desired.host, "disks": tuple(disks)},
             )
 
 
@@ -238,6 +270,7 @@ def review_undo(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
                 f"{step.address}, {step.title}: {step.undo.message}.",
                 "Save what is needed before it is applied: `rarms undo` and the undo script leave this as it is.",
                 address=str(step.address),
+                values={"resource": str(step.address), "step": step.title, "reason": step.undo.message},
             )
 
 
@@ -253,4 +286,10 @@ def review_width(desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
                 f"{available} logical ones: it can never run on all of them at once.",
                 f"Give it at most {available}: `processors: {available}`.",
                 address=str(change.address),
+                values={
+                    "partition": after.name,
+                    "processors": after.processors,
+                    "host": desired.host,
+                    "has_lp": available,
+                },
             )

@@ -41,6 +41,7 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
             "itself.",
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
             address=f"host/{desired.host}",
+            values={"host": desired.host, "partitions": tuple(costs), "idle_lp": float(sum(costs.values()))},
         )
 
 
@@ -61,6 +62,7 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
             "the largest reserve first, finds no place for one of them, and would stop half-way.",
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
             address=f"host/{desired.host}",
+            values={"host": desired.host},
         )
 
 
@@ -83,12 +85,12 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
     remaining = partitions_after(desired.observed, request.application, plan)
     after = [*others, *(partition.settings for partition in remaining if partition.settings.running)]
     available = desired.observed.facts.logical_processors
-    losers = []
+    losers: dict[str, str] = {}  # by machine id
     for machine in unmanaged:
         settings = machine.settings
         old, new = busy_share(settings, before, available), busy_share(settings, after, available)
         if new < old:
-            losers.append(
+            losers[machine.id] = (
                 f'"{settings.name}" ({machine.id[:8]}) about {float(old):.2f} -> {float(new):.2f} LP, '
                 f"{settings.reserve * settings.processors / 100:.2f} LP reserved"
             )
@@ -96,13 +98,14 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
         yield UNMANAGED_GETS_LESS.at(
             None,
             f"Machines on {desired.host} that {request.application} does not manage stay as they are, and get less "
-            f"while all are busy: {'; '.join(losers)}.",
+            f"while all are busy: {'; '.join(losers.values())}.",
             prose(
                 "If one has to answer in time, give it a reserve first, or take it in: ",
                 command("import", "PARTITION", id="ID"),
                 ".",
             ),
             address=f"host/{desired.host}",
+            values={"host": desired.host, "machines": tuple(losers)},
         )
 
 
@@ -134,6 +137,7 @@ def review_task_classes(request: PlanRequest, desired: Desired, plan: HostPlan) 
             "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "
             "they are.",
             address=f"host/{desired.host}",
+            values={"host": desired.host},
         )
 
 

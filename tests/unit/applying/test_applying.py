@@ -82,6 +82,8 @@ def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
     assert report is not None
     assert (report.ending, codes(report.findings)) == (RunEnding.REFUSED, ["RARMS185"])
     assert "reserve is 25, not 40" in report.findings[0].detail
+    expected = {"host": "onboard", "expected_reserve": 40, "is_reserve": 25}
+    assert expected.items() <= report.findings[0].values.items()
 
 
 def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() -> None:
