@@ -77,12 +77,17 @@ def _recorded_script(host: str, name: str, text: str) -> ScriptBundle:
     Raises:
         HostDamaged: it is no plan of rarms.
     """
-    bare = without_signature(text).encode("ascii", "replace")
-    for problem in inspect_recorded(bare, name):
+    for problem in _problems_of(name, text):
         line = f"line {problem.place.line}, " if problem.place else ""
         message = f"{name} in its journal is no script of rarms: {line}{problem.detail}"
         raise HostDamaged(host, message, "look at what the last run did, then remove the journal")
     return ScriptBundle(runs=name, files={name: text})
+
+
+def _problems_of(name: str, text: str) -> tuple[Diagnostic, ...]:
+    """Find what is wrong with a script of the journal; all of it must be ASCII, a signature, too."""
+    bare = without_signature(text) if text.isascii() else text
+    return inspect_recorded(bare.encode("utf-8", "surrogatepass"), name)
 
 
 def run_job(
@@ -125,9 +130,9 @@ def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
 
     text = journal.started.script if journal.started.run is RunKind.UNDO else journal.started.undo
     touched = {int(number) for number in journal.started.touched if number.isdecimal()} or journal.touched()
-    script = without_signature(text).encode("ascii", "replace")
-    if inspect_recorded(script, "undo.ps1"):
+    if _problems_of("undo.ps1", text):
         return ()
+    script = without_signature(text).encode("ascii")
     return tuple(
         UndoneStep(address=step.address, title=step.action, level=UndoLevel.FULL)
         for step in outline(script).steps

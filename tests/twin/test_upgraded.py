@@ -126,6 +126,10 @@ def forge_journal(host: WindowsHost, old: str, new: str) -> None:
         ("Hyper-V\\Set-VMProcessor -VM $script:Vm", "Hyper-V\\Export-VM -VM $script:Vm"),
         ("    Use-Target", "    Restart-Computer\r\n    Use-Target"),
         ("Guard = { Assert-VmHost }", "Guard = { Assert-VmHost; Restart-Computer }"),
+        ("Set-StrictMode -Version 3.0", "Restart-Computer\r\nSet-StrictMode -Version 3.0"),
+        ("Invoke-Run -Steps { Add-Plan }", "Invoke-Run -Steps { Add-Plan }\r\nRestart-Computer"),
+        ("#Requires -Version 5.1", "#Requires -Version 5.1\r\n#Requires -Modules Evil"),
+        ("    Use-Target", "    # wäit\r\n    Use-Target"),
     ],
 )
 @pytest.mark.parametrize(

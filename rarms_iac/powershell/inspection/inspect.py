@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.powershell.inspection.layout import check_layout, split_script, without_fixed
+from rarms_iac.powershell.inspection.recorded import check_around_plan
 from rarms_iac.powershell.inspection.steps import check_recorded_plan, check_steps
 from rarms_iac.powershell.templates import ENTRY
 from rarms_iac.powershell.tree import NotParsed, sound
@@ -43,22 +44,24 @@ def inspect(script: bytes, name: str = "script.ps1", *, entry: str = ENTRY) -> t
 def inspect_recorded(script: bytes, name: str) -> tuple[Diagnostic, ...]:
     """Find what is wrong with a script out of a host's journal, which any version of rarms may have made.
 
-    What is fixed in it is that version's, so it is not compared: an upgrade must not strand a run.
+    What is fixed in it is that version's, so it is not compared: an upgrade must not strand a run. Outside of functions
+    only what every version writes may stand; what its functions do, but for the plan, is not looked at.
 
     Args:
         script: its bytes, without a signature block.
         name: its file name, for the findings.
 
     Returns:
-        At most one finding; none where its plan has the form of a plan, and calls what plans call.
+        The first finding; none where its plan has the form of a plan, and nothing else runs before it is called.
     """
     if problems := tuple(_check_bytes(script, name)):
         return problems[:1]
+    text = script.decode("ascii")
     try:
-        root = sound(without_fixed(script.decode("ascii")))
+        root = sound(without_fixed(text))
     except NotParsed as error:
         return (_not_parsed(name, error),)
-    return tuple(check_recorded_plan(name, root))
+    return (*check_recorded_plan(name, root), *check_around_plan(name, text, root))[:1]
 
 
 def _not_parsed(name: str, error: NotParsed) -> Diagnostic:

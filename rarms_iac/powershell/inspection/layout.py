@@ -140,7 +140,7 @@ def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnost
             )
             place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
-    problems = [*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.plan + parts.end)]
+    problems = [*head_problems(parts.head), *_carried_problems(parts), *comment_problems(parts.plan + parts.end)]
     opening, between, closing = _frame(entry)
     if not parts.plan.startswith(opening):
         problems.append("before the plan stands something else than its parameters and settings")
@@ -161,7 +161,8 @@ def _carried_problems(parts: ScriptParts) -> Iterator[str]:
         yield f"it carries the parts {', '.join(carried) or 'none'}; its plan needs {', '.join(needed) or 'none'}"
 
 
-def _comment_problems(text: str) -> tuple[str, ...]:
+def comment_problems(text: str) -> tuple[str, ...]:
+    """Find comments behind the head that PowerShell may heed."""
     try:
         return tuple(_directive_problems(tokens(text)))
     except NotTokens:

@@ -108,3 +108,43 @@ def test_a_call_that_rarms_does_not_write_there_is_caught(old: str, new: str) ->
 
     assert inspect(edited) != ()
     assert codes(inspect_recorded(edited, "x.ps1")) == ["RARMS211"]
+
+
+HEAD_OF_THE_RUNTIME = "\r\nSet-StrictMode -Version 3.0\r\n"
+LAST = "\r\nInvoke-Run -Steps { Add-Plan }\r\n"
+
+
+@pytest.mark.parametrize("script", [SCRIPTS["onboard.ps1"], of_another_version(SCRIPTS["onboard.ps1"])])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (HEAD_OF_THE_RUNTIME, "\r\nRemove-Item C:\\ -Recurse -Force\r\nSet-StrictMode -Version 3.0\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$PSDefaultParameterValues = @{ '*:Force' = $true }\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$script:PSDefaultParameterValues = $script:Plan\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$env:PSModulePath = 'C:\\x'\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = Restart-Computer\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = 'x' > 'C:\\x'\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = [System.IO.StreamWriter] 'C:\\x'\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n$script:Steps = $ErrorActionPreference = 'Continue'\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\nfunction script:Add-Plan { Restart-Computer }\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\ntrap { Restart-Computer }\r\n"),
+        (HEAD_OF_THE_RUNTIME, "\r\n#Requires -Modules Evil\r\nSet-StrictMode -Version 3.0\r\n"),
+        (LAST, f"{LAST}Invoke-Expression 'Restart-Computer'\r\n"),
+        (LAST, "\r\n#Requires -Modules Evil\r\nInvoke-Run -Steps { Add-Plan }\r\n"),
+        (LAST, "\r\nInvoke-Run -Steps { Add-Plan; Restart-Computer }\r\n"),
+        (LAST, "\r\nInvoke-Run -Steps { Add-Plan } | Restart-Computer\r\n"),
+        (LAST, "\r\n# nothing is called\r\n"),
+        ("[int] $LockTimeout =", "[int] $LockTimeout = $(Restart-Computer) +"),
+        ("[int] $LockTimeout =", "[ValidateScript({ Restart-Computer })] [int] $LockTimeout ="),
+        ("[int] $LockTimeout = 0", "[System.IO.StreamWriter] $LockTimeout = 'x'"),
+        ("#Requires -Version 5.1\r\n", "#Requires -Version 5.1\r\n#Requires -Modules Evil\r\n"),
+        ("#Requires -Version 5.1\r\n", "#Requires -Version 5.1\r\nRestart-Computer\r\n"),
+    ],
+)
+def test_what_runs_beside_the_plan_is_caught_also_out_of_a_journal(script: str, old: str, new: str) -> None:
+    assert script.count(old) == 1
+
+    edited = script.replace(old, new).encode("ascii")
+
+    assert inspect_recorded(script.encode("ascii"), "x.ps1") == ()
+    assert inspect_recorded(edited, "x.ps1") != ()
