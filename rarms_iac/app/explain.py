@@ -9,22 +9,7 @@ from dataclasses import replace
 from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of, path_of, subject_of
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
-from rarms_iac.app.explained_sharing import (
-    NOT_LOOKED_FOR,
-    describe_apart,
-    describe_partners,
-    previous_tuning,
-    rejected_compounds,
-    why_together,
-)
-from rarms_iac.app.explanation import (
-    ComponentExplanation,
-    DataLogSummary,
-    Explanation,
-    HostExplanation,
-    HostPromises,
-    MemberCurve,
-)
+from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, Explanation, HostExplanation, MemberCurve
 from rarms_iac.app.explanation_steps import explain
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
@@ -32,16 +17,12 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
-from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import Component, Measured
 from rarms_iac.model.wording import suggestion
-from rarms_iac.planner.alternatives import ChosenPlace, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.layout import Planning
 from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
-from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
@@ -96,40 +77,33 @@ def explain_component(manifest: Manifest, name: str) -> ComponentExplanation:
 
 
 def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component: Component) -> Explanation:
-    group, host, measurements = partition.group, place.host, partition.measurements
-    rests = depends_on_a_log(group)
-    answer = partition.reservations.log(group.members, host)
-    log = answer if rests and isinstance(answer, MeasuredTogether) else None
-    beside_fixed = None if rests else _log_beside_fixed(partition, host)
-    previous = previous_tuning(measurements, host)
-    return Explanation(
+    group, host = partition.group, place.host
+    explanation = Explanation(
         component=component,
-        group=group,
-        host=host,
-        placed=place.placed,
-        no_host_because=place.no_host_because,
+        partition=partition,
+        place=place,
         wanted=_wanted(partition, host),
-        fixed_by="" if rests else _fixed_by(group),
-        measured=None if log is None else _data_log_summary(measurements, group, host, log),
-        curves=() if log is None else tuple(_member_curves(group, log)),
-        least=None if log is None else partition.reservations.least(group.members, host),
-        beside_fixed=None if beside_fixed is None else beside_fixed[0],
-        least_beside_fixed=None if beside_fixed is None else beside_fixed[1],
-        remarks=() if log is None else tuple(remark.message for remark in log.remarks),
-        why_together=tuple(why_together(group, partition.system, previous)),
-        apart=describe_apart(partition, place),
-        shared=tuple(rejected_compounds(group, previous, host)) if rests else (NOT_LOOKED_FOR,),
-        partners=() if log is None else describe_partners(partition, host),
-        on_host=None if partition.layout is None else _on_host(partition, partition.layout, place),
-        current_host=_describe_current_host(partition, host),
-        not_observed=tuple(sorted(set(partition.system.hosts) - set(partition.states))),
-        elsewhere=_elsewhere(partition, place),
-        infeasibility=() if partition.layout is not None else tuple(_describe_errors(partition.planning)),
+        fixed_by="" if depends_on_a_log(group) else _fixed_by(group),
+        log=None,
+        least=None,
+    )
+    if not depends_on_a_log(group):
+        log, least = _log_beside_fixed(partition, host) if explanation.fixed_by else (None, None)
+        return replace(explanation, log=log, least=least)
+    answer = partition.reservations.log(group.members, host)
+    if not isinstance(answer, MeasuredTogether):
+        return explanation
+    return replace(
+        explanation,
+        log=_data_log_summary(partition.measurements, group, host, answer),
+        least=partition.reservations.least(group.members, host),
+        curves=tuple(_member_curves(group, answer)),
+        remarks=tuple(remark.message for remark in answer.remarks),
     )
 
 
-def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLogSummary, LeastReserve | None] | None:
-    """The data log of a partition whose reserve is fixed, and the least that is enough by it; None: there is none."""
+def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLogSummary | None, LeastReserve | None]:
+    """The data log of a partition whose reserve is fixed, and the least that is enough by it."""
     group, system = partition.group, partition.system
     measured_members = {
         member.name: replace(member, cpu=replace(member.cpu, reserve=Measured.MEASURED))
@@ -146,7 +120,7 @@ def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLo
     reservations = measured_reservations(measurements, partition.states)
     log = reservations.log(members, host)
     if not isinstance(log, MeasuredTogether):
-        return None
+        return None, None
     return _data_log_summary(measurements, group, host, log), reservations.least(members, host)
 
 
@@ -195,35 +169,3 @@ def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[MemberCurve]
             yield MemberCurve(
                 member=member.name, index=index, threshold=threshold, curve=log.curves(member.name, index)
             )
-
-
-def _on_host(partition: ExplainedPartition, layout: Layout, place: ExplainedPlace) -> HostPromises:
-    others = sorted(
-        (other.name, other.reserved)
-        for other in layout.partitions
-        if other.host == place.host.name and other.name != place.placed.name
-    )
-    return HostPromises(
-        totals=totals_by_host(partition.system, layout.partitions, partition.views)[place.host.name],
-        beside=tuple(others),
-        placement=layout.placement,
-    )
-
-
-def _describe_current_host(partition: ExplainedPartition, host: Host) -> str:
-    if not partition.current_host:
-        return ""
-    if partition.current_host != host.name:
-        return f"it is on {partition.current_host} now: applied, it is made anew on {host.name}"
-    return partition.why_bound or "it is there now"
-
-
-def _elsewhere(partition: ExplainedPartition, place: ExplainedPlace) -> tuple[Elsewhere, ...]:
-    chosen = ChosenPlace(placed=place.placed, layout=partition.layout, views=partition.views, stays=partition.why_bound)
-    return elsewhere(partition.group, chosen, partition.system, partition.reservations)
-
-
-def _describe_errors(planning: Planning) -> Iterator[str]:
-    for finding in planning.findings:
-        if has_errors([finding]):
-            yield f"{finding.summary} ({finding.code}): {finding.detail} {finding.advice}"

@@ -1,17 +1,14 @@
-"""The values behind `rarms explain COMPONENT`: all that leads from the APT to the per cent of its partition."""
+"""The values of `rarms explain COMPONENT`: what a reservation rests on, and the steps from the APT to it."""
 
 from dataclasses import dataclass
 from typing import Literal
 
-from rarms_iac.model.commands import Prose, RecommendedCommand, Wording
+from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
+from rarms_iac.model.commands import Prose, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, SchedulerType
-from rarms_iac.model.layout import PlacedPartition, Placement
 from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.system import Component, Threshold
-from rarms_iac.model.totals import HostTotals
-from rarms_iac.planner.alternatives import Elsewhere
-from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, LeastReserve
 
 
@@ -45,40 +42,23 @@ class MemberCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostPromises:
-    """What the partition's host has promised in the layout."""
-
-    totals: HostTotals
-    beside: tuple[tuple[str, LogicalProcessors], ...]  # other partitions there, by name
-    placement: Placement | None = None  # how good the choice of hosts is, where there was one
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
-    """All that leads from a component's APT to what its partition gets, or why it cannot be told what it gets."""
+    """What the reservation of a component's partition rests on, and where that partition is."""
 
     component: Component
-    group: Group
-    host: Host
-    placed: PlacedPartition  # without a reserve, where that cannot be told
-    no_host_because: str  # why no host can have it, even alone; empty: one can
+    partition: ExplainedPartition
+    place: ExplainedPlace
     wanted: LogicalProcessors | None  # before rounding; None: nothing says how much
     fixed_by: str  # who fixes the reserve in the manifest; empty: it rests on the data log, or there is none
-    measured: DataLogSummary | None
-    curves: tuple[MemberCurve, ...]
-    least: LeastReserve | None
-    beside_fixed: DataLogSummary | None  # measured, though the manifest fixes the reserve
-    least_beside_fixed: LeastReserve | None  # by that log; None: no setting in it is enough
-    remarks: tuple[str, ...]
-    why_together: tuple[str, ...]
-    apart: str  # what its members would need in partitions of their own; empty: it cannot be told, or is alone
-    shared: tuple[str, ...]  # compounds that were measured and not taken, or why there are none
-    partners: tuple[Wording, ...]  # with whom it would probably save something; predicted
-    on_host: HostPromises | None  # None: there is no layout
-    current_host: str  # that it runs already, and what that means; empty: it does not, as far as was seen
-    not_observed: tuple[str, ...]  # hosts that could not be looked at
-    elsewhere: tuple[Elsewhere, ...]
-    infeasibility: tuple[str, ...]  # why there is no layout; empty: there is one
+    log: DataLogSummary | None  # that holds; beside a fixed reserve, which does not rest on it, too
+    least: LeastReserve | None  # by that log; None: no setting in it is enough
+    curves: tuple[MemberCurve, ...] = ()  # that the reservation rests on
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def measured(self) -> DataLogSummary | None:
+        """The data log that the reservation rests on."""
+        return None if self.fixed_by else self.log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
+from rarms_iac.app.explained_partition import ExplainedPartition
+from rarms_iac.app.explained_sharing import (
+    NOT_LOOKED_FOR,
+    PreviousTuning,
+    describe_apart,
+    describe_partners,
+    previous_tuning,
+    rejected_compounds,
+    why_together,
+)
 from rarms_iac.app.explanation import (
     ComponentExplanation,
     DataLogSummary,
@@ -13,12 +23,15 @@ from rarms_iac.app.explanation import (
     MemberCurve,
 )
 from rarms_iac.model.commands import PLAN, Wording, prose
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
-from rarms_iac.model.layout import describe_placement
+from rarms_iac.model.layout import PlacedPartition, describe_placement
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted, each_processor
+from rarms_iac.planner.alternatives import ChosenPlace, elsewhere
+from rarms_iac.planner.reservations import depends_on_a_log
+from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
 
@@ -89,12 +102,12 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
 def _why_not_measured(explanation: Explanation) -> str:
     if explanation.wanted is None:
         return "not measured: there is no data log that holds"
-    if explanation.fixed_by and explanation.beside_fixed is not None:
-        return _measured_beside_fixed(explanation, explanation.beside_fixed)
+    if explanation.fixed_by and explanation.log is not None:
+        return _measured_beside_fixed(explanation, explanation.log)
     if explanation.fixed_by:
         met = (
             "it is unknown whether its APT is met"
-            if any(member.apt for member in explanation.group.members)
+            if any(member.apt for member in explanation.partition.group.members)
             else "no APT asks"
         )
         return f"not measured: the reserve is fixed, and {met}"
@@ -105,10 +118,10 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
     """As in: measured: 1.24 LP (62 % of onboard) is enough; the manifest fixes 1.25 LP (63 % of onboard)."""
 
     def amount(processors: Fraction) -> str:
-        share = show_percent(100 * processors / explanation.host.logical_processors)
-        return f"{show_processors(processors)} ({share} of {explanation.host.name})"
+        share = show_percent(100 * processors / explanation.place.host.logical_processors)
+        return f"{show_processors(processors)} ({share} of {explanation.place.host.name})"
 
-    least = explanation.least_beside_fixed
+    least = explanation.least
     enough = f"{amount(guaranteed(least.reserve, log.processors))} is" if least else "no setting that was measured is"
     fixed = f"; the manifest fixes {amount(explanation.wanted)}" if explanation.wanted is not None else ""
     return f"measured: {enough} enough{fixed}"
@@ -171,17 +184,17 @@ def explain(explanation: Explanation | HostExplanation, errors: tuple[Diagnostic
     )
     if isinstance(explanation, HostExplanation):
         return walk
-    placed, settings, has_host = explanation.placed, explanation.placed.settings, not explanation.no_host_because
+    place, placed, settings = explanation.place, explanation.place.placed, explanation.place.placed.settings
     return replace(
         walk,
         partition=placed.name,
         host=placed.host,
-        fits=not explanation.infeasibility,
+        fits=explanation.partition.layout is not None,
         data_log=None if explanation.measured is None else explanation.measured.path,
-        least=explanation.least,
+        least=None if explanation.fixed_by else explanation.least,
         wanted_lp=explanation.wanted,
-        reserved_lp=placed.reserved if has_host else None,
-        reserve=settings.reserve if has_host else None,
+        reserved_lp=None if place.no_host_because else placed.reserved,
+        reserve=None if place.no_host_because else settings.reserve,
         processors=settings.processors,
         limit=settings.limit,
         weight=settings.weight,
@@ -189,16 +202,17 @@ def explain(explanation: Explanation | HostExplanation, errors: tuple[Diagnostic
 
 
 def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[Wording]]]:
+    previous = previous_tuning(explanation.partition.measurements, explanation.place.host)
     yield "APT", _apt(explanation)
     yield "data log", _data_log(explanation)
     yield "setting and verdict", verdicts(explanation)
     yield "reservation", _reservation(explanation)
     yield "rounding", _rounding(explanation)
-    yield "partition", _partition(explanation)
+    yield "partition", _partition(explanation, previous)
     yield "host", _host(explanation)
-    yield "limit and weight", _limit_and_weight(explanation)
-    yield "rejected", _rejected(explanation)
-    yield NO_LAYOUT, iter(explanation.infeasibility)
+    yield "limit and weight", _limit_and_weight(explanation.place.placed)
+    yield "rejected", _rejected(explanation, previous)
+    yield NO_LAYOUT, _no_layout(explanation.partition)
 
 
 def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[Wording]]]:
@@ -228,7 +242,7 @@ def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[W
 
 
 def _apt(explanation: Explanation) -> Iterator[str]:
-    for member in sorted(explanation.group.members, key=lambda each: each is not explanation.component):
+    for member in sorted(explanation.partition.group.members, key=lambda each: each is not explanation.component):
         if member is explanation.component:
             yield from _thresholds(member, "")
         elif member.apt:
@@ -245,14 +259,14 @@ def _thresholds(component: Component, prefix: str) -> Iterator[str]:
 def _data_log(explanation: Explanation) -> Iterator[str]:
     log = explanation.measured
     if explanation.fixed_by:
-        if explanation.beside_fixed is not None:
-            yield from _log(explanation.beside_fixed)
-        none = "none is needed" if explanation.beside_fixed is None else "not used"
+        if explanation.log is not None:
+            yield from _log(explanation.log)
+        none = "none is needed" if explanation.log is None else "not used"
         yield f"{none}: {explanation.fixed_by} fixes the reserve"
     elif log is not None:
         yield from _log(log)
     elif explanation.wanted is None:
-        yield f"none that holds: {explanation.no_host_because}"
+        yield f"none that holds: {explanation.place.no_host_because}"
     else:
         yield "none is needed: nothing is reserved"
 
@@ -270,7 +284,7 @@ def _log(log: DataLogSummary) -> Iterator[str]:
 
 
 def _reservation(explanation: Explanation) -> Iterator[str]:
-    whole = explanation.host.logical_processors
+    whole = explanation.place.host.logical_processors
     if explanation.wanted is None:
         yield f"not known: {_what_is_missing(explanation)}"
         return
@@ -286,7 +300,7 @@ def _reservation(explanation: Explanation) -> Iterator[str]:
     else:
         yield f"as {explanation.fixed_by} fixes it"
     share = show_percent(100 * explanation.wanted / whole)
-    yield f"{show_processors(explanation.wanted)}, {share} of {explanation.host.name}"
+    yield f"{show_processors(explanation.wanted)}, {share} of {explanation.place.host.name}"
 
 
 def _what_is_missing(explanation: Explanation) -> str:
@@ -294,84 +308,106 @@ def _what_is_missing(explanation: Explanation) -> str:
 
 
 def _rounding(explanation: Explanation) -> Iterator[str]:
-    placed = explanation.placed
-    if explanation.wanted is None or explanation.no_host_because:
+    place, placed = explanation.place, explanation.place.placed
+    if explanation.wanted is None or place.no_host_because:
         yield "none: " + (
-            explanation.no_host_because if explanation.wanted is not None else "there is no reservation to round yet"
+            place.no_host_because if explanation.wanted is not None else "there is no reservation to round yet"
         )
         return
     if not placed.settings.reserve:
         yield "none: nothing is reserved"
         return
     lost = guaranteed(placed.settings.reserve, placed.settings.processors) - explanation.wanted
-    each = each_processor(placed.settings.processors, explanation.host.processor_word)
+    each = each_processor(placed.settings.processors, place.host.processor_word)
     grain = f"{placed.settings.reserve} % of {each} (whole per cent are the provider's grain)"
     yield f"{grain}: {show_processors(placed.reserved)}, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )
 
 
-def _partition(explanation: Explanation) -> Iterator[str]:
-    others = [member for member in explanation.group.members if member is not explanation.component]
+def _partition(explanation: Explanation, previous: PreviousTuning) -> Iterator[str]:
+    partition, place = explanation.partition, explanation.place
+    others = [member for member in partition.group.members if member is not explanation.component]
     if not others:
-        yield f"{explanation.placed.name}: {explanation.component.name} is alone, as nothing asks to combine it"
+        yield f"{place.placed.name}: {explanation.component.name} is alone, as nothing asks to combine it"
     else:
         names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
-        yield f"{explanation.placed.name}: {explanation.component.name} is combined with {names}"
-        yield from explanation.why_together
-    processors = counted(explanation.placed.settings.processors, explanation.host.processor_word)
-    yield f"memory {show_bytes(explanation.placed.settings.memory)}, {processors}"
+        yield f"{place.placed.name}: {explanation.component.name} is combined with {names}"
+        yield from why_together(partition.group, partition.system, previous)
+    processors = counted(place.placed.settings.processors, place.host.processor_word)
+    yield f"memory {show_bytes(place.placed.settings.memory)}, {processors}"
 
 
 def _host(explanation: Explanation) -> Iterator[str]:
-    name, whole = explanation.host.name, Fraction(explanation.host.logical_processors)
+    partition, place = explanation.partition, explanation.place
+    layout = partition.layout
+    name, whole = place.host.name, Fraction(place.host.logical_processors)
 
     def share(processors: Fraction) -> str:
         return f"{show_processors(processors)} ({show_percent(100 * processors / whole)})"
 
-    if explanation.no_host_because:
+    if place.no_host_because:
         condition = "once its reservation is known" if explanation.wanted is None else "if it could be there"
         yield f"{name}, {condition}: it has {show_processors(whole)}"
-    elif explanation.on_host is None:
-        yield f"{name}, if there were room: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
+    elif layout is None:
+        yield f"{name}, if there were room: {share(place.placed.reserved)} of its {show_processors(whole)}"
     else:
-        yield f"{name}: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
-    if explanation.current_host:
-        yield explanation.current_host
-    if explanation.not_observed:
-        yield f"not looked at, so that the manifest alone counts of it: {', '.join(explanation.not_observed)}"
-    if explanation.on_host is None:
+        yield f"{name}: {share(place.placed.reserved)} of its {show_processors(whole)}"
+    if partition.current_host == place.host.name:
+        yield partition.why_bound or "it is there now"
+    elif partition.current_host:
+        yield f"it is on {partition.current_host} now: applied, it is made anew on {name}"
+    if not_observed := sorted(partition.system.hosts.keys() - partition.states.keys()):
+        yield f"not looked at, so that the manifest alone counts of it: {', '.join(not_observed)}"
+    if layout is None:
         return
-    beside = ", ".join(f"{partition} {show_processors(amount)}" for partition, amount in explanation.on_host.beside)
-    if beside:
-        yield f"beside it: {beside}"
-    totals = explanation.on_host.totals
+    others = sorted(
+        (other.name, other.reserved)
+        for other in layout.partitions
+        if other.host == name and other.name != place.placed.name
+    )
+    if others:
+        yield f"beside it: {', '.join(f'{other} {show_processors(amount)}' for other, amount in others)}"
+    totals = totals_by_host(partition.system, layout.partitions, partition.views)[name]
     if totals.unmanaged_lp:
         yield f"unmanaged machines: {share(totals.unmanaged_lp)}"
     if totals.kept_lp:
         yield f"kept for the host: {share(totals.kept_lp)}"
     yield f"headroom: {share(totals.free_lp)}"
-    if explanation.on_host.placement is not None:
-        yield describe_placement(explanation.on_host.placement)
+    if layout.placement is not None:
+        yield describe_placement(layout.placement)
 
 
-def _limit_and_weight(explanation: Explanation) -> Iterator[str]:
-    yield f"limit {explanation.placed.settings.limit} %: {explanation.placed.why_limit}"
-    yield f"weight {explanation.placed.settings.weight}: {explanation.placed.why_weight}"
-    if explanation.placed.mechanism:
-        yield explanation.placed.mechanism
+def _limit_and_weight(placed: PlacedPartition) -> Iterator[str]:
+    yield f"limit {placed.settings.limit} %: {placed.why_limit}"
+    yield f"weight {placed.settings.weight}: {placed.why_weight}"
+    if placed.mechanism:
+        yield placed.mechanism
 
 
-def _rejected(explanation: Explanation) -> Iterator[Wording]:
+def _rejected(explanation: Explanation, previous: PreviousTuning) -> Iterator[Wording]:
+    partition, place = explanation.partition, explanation.place
     yield from _other_reserves(explanation)
-    if explanation.apart:
-        yield explanation.apart
-    yield from explanation.shared
-    yield from explanation.partners
-    for host in explanation.elsewhere:
-        yield f"on {host.host}: {host.message}"
-    if not explanation.elsewhere:
+    if apart := describe_apart(partition, place):
+        yield apart
+    if depends_on_a_log(partition.group):
+        yield from rejected_compounds(partition.group, previous, place.host)
+    else:
+        yield NOT_LOOKED_FOR
+    if explanation.measured is not None:
+        yield from describe_partners(partition, place.host)
+    chosen = ChosenPlace(placed=place.placed, layout=partition.layout, views=partition.views, stays=partition.why_bound)
+    others = elsewhere(partition.group, chosen, partition.system, partition.reservations)
+    yield from (f"on {other.host}: {other.message}" for other in others)
+    if not others:
         yield "another host: the manifest has no other"
+
+
+def _no_layout(partition: ExplainedPartition) -> Iterator[str]:
+    if partition.layout is None:
+        for finding in partition.planning.findings:
+            if has_errors([finding]):
+                yield f"{finding.summary} ({finding.code}): {finding.detail} {finding.advice}"
 
 
 def _other_reserves(explanation: Explanation) -> Iterator[str]:
