@@ -117,6 +117,7 @@ def _parameter(field: "Field[Any]", option: Option) -> click.Parameter:
             type=_type(kind, option),
             shell_complete=complete,
         )
+    default: dict[str, Any] = {} if required else {"default": None}  # click takes a default, None too, for an answer
     return click.Option(
         [field.name, *option.flags],
         help=option.help,
@@ -124,7 +125,7 @@ def _parameter(field: "Field[Any]", option: Option) -> click.Parameter:
         multiple=several,
         required=required,
         is_flag=kind is bool,
-        default=None,
+        **default,
         type=None if kind is bool else _type(kind, option),
         envvar=option.environment,
         shell_complete=complete,

@@ -150,3 +150,13 @@ def test_a_field_without_metadata_is_not_asked_for() -> None:
     assert [parameter.name for parameter in parameters_of(Asked)] == ["asked"]
     assert read_by(Asked, "--asked", "2") == Asked(asked=2)
     assert len(fields(Asked)) == 2
+
+
+@pytest.mark.parametrize("name", [name for name in all_commands() if name != "completion"])
+def test_an_option_that_must_be_given_and_is_not_is_named(name: str) -> None:
+    command = all_commands()[name]
+    required = [parameter for parameter in command.params if isinstance(parameter, click.Option) and parameter.required]
+
+    for parameter in required:
+        with pytest.raises(click.MissingParameter):
+            parameter.process_value(click.Context(command), parameter.get_default(click.Context(command)))

@@ -121,7 +121,9 @@ def test_of_thirty_nobody_is_named_without_need(seed: int) -> None:
 
     (conflict,) = conflicts(items, bins, proven=True)
 
-    if not conflict.smallest:  # an old version of the solver takes more nodes: then a few more are named, and it is said
+    if (
+        not conflict.smallest
+    ):  # an old version of the solver takes more nodes: then a few more are named, and it is said
         assert {item.name for item in conflict.items} >= {item.name for item in items[:19]}
         return
     assert len(conflict.items) == 19
