@@ -295,14 +295,10 @@ def _remark(verdict: Verdict) -> str:
     """What else is to be said of a verdict."""
     match verdict:
         case Met(warm_up=warm_up) | Missed(warm_up=warm_up) | WithinNoise(warm_up=warm_up):
-            return _warm_up(warm_up)
+            return f"{warm_up} samples of warm-up left out" if warm_up else ""
         case Unsteady(reason=reason) | TooFewSamples(reason=reason):
             return reason
         case TooManyFailures(failures=failed, allowed=allowed):
             return f"{len(failed)} failed, {allowed} allowed"
         case _:
             assert_never(verdict)
-
-
-def _warm_up(samples: int) -> str:
-    return f"{samples} samples of warm-up left out" if samples else ""

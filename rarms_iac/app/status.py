@@ -1,6 +1,6 @@
 """How an application stands: what is on its hosts, what was proven, what no longer holds, and what to do next."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -136,7 +136,11 @@ def overview_of(hosts: Hosts) -> Overview:
     report = _report(hosts)
     overviews = _host_overviews(hosts)
     stale = {log.log: log.stale for log in report.measurements if log.stale} if report else {}
-    unmeasured = report.unmeasured if report else tuple(_measured_groups(hosts.system))
+    unmeasured = (
+        report.unmeasured
+        if report
+        else tuple(names_of(group.members) for group in groups_of(hosts.system) if depends_on_a_log(group))
+    )
     proofs = _beside_what_is_there(report.proofs, overviews) if report else ()
     return Overview(
         application=hosts.system.application.name,
@@ -189,10 +193,6 @@ def _beside_what_is_there(
     return tuple(
         replace(proof, outdated=(*proof.outdated, why)) if proof.component in changed else proof for proof in proofs
     )
-
-
-def _measured_groups(system: System) -> Iterator[tuple[str, ...]]:
-    return (names_of(group.members) for group in groups_of(system) if depends_on_a_log(group))
 
 
 def _observe_alone(hosts: Hosts, name: str) -> State:

@@ -48,7 +48,10 @@ def desired_hosts(
         return {}, hidden
     states = sorted(observed.items())
     if request.purpose is not Purpose.APPLY:
-        return {name: _without_ours(state) for name, state in states}, ()
+        return {
+            name: Desired(observed=state, state=replace(state, partitions=(), tasks=(), responsiveness=None))
+            for name, state in states
+        }, ()
     views = {name: host_view(state, request.application) for name, state in states}
     namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
     first = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
@@ -68,10 +71,6 @@ def desired_hosts(
     for desired in hosts.values():
         findings += [*desired.findings, *ignored_reserves(desired.state, places)]
     return hosts, tuple(findings)
-
-
-def _without_ours(observed: State) -> Desired:
-    return Desired(observed=observed, state=replace(observed, partitions=(), tasks=(), responsiveness=None))
 
 
 def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:

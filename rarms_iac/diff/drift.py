@@ -135,15 +135,11 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
         return DriftKind.MISSING
     if wanted is None or wanted.mark is None:
         return DriftKind.NOT_APPLIED
-    host = _is_changed(there, by_hand=_runs_by_hand(wanted) and not is_unused)
+    host = _is_changed(there, by_hand=wanted.settings.start_action is StartAction.NOTHING and not is_unused)
     manifest = wanted.mark.set != there.mark.set or _is_left_by_measurement(there)
     if not host and not manifest and is_unused:
         return DriftKind.UNUSED
     return _combine(host=host, manifest=manifest)
-
-
-def _runs_by_hand(wanted: Partition) -> bool:
-    return wanted.settings.start_action is StartAction.NOTHING
 
 
 def _is_changed(there: Partition, *, by_hand: bool) -> bool:

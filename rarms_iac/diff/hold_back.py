@@ -35,7 +35,10 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         Every change once, on one side or the other, in the given order.
     """
     held: _Held = {
-        at: HeldBack(change=change, why=_describe_excess(change, budget))
+        at: HeldBack(
+            change=change,
+            why=f"it is {change.disruption.value}, and no more than {budget.max_disruption.value} is allowed",
+        )
         for at, change in enumerate(changes)
         if change.disruption.exceeds(budget.max_disruption)
     }
@@ -48,10 +51,6 @@ def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
         allowed=tuple(change for at, change in enumerate(changes) if at not in held),
         held=tuple(held[at] for at in sorted(held)),
     )
-
-
-def _describe_excess(change: Change, budget: StepBudget) -> str:
-    return f"it is {change.disruption.value}, and no more than {budget.max_disruption.value} is allowed"
 
 
 def _changes_without_name(changes: Sequence[Change], held: _Held) -> _Held:

@@ -136,7 +136,7 @@ def update_partition(
     off = needs_off(before, after.settings, context)
     # First, and alone: order.py takes this step out and does all renames of marks before anything else.
     yield from rename_mark(builder.address, before, reason)
-    builder.now = _with_mark_name(before, address.partition)
+    builder.now = replace(before, mark=replace(before.mark, name=address.partition)) if before.mark else before
     if before.settings.running and (off or not after.settings.running):
         yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it is not to run")
     if before.state is RunState.SAVED and after.settings.running:
@@ -188,10 +188,6 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
     builder = StepBuilder(address=address, now=before, reason=reason)
     why = "two partitions change names: one steps aside" if between else "the manifest calls it so now"
     yield mark_step(builder, replace(mark, name=name), why)
-
-
-def _with_mark_name(before: Partition, name: str) -> Partition:
-    return replace(before, mark=replace(before.mark, name=name)) if before.mark else before
 
 
 def remove_partition(address: Address, before: Partition, reason: Reason, context: HostContext) -> Iterator[Step]:

@@ -44,7 +44,7 @@ def literal(value: Scalar) -> Literal:
         case int():
             return _number(value)
         case str():
-            return _quoted(value) if _is_plain(value) else _joined(value)
+            return _quoted(value) if value.isascii() and value.isprintable() else _joined(value)
 
 
 def _number(value: int) -> Literal:
@@ -53,11 +53,6 @@ def _number(value: int) -> Literal:
     if value > LARGEST:
         raise NoLiteral(value, f"PowerShell keeps whole numbers only up to {LARGEST}")
     return str(value)
-
-
-def _is_plain(text: str) -> bool:
-    """Whether every character is printable ASCII."""
-    return text.isascii() and text.isprintable()
 
 
 def _quoted(text: str) -> Literal:

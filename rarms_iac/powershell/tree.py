@@ -176,7 +176,7 @@ def disagreement(script: str, root: "Node") -> int:
     try:
         texts = [token for token in tokens(script) if token.kind in _TOKEN_TEXTS]
     except NotTokens as no:
-        return _line_at(script, no.offset)
+        return script.count("\n", 0, no.offset) + 1
     token_ranges = {(_byte_at(script, token.offset), _byte_at(script, token.end)) for token in texts}
     tree_ranges = {(node.start_byte, node.end_byte) for node in walk(root) if node.type in _TEXTS}
     if token_ranges == tree_ranges:
@@ -207,7 +207,3 @@ def _encoded(script: str) -> bytes:
 def _byte_at(script: str, offset: int) -> int:
     """The byte of the text's UTF-8 with which a character begins."""
     return offset if script.isascii() else len(_encoded(script[:offset]))
-
-
-def _line_at(script: str, offset: int) -> int:
-    return script.count("\n", 0, offset) + 1

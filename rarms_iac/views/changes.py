@@ -10,15 +10,7 @@ from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_period, show_processors
-from rarms_iac.model.state import (
-    NO_GENERATION,
-    HostFacts,
-    Partition,
-    PartitionSettings,
-    RegistryValue,
-    Responsiveness,
-    TaskClass,
-)
+from rarms_iac.model.state import NO_GENERATION, HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
 FORCES_RESTART = "forces restart"
@@ -99,7 +91,7 @@ def _values(resource: Resource, facts: HostFacts) -> _AttributeTexts:
         case Partition(settings=settings):
             return _settings(settings, facts)
         case TaskClass(values=values) | Responsiveness(values=values):
-            return {name: (_registry(value), "") for name, value in sorted(values.items())}
+            return {name: (f"{value.data} ({value.kind.value})", "") for name, value in sorted(values.items())}
         case _:
             assert_never(resource)
 
@@ -145,10 +137,6 @@ def _amount(settings: PartitionSettings, facts: HostFacts) -> str:
     processors = guaranteed(settings.reserve, settings.processors)
     of_host = show_percent(Fraction(processors) * 100 / facts.logical_processors)
     return f"{show_processors(processors)}, {of_host} of the host"
-
-
-def _registry(value: RegistryValue) -> str:
-    return f"{value.data} ({value.kind.value})"
 
 
 def _yes_or_no(value: bool) -> str:

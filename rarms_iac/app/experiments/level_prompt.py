@@ -128,7 +128,7 @@ def ask_levels(
                 if written is None:
                     continue
                 prompt.written(written)
-                if not _is_interpolated(written) or not prompt.refines(written):
+                if not any(level.interpolated for level in written.levels) or not prompt.refines(written):
                     break
                 result = measure(())
             except (RequestError, UseCaseError) as problem:
@@ -171,10 +171,6 @@ def _selected(hosts: Hosts, request: SelectRequest, prompt: LevelPrompt) -> Sele
     manifest = load_manifest(hosts.manifest.source)
     proposed = select_level(manifest, replace(request, dry_run=True))
     return select_level(manifest, request) if prompt.confirms(proposed) else None
-
-
-def _is_interpolated(outcome: Selection) -> bool:
-    return any(level.interpolated for level in outcome.levels)
 
 
 def _beside_new_thresholds(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
