@@ -49,6 +49,11 @@ COLLECTIONS = frozenset(
 REFERENCE = re.compile(r"See (`[^`]*`|the \w+)\.|The same\.|Its \w+\.")
 """A docstring that tells nothing."""
 
+PRONOUNS = re.compile(r"\b(?:no|some)body\b|\b(?:who|what|wher)ever\b", re.IGNORECASE)
+"""Words that leave open who or what it is."""
+TEMPLATES = Path("templates")
+WITH_WORDS = frozenset({".py", ".ps1", ".j2", ".html", ".js", ".sh", ".md", ".txt", ".json", ".yaml"})
+
 PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment", "title"})
 """Fields and variables that hold sentences for people."""
 RENDERING = ("show_", "describe_", "plain_text")
@@ -88,6 +93,9 @@ def breaches(package: Path) -> Iterator[str]:
         if not module.startswith(tuple(MAY_READ_PROSE)):
             yield from _readers_of_prose(path, tree)
         yield from _imports_of_the_laboratory(path, tree)
+    for path in sorted(path for room in (package, TEMPLATES) for path in room.rglob("*.*")):
+        if path.suffix in WITH_WORDS:
+            yield from _pronouns(path)
     for path in sorted(path for room in BESIDE_THE_PACKAGE for path in room.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         names = EMPTY_NAMES if any(path.is_relative_to(TESTS / room) for room in TESTED_ROOMS) else frozenset({"one"})
@@ -153,6 +161,12 @@ def _methods_without_docstring(path: Path, tree: ast.Module, in_protocols: froze
                 continue
             if _is_protocol(node) or method.name not in in_protocols:
                 yield f"{path.as_posix()}:{method.lineno}: {method.name}: it has no docstring, nor has a protocol"
+
+
+def _pronouns(path: Path) -> Iterator[str]:
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        for word in PRONOUNS.findall(line):
+            yield f"{path.as_posix()}:{number}: `{word}`: say who or what it is"
 
 
 def _references_for_docstrings(path: Path, tree: ast.Module) -> Iterator[str]:

@@ -47,6 +47,16 @@ def test_the_package_reads_no_sentence() -> None:
     assert [breach for breach in breaches(PACKAGE) if READS in breach] == []
 
 
+def test_a_pronoun_is_asked_who_or_what_it_is(tmp_path: Path) -> None:
+    (tmp_path / "host.py").write_text("# as no run did\n# Nobody looked, wherever it lies\n", encoding="utf-8")
+
+    found = [breach for breach in breaches(tmp_path) if "host.py" in breach]
+    assert [breach.partition("host.py:")[2] for breach in found] == [
+        "2: `Nobody`: say who or what it is",
+        "2: `wherever`: say who or what it is",
+    ]
+
+
 PROTOCOL = """
 class Sampler(Protocol):
     def sample(self) -> int:
