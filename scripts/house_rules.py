@@ -35,7 +35,7 @@ TESTS = Path("tests/unit")
 TESTED_ROOMS = ("diff", "model", "planner", "running", "statistics", "storage")
 """Whose tests name things as the package does; the rest of what is no package binds no `one`."""
 LABORATORY = Path("laboratory")
-BESIDE_THE_PACKAGE = (Path("tests"), LABORATORY, Path("scripts"))
+ELSEWHERE = (Path("tests"), LABORATORY, Path("scripts"))
 
 WITH_CONTRACTS = ("app/", "diff/", "measuring/", "planner/", "providers/interface.py", "statistics/", "storage/")
 """Where public functions say what their types do not: what a plain number or text means, and what is raised."""
@@ -76,7 +76,7 @@ MAY_READ_PROSE = {
 """Where such a name holds what another program printed."""
 
 
-def breaches(package: Path) -> Iterator[str]:
+def breaches_in(package: Path) -> Iterator[str]:
     """Everything below the package that breaks a rule."""
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(package.rglob("*.py"))}
     yield from _classes_of_two_meanings(trees)
@@ -93,10 +93,13 @@ def breaches(package: Path) -> Iterator[str]:
         if not module.startswith(tuple(MAY_READ_PROSE)):
             yield from _readers_of_prose(path, tree)
         yield from _imports_of_the_laboratory(path, tree)
-    for path in sorted(path for room in (package, TEMPLATES) for path in room.rglob("*.*")):
-        if path.suffix in WITH_WORDS:
-            yield from _pronouns(path)
-    for path in sorted(path for room in BESIDE_THE_PACKAGE for path in room.rglob("*.py")):
+    yield from _pronouns_below(package)
+
+
+def breaches_elsewhere() -> Iterator[str]:
+    """Everything beside the package that breaks a rule."""
+    yield from _pronouns_below(TEMPLATES)
+    for path in sorted(path for room in ELSEWHERE for path in room.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         names = EMPTY_NAMES if any(path.is_relative_to(TESTS / room) for room in TESTED_ROOMS) else frozenset({"one"})
         yield from _names_that_say_nothing(path, tree, names)
@@ -163,10 +166,11 @@ def _methods_without_docstring(path: Path, tree: ast.Module, in_protocols: froze
                 yield f"{path.as_posix()}:{method.lineno}: {method.name}: it has no docstring, nor has a protocol"
 
 
-def _pronouns(path: Path) -> Iterator[str]:
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        for word in PRONOUNS.findall(line):
-            yield f"{path.as_posix()}:{number}: `{word}`: say who or what it is"
+def _pronouns_below(folder: Path) -> Iterator[str]:
+    for path in sorted(path for path in folder.rglob("*.*") if path.suffix in WITH_WORDS):
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            for word in PRONOUNS.findall(line):
+                yield f"{path.as_posix()}:{number}: `{word}`: say who or what it is"
 
 
 def _references_for_docstrings(path: Path, tree: ast.Module) -> Iterator[str]:
@@ -302,7 +306,7 @@ def _imports_of_the_laboratory(path: Path, tree: ast.Module) -> Iterator[str]:
 
 def main() -> int:
     """Print what breaks a rule; 1 where something does."""
-    found = list(breaches(PACKAGE))
+    found = [*breaches_in(PACKAGE), *breaches_elsewhere()]
     for breach in found:
         print(breach)
     return 1 if found else 0

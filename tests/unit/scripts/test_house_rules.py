@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.house_rules import PACKAGE, breaches
+from scripts.house_rules import PACKAGE, breaches_in
 
 READS = "this reads a sentence: what code needs is a field"
 
@@ -25,7 +25,7 @@ def test_code_that_reads_a_sentence_is_found(tmp_path: Path, planted: str) -> No
     (tmp_path / "views").mkdir()
     (tmp_path / "views" / "plan.py").write_text(f"value = {planted}\n", encoding="utf-8")
 
-    assert [breach.partition(": ")[2] for breach in breaches(tmp_path) if "views/plan.py" in breach] == [READS]
+    assert [breach.partition(": ")[2] for breach in breaches_in(tmp_path) if "views/plan.py" in breach] == [READS]
 
 
 @pytest.mark.parametrize(
@@ -40,17 +40,17 @@ def test_code_that_reads_a_sentence_is_found(tmp_path: Path, planted: str) -> No
 def test_what_others_print_and_text_that_is_made_is_no_breach(tmp_path: Path, planted: str) -> None:
     (tmp_path / "plan.py").write_text(f"value = {planted}\n", encoding="utf-8")
 
-    assert [breach for breach in breaches(tmp_path) if "plan.py" in breach] == []
+    assert [breach for breach in breaches_in(tmp_path) if "plan.py" in breach] == []
 
 
 def test_the_package_reads_no_sentence() -> None:
-    assert [breach for breach in breaches(PACKAGE) if READS in breach] == []
+    assert [breach for breach in breaches_in(PACKAGE) if READS in breach] == []
 
 
 def test_a_pronoun_is_asked_who_or_what_it_is(tmp_path: Path) -> None:
     (tmp_path / "host.py").write_text("# as no run did\n# Nobody looked, wherever it lies\n", encoding="utf-8")
 
-    found = [breach for breach in breaches(tmp_path) if "host.py" in breach]
+    found = [breach for breach in breaches_in(tmp_path) if "host.py" in breach]
     assert [breach.partition("host.py:")[2] for breach in found] == [
         "2: `Nobody`: say who or what it is",
         "2: `wherever`: say who or what it is",
@@ -71,11 +71,11 @@ class Simulated:
 def test_what_a_protocol_promises_is_said_once(tmp_path: Path) -> None:
     sampler = tmp_path / "sampler.py"
     sampler.write_text(PROTOCOL.format(docstring=""), encoding="utf-8")
-    assert [breach for breach in breaches(tmp_path) if "sampler.py" in breach] == []
+    assert [breach for breach in breaches_in(tmp_path) if "sampler.py" in breach] == []
 
     sampler.write_text(PROTOCOL.format(docstring='"""See `Sampler.sample`."""; '), encoding="utf-8")
     (tmp_path / "lone.py").write_text("class Lone:\n    def halve(self) -> None: ...\n", encoding="utf-8")
-    found = [breach.partition(": ")[2] for breach in breaches(tmp_path) if tmp_path.as_posix() in breach]
+    found = [breach.partition(": ")[2] for breach in breaches_in(tmp_path) if tmp_path.as_posix() in breach]
     assert found == [
         "halve: it has no docstring, nor has a protocol",
         "sample: its docstring only refers to another: delete it",
@@ -97,5 +97,5 @@ def test_a_number_has_a_contract_and_a_type_of_the_package_says_its_own(
     (tmp_path / "app").mkdir()
     (tmp_path / "app" / "host.py").write_text(f'{function}\n    """What it is."""\n', encoding="utf-8")
 
-    found = [breach.rpartition(": ")[2] for breach in breaches(tmp_path) if "app/host.py" in breach]
+    found = [breach.rpartition(": ")[2] for breach in breaches_in(tmp_path) if "app/host.py" in breach]
     assert found == missing
