@@ -1,4 +1,4 @@
-"""Commands of rarms that a message recommends, as data, and text with commands in it; views write both out."""
+"""Commands of rarms that messages recommend, and text that holds such commands, both as data; views write them out."""
 
 import shlex
 from collections.abc import Iterator, Mapping
@@ -7,7 +7,8 @@ from typing import TypeAlias
 
 from rarms_iac.model.output import OutputText, output
 
-_WITHOUT_MANIFEST = frozenset({"init", "completion", "schema", "explain", "show", "fmt"})
+_WITHOUT_MANIFEST = frozenset({"init", "completion", "schema", "explain", "fmt"})
+"""Verbs without `-f`, and those that are recommended with the file or the code that they are about."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -34,29 +35,30 @@ class RecommendedCommand:
         return shlex.join(["rarms", self.verb, *self.arguments, *options])
 
     def also(self, **options: str | int | bool) -> "RecommendedCommand":
-        """The same with these options more, as `command` takes them."""
-        return replace(self, options=(*self.options, *_given(options)))
+        """Return the command with more options behind its own, as `command` takes them."""
+        return replace(self, options=(*self.options, *_options_of(options)))
 
     @property
     def takes_manifest(self) -> bool:
-        """Whether `-f` says which manifest it is about, and it names none."""
-        names_one = any(option.name in {"-f", "--boot"} for option in self.options)
-        reads_plan = self.verb == "apply" and bool(self.arguments)
-        return not names_one and not reads_plan and self.verb not in _WITHOUT_MANIFEST
+        """Whether the command reads a manifest, and its options do not say which: a view then adds `-f`."""
+        has_source = any(option.name in {"-f", "--boot"} for option in self.options)
+        reads_plan = self.verb in {"apply", "show"} and bool(self.arguments)
+        return not has_source and not reads_plan and self.verb not in _WITHOUT_MANIFEST
 
 
 def command(verb: str, *arguments: str, **options: str | int | bool) -> RecommendedCommand:
     """Make a command: `command("measure", "vision", again=True, samples=200)`.
 
     Args:
-        verb: its name; of a subcommand both words are the name and the first argument.
-        arguments: what stands behind it.
-        options: by their names with `_` for `-`, and one more behind a word of Python (`from_`); False: not given.
+        verb: the command's name, such as `measure`.
+        arguments: the words behind it.
+        options: values by name, with `_` for `-`, and `_` at the end of a keyword of Python (`from_`). True: an option
+            without a value; False: the option is left out.
     """
-    return RecommendedCommand(verb, arguments, tuple(_given(options)))
+    return RecommendedCommand(verb, arguments, tuple(_options_of(options)))
 
 
-def _given(options: Mapping[str, str | int | bool]) -> Iterator[CommandOption]:
+def _options_of(options: Mapping[str, str | int | bool]) -> Iterator[CommandOption]:
     for key, value in options.items():
         name = key.strip("_").replace("_", "-")
         if value is not False:
@@ -65,7 +67,7 @@ def _given(options: Mapping[str, str | int | bool]) -> Iterator[CommandOption]:
 
 @dataclass(frozen=True, slots=True)
 class Prose(OutputText):
-    """Whole sentences in pieces, with the commands that they recommend between; a view puts them together."""
+    """Sentences as alternating pieces of text and recommended commands; a view puts them together."""
 
     pieces: tuple[str | RecommendedCommand, ...]
 
@@ -74,12 +76,12 @@ class Prose(OutputText):
         return plain_text(self)
 
     def __bool__(self) -> bool:
-        """Whether it says anything."""
+        """Whether there is any text or command."""
         return bool(self.pieces)
 
     @property
     def commands(self) -> tuple[RecommendedCommand, ...]:
-        """The commands that it recommends, in their order."""
+        """The recommended commands, in their order."""
         return tuple(piece for piece in self.pieces if isinstance(piece, RecommendedCommand))
 
 
@@ -88,13 +90,13 @@ Wording: TypeAlias = str | Prose
 
 
 def prose(*parts: Wording | RecommendedCommand) -> Prose:
-    """Put text and commands behind each other.
+    """Join texts and commands.
 
     Args:
-        parts: as they follow each other; nothing is put between them.
+        parts: in their order; no blank is put between them.
 
     Returns:
-        The text in as few pieces as it has.
+        The text; neighbouring strings are one piece, and empty ones are left out.
     """
     pieces: list[str | RecommendedCommand] = []
     for part in parts:
@@ -107,17 +109,17 @@ def prose(*parts: Wording | RecommendedCommand) -> Prose:
 
 
 def sentences(*parts: Wording) -> Prose:
-    """The parts that say something, with a blank between them."""
-    said = [part for part in parts if part]
-    return prose(*(piece for number, part in enumerate(said) for piece in (" " if number else "", part)))
+    """Join the parts that are not empty, with a blank between them."""
+    filled = [part for part in parts if part]
+    return prose(*(piece for number, part in enumerate(filled) for piece in (" " if number else "", part)))
 
 
 def plain_text(text: Wording, manifest: str = "") -> str:
-    """The text with its commands written out between backticks.
+    """Write a text out, with its commands between backticks.
 
     Args:
         text: with or without commands.
-        manifest: what a command that takes a manifest ends with, such as ` -f cell`.
+        manifest: put behind each command that takes a manifest, such as ` -f cell`.
     """
     if isinstance(text, str):
         return text

@@ -5,6 +5,7 @@ import unicodedata
 
 from rarms_iac.model.commands import INIT, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.storage.reading import STANDARD_INPUT
 
 NOT_UTF8 = Finding.error("RARMS004", "The file is not UTF-8 text")
 UNSEEN = Finding.error("RARMS005", "An invisible character")
@@ -41,6 +42,10 @@ class UnreadableText(Exception):
 def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
     """Check the characters of a text.
 
+    Args:
+        data: the text as it was read.
+        file: the name that messages use (`ParsedText`, `<stdin>` for standard input).
+
     Returns:
         The text without its byte order mark, and a note where it had one.
 
@@ -60,10 +65,11 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
         )
     _check_utf8(data, file)
     _check_hidden(data, file)
+    formatter = command("fmt", STANDARD_INPUT if file == "<stdin>" else file)
     note = BYTE_ORDER_MARK.at(
         start,
         "The three bytes EF BB BF at the start mean nothing in UTF-8. rarms reads the file without them.",
-        prose("Save it as UTF-8 without a byte order mark, or let ", command("fmt"), " do it."),
+        prose("Save it as UTF-8 without a byte order mark, or let ", formatter, " do it."),
     )
     return data, (note,) if marked else ()
 

@@ -305,8 +305,8 @@ SITUATIONS = {
     "the manifest begins with a byte order mark": Situation(
         steps=(write("\ufeff" + MANIFEST),),
         words=("validate",),
-        messages=("or let `rarms fmt` do it",),
-        recommends=("rarms fmt",),
+        messages=("or let `rarms fmt rarms.yaml` do it",),
+        recommends=("rarms fmt rarms.yaml",),
     ),
     "an error is accepted that cannot be": Situation(
         steps=(
