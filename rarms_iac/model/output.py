@@ -1,4 +1,4 @@
-"""What of a result is its output: the JSON that `--json` prints, and its schema.
+"""Which parts of a result are its output: the JSON that `--json` prints, and its schema.
 
 A field is part of it unless its type is `Internal`; a computed value is part of it if its property is marked with
 `output`. `storage.codec.encode_output` writes it, `schemas/output.json` is made of the same types.
@@ -13,26 +13,26 @@ T = TypeVar("T")
 
 INTERNAL = "not of the output"
 Internal = Annotated[T, INTERNAL]
-"""The type of a field that programs do not get."""
+"""The type of a field that is left out of the output: `Internal[int]`."""
 
 OpenBound = Annotated[float, "null where it is infinite"]
 """A side of a band; where the samples do not bound it, it is infinite, and null in the output."""
 
 
 class OutputText:
-    """Base of a value that is a text in the output: its `str`."""
+    """Base of a class whose values are written as a string in the output: `str(value)`."""
 
     __slots__ = ()
 
 
 def output(compute: Callable[[Any], T]) -> Callable[[Any], T]:
-    """Mark the function below `@property`: what it computes is part of the output.
+    """Make a computed value part of the output; stands between `@property` and the function.
 
     Args:
-        compute: a property's function.
+        compute: the function of a property, with its return type.
 
     Returns:
-        The same function.
+        The same function, marked.
     """
     compute.is_output = True  # type: ignore[attr-defined]  # functions have attributes
     return compute
@@ -40,7 +40,7 @@ def output(compute: Callable[[Any], T]) -> Callable[[Any], T]:
 
 @cache
 def output_hints(record: type) -> Mapping[str, Any]:
-    """The parts of a dataclass' output in order: its fields, then its marked properties.
+    """Return which parts of a dataclass are its output, in order: its fields, then its marked properties.
 
     Args:
         record: a dataclass.

@@ -1,4 +1,7 @@
-"""Totals of a host: what it has promised, and what is left; every sum that a person reads is made here."""
+"""Totals of hosts: what is reserved there and what is free. Every such sum that a person reads is made here.
+
+Begin at `host_totals`, for one host, and `sum_of`, for several.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,13 +16,13 @@ from rarms_iac.model.state import HostFacts
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Totals:
-    """The sums that a host has promised: to this application's partitions, and to all others."""
+    """The sums of what a host has promised: to this application's partitions, and to unmanaged machines."""
 
     percent: Internal[int]  # of one logical processor: 140 is 1.4 LP
     memory: int  # bytes
     others_percent: Internal[int] = 0
     others_memory: int = 0
-    idle_percent: Internal[int] = 0  # of `percent`: to partitions that do not run then
+    idle_percent: Internal[int] = 0  # of `percent`: to partitions that do not run
     idle_memory: int = 0  # of `memory`
 
     @property
@@ -31,13 +34,13 @@ class Totals:
     @property
     @output
     def others_lp(self) -> Fraction:
-        """LPs that are promised to all others."""
+        """LPs that are promised to unmanaged machines."""
         return Fraction(self.others_percent, WHOLE)
 
     @property
     @output
     def idle_lp(self) -> Fraction:
-        """LPs of what is promised to this application's partitions that do not run then."""
+        """LPs that are promised to those of this application's partitions that do not run; a part of `reserved_lp`."""
         return Fraction(self.idle_percent, WHOLE)
 
 
@@ -46,8 +49,8 @@ def totals_of(own: Iterable[Claim], others: Iterable[Claim] = (), idle: Iterable
 
     Args:
         own: the claims of the application's partitions that run, one each.
-        others: those of machines that it does not manage.
-        idle: those of its partitions that do not run and keep what they reserve.
+        others: the claims of unmanaged machines.
+        idle: the claims of its partitions that do not run and keep what they reserve; in `own` they count nothing.
 
     Returns:
         The sums; `percent` and `memory` are of all of the application's partitions.
@@ -65,11 +68,11 @@ def totals_of(own: Iterable[Claim], others: Iterable[Claim] = (), idle: Iterable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostTotals:
-    """What hosts have and have promised, in LPs and bytes; less than nothing is free where it does not fit."""
+    """What hosts have and have promised, in LPs and bytes. What is free is negative where too much is promised."""
 
-    host_lp: int  # all that they have
-    memory: int
-    kept_lp: Fraction  # for the hosts themselves
+    host_lp: int  # all logical processors
+    memory: int  # all memory, in bytes
+    kept_lp: Fraction  # of `host_lp`: for the hosts themselves
     kept_memory: int
     promised: Totals
 
@@ -80,7 +83,7 @@ class HostTotals:
 
     @property
     def unmanaged_lp(self) -> Fraction:
-        """LPs that machines of others reserve."""
+        """LPs that unmanaged machines reserve."""
         return self.promised.others_lp
 
     @property
@@ -106,7 +109,7 @@ def host_totals(host: Host, facts: HostFacts | None, promised: Totals) -> HostTo
 
     Args:
         host: of the manifest.
-        facts: what was observed of it; None: not looked at.
+        facts: what was observed of the host; None: it was not observed, and the manifest alone counts.
         promised: as `totals_of` adds it up.
 
     Returns:
@@ -124,7 +127,7 @@ def host_totals(host: Host, facts: HostFacts | None, promised: Totals) -> HostTo
 
 
 def sum_of(totals: Iterable[HostTotals]) -> HostTotals:
-    """Add up the totals of several hosts; free LPs of one may be too few for a partition all the same."""
+    """Add up the totals of several hosts. What is free on all of them together need not fit a partition anywhere."""
     hosts = tuple(totals)
     promised = [host.promised for host in hosts]
     return HostTotals(

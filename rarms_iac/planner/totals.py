@@ -1,4 +1,4 @@
-"""What hosts promise by the manifest and what was measured, for commands that show sums without making a plan."""
+"""The totals of hosts by the manifest and the data logs, for commands that show sums without making a plan."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from rarms_iac.planner.reservations import ReservationSource
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedTotals:
-    """Each partition on one host, and what the hosts have and promise, by name."""
+    """Where each partition is counted, and the totals of each host by its name."""
 
     placed: tuple[PlacedPartition, ...]
     hosts: Mapping[str, HostTotals]
@@ -29,7 +29,7 @@ def planned_totals(system: System, reservations: ReservationSource, views: Mappi
     Returns:
         The totals of every host of the manifest.
     """
-    placed = _place_once(problem_of(system, reservations, views, may_move=False))
+    placed = _placement_of(problem_of(system, reservations, views, may_move=False))
     return PlannedTotals(placed=placed, hosts=totals_by_host(system, placed, views))
 
 
@@ -47,16 +47,16 @@ def totals_by_host(
         By host, in the order of the names.
     """
     partitions = tuple(placed)
-    found: dict[str, HostTotals] = {}
+    totals: dict[str, HostTotals] = {}
     for name, host in sorted(system.hosts.items()):
         view = views.get(name, HostView())
         own = (partition.claim for partition in partitions if partition.host == name)
-        found[name] = host_totals(host, view.facts, totals_of(own, view.claims))
-    return found
+        totals[name] = host_totals(host, view.facts, totals_of(own, view.claims))
+    return totals
 
 
-def _place_once(problem: Problem) -> tuple[PlacedPartition, ...]:
-    """The layout; without one, what has a size counts where it is, or on the first host that it may run on."""
+def _placement_of(problem: Problem) -> tuple[PlacedPartition, ...]:
+    """Return the layout; without one, each partition of known size where it is, or on the first host it may use."""
     answer = solve(problem)
     if isinstance(answer, Layout):
         return answer.partitions

@@ -1,4 +1,8 @@
-"""The next threshold question: does this compound meet its APTs at this reservation? A pure function of the answers."""
+"""The default strategy of combining: which setting to measure next, or the best layout.
+
+Each question is whether a compound meets its APTs at a CR; the next one is a pure function of the answers
+(`next_decision`). `search` asks until there is a result.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,12 +22,14 @@ from rarms_iac.planner.combining.paper import Inquiry, Sharing, ordered
 from rarms_iac.planner.prediction.members import Predict, unpredicted
 
 BELOW = 2
-"""Points below a prediction that is asked about: it is rounded up, and that a need is higher rules out the most."""
+"""Points below a prediction at which the first question is asked: the prediction is rounded up, and a miss there rules
+out the most.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ask:
-    """Not ended: this question could change the answer."""
+    """The next setting to measure: its answer could change the result."""
 
     members: Members
     reserve: int
@@ -41,7 +47,7 @@ class Best:
 
     @property
     def proved(self) -> bool:
-        """No other layout is better, under the assumption `ASSUMED`."""
+        """Whether no other layout is better, under the assumption `ASSUMED` (candidates.py)."""
         return self.complete and not self.contradictions
 
 
@@ -54,7 +60,7 @@ class NothingFits:
 
     @property
     def proved(self) -> bool:
-        """Whether no layout fits, under the assumption of `Best.proved`, with every layout considered."""
+        """Whether no layout fits, under the assumption `ASSUMED`, with every layout considered."""
         return self.complete and not self.contradictions
 
 
@@ -119,18 +125,19 @@ def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
     unknown = [candidate for mask in best.blocks if not (candidate := known.by_mask[mask]).is_known]
     if not unknown:
         return _best(tuning, known, best)
-    held = best_layout(known.measured, tuning.objective)
-    if held is not None and held.value == best.value:
-        return _best(tuning, known.measured, held)
-    return _question(
+    best_measured = best_layout(known.measured, tuning.objective)
+    if best_measured is not None and best_measured.value == best.value:
+        return _best(tuning, known.measured, best_measured)
+    return _next_question(
         max(unknown, key=lambda each: (each.coi.processors * (each.highest_open - each.low), each.coi.members)),
         tuning.predict,
     )
 
 
-def _question(candidate: Candidate, predict: Predict) -> Ask:
-    """Half-way between the bounds; until something was enough, just below the prediction where that is higher."""
-    reserve, predicted = (candidate.low + candidate.highest_open) // 2, expected(candidate, predict)
+def _next_question(candidate: Candidate, predict: Predict) -> Ask:
+    """Ask half-way between the bounds; until a CR was enough, just below the prediction where that is higher."""
+    reserve = (candidate.low + candidate.highest_open) // 2
+    predicted = expected(candidate, predict)
     if predicted is not None and candidate.passed is None:
         reserve = max(reserve, min(predicted - BELOW, candidate.highest_open))
     return Ask(members=candidate.coi.members, reserve=reserve, predicted=predicted)
@@ -140,8 +147,8 @@ def expected(candidate: Candidate, predict: Predict) -> int | None:
     """Return the CR that a compound will probably need.
 
     Args:
-        candidate: with what the answers so far say.
-        predict: what predicts it.
+        candidate: the compound, with the bounds that the answers so far give.
+        predict: the prediction by the members' own curves.
 
     Returns:
         Whole per cent of each of its processors, within what was measured; None: nothing predicts it.
@@ -157,12 +164,12 @@ def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice) -> Best:
         cois=ordered(cois_of(candidates, best.blocks)),
         total=best.total,
         contradictions=candidates.contradictions,
-        complete=tuning.complete or _is_first(tuning, best),
+        complete=tuning.complete or _needs_no_other_coi(tuning, best),
     )
 
 
-def _is_first(tuning: Tuning, best: LayoutChoice) -> bool:
-    """Whether the layout combines only the `EXACT_UP_TO` least critical CoIs, under `minimise: combining`.
+def _needs_no_other_coi(tuning: Tuning, best: LayoutChoice) -> bool:
+    """Tell whether the layout combines only the `EXACT_UP_TO` least critical CoIs, under `minimise: combining`.
 
     Any layout that touches more critical CoIs is then worse, so leaving those out loses nothing.
     """
