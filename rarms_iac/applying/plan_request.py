@@ -1,4 +1,4 @@
-"""The request of a plan: of which manifest, for what, and how far it may go."""
+"""What `prepare` is asked for: a manifest, a purpose, and the limits of the plan."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,9 +26,9 @@ class PlanRequest:
     targets: tuple[str, ...] = ()  # addresses; empty: everything
     partitions: tuple[str, ...] = ()  # to import or release (one), to stop or start; empty: all that it applies to
     machine: str = ""  # id of the machine to import
-    stopped_by: StoppedBy = StoppedBy.USER  # who stops; a measurement starts only what a measurement stopped
+    stopped_by: StoppedBy = StoppedBy.USER  # what a stop is marked with; a measurement starts only its own
     remove_disks: bool = False  # of a destroy: also the disks that rarms made
-    state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
+    state_paths: Mapping[str, str] = field(default_factory=dict)  # by host: the file of a simulated one
     after_last_run: Mapping[str, frozenset[str] | None] = field(
         default_factory=dict
     )  # by host, its partitions when its last run ended, where that is known
@@ -42,7 +42,7 @@ class PlanRequest:
 
     @property
     def limit(self) -> Disruption:
-        """The largest disruption that a change may cause. Who destroys means removal, and who stops a stop."""
+        """The largest disruption that a change may cause: for destroy, stop and start the one that they consist of."""
         if self.purpose is Purpose.DESTROY:
             return Disruption.REMOVAL
         if self.purpose in {Purpose.STOP, Purpose.START}:
@@ -51,6 +51,6 @@ class PlanRequest:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all of the manifest is planned, on every host."""
+        """Whether the whole manifest is applied, on every host and without targets."""
         narrowed = self.targets or (self.hosts and set(self.hosts) != set(self.system.hosts))
         return self.purpose is Purpose.APPLY and not narrowed

@@ -32,8 +32,8 @@ from rarms_iac.planner.desired import Desired
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified
 
-_PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
-"""What a whole plan can find."""
+_WHOLE_PLAN_CODES = frozenset(known_codes()) - DOCTOR_ONLY_CODES
+"""Codes of the findings that a plan of the whole manifest can have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,15 +46,22 @@ class PlanningResult:
 
 
 def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResult:
-    """The plan that makes the observed hosts what the manifest wants, or why there is none.
+    """Make the plan that turns the observed hosts into what the manifest wants.
 
-    Same input, same plan, to the byte.
+    Args:
+        request: the manifest, the purpose and the limits.
+        observed: the State of each host that was looked at, by name.
+
+    Returns:
+        The plan, or None and the errors that forbid one. The same input gives the same plan, to the byte.
     """
     hosts, found = desired_hosts(request, observed)
     findings = [*request.findings, *found]
     addresses: list[str] = []
     parts: list[HostPlan] = []
-    for desired in (hosts[name] for name in hosts if name in (request.hosts or observed)):
+    for name, desired in hosts.items():
+        if name not in (request.hosts or observed):
+            continue
         rules, context = rules_of(request, desired), context_of(request, desired)
         difference = _difference(request, desired, context, rules)
         budget = budget_of(request, desired, context)
@@ -68,7 +75,7 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
         reviewed = (*review_plan(request, desired, part), *guest_scripts_by_hand(part, rules.locate))
         findings += [*difference.findings, *stuck, *reviewed]
     findings += unknown_targets(addresses, request.targets)
-    remaining, accepted = _judge(request, findings)
+    remaining, accepted = _split_accepted(request, findings)
     if has_errors(remaining):
         return PlanningResult(plan=None, findings=remaining, accepted=accepted)
     layout = next((desired.layout for desired in hosts.values()), None)
@@ -90,16 +97,16 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
     return PlanningResult(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
 
 
-def _judge(
+def _split_accepted(
     request: PlanRequest, findings: Sequence[Diagnostic]
 ) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
-    """Take out what the manifest's policy accepts.
+    """Return the findings that remain, and those that the manifest's policy accepts.
 
-    An acceptance that silences nothing is a finding only where everything was looked at.
+    An acceptance without a finding is itself a finding, but only where the whole manifest is planned.
     """
-    codes = _PLANNED_FOR if request.is_whole else CODES
-    different = in_order(tuple(dict.fromkeys(findings)))
-    return apply_acceptances(different, request.system.policy, request.places, request.today, codes=codes)
+    codes = _WHOLE_PLAN_CODES if request.is_whole else CODES
+    distinct = in_order(tuple(dict.fromkeys(findings)))
+    return apply_acceptances(distinct, request.system.policy, request.places, request.today, codes=codes)
 
 
 def _host_plan(
@@ -119,7 +126,7 @@ def _host_plan(
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_after(observed, _wanted_of(request, desired), application, held.allowed, steps),
+        totals=totals_after(observed, _final_state(request, desired), application, held.allowed, steps),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.placed},
         mechanisms=mechanisms or None,
@@ -140,8 +147,8 @@ def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -
     )
 
 
-def _wanted_of(request: PlanRequest, desired: Desired) -> State:
-    """The State that the host is to have in the end; who stops or starts partitions wants all of them to stay."""
+def _final_state(request: PlanRequest, desired: Desired) -> State:
+    """Return the State that the host is to have in the end; a stop or a start keeps the partitions that are there."""
     keeps = request.purpose in {Purpose.STOP, Purpose.START}
     return desired.observed.of(request.application) if keeps else desired.state
 
@@ -165,12 +172,12 @@ def _difference(request: PlanRequest, desired: Desired, context: HostContext, ru
         case Purpose.RELEASE:
             return _single_change(releasing(observed, request, locate))
         case Purpose.STOP:
-            return _some_changes(*stop_changes(observed, request, locate))
+            return _difference_of(*stop_changes(observed, request, locate))
         case Purpose.START:
-            return _some_changes(*start_changes(observed, request, locate))
+            return _difference_of(*start_changes(observed, request, locate))
 
 
-def _some_changes(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...]) -> Difference:
+def _difference_of(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...]) -> Difference:
     return Difference(changes=changes, unchanged=0, unused=(), findings=findings)
 
 

@@ -11,17 +11,17 @@ NO_SUCH_TARGET = Finding.error("RARMS194", "Nothing changes at this target")
 
 
 def is_below(address: str, targets: Sequence[str]) -> bool:
-    """Whether the address is one of the targets, or lies below one; without targets everything is meant."""
+    """Whether the address is one of the targets or lies below one; True without targets."""
     return not targets or any(address == target or address.startswith(f"{target}/") for target in targets)
 
 
 def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change, ...]:
-    """The changes that are meant."""
+    """Return the changes at and below the targets; all of them without targets."""
     return tuple(change for change in changes if is_below(str(change.address), targets))
 
 
 def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
-    """A finding for each target at which no host changes anything: most often a slip of the pen."""
+    """Return a finding for each target at and below which there is no change: most often a slip of the pen."""
     return tuple(
         NO_SUCH_TARGET.at(
             None,
@@ -40,7 +40,7 @@ def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[D
 
 
 def _suggestion(target: str, addresses: Sequence[str]) -> str:
-    """As `suggestion`; a name alone is looked for among partitions and task classes, too."""
+    """Suggest a similar address; a name alone is looked for among partitions and task classes, too."""
     words = [target, f"partition/{target}", f"task/{target}"]
     for word in words:
         if word in addresses:

@@ -13,21 +13,31 @@ from rarms_iac.model.totals import Totals, totals_of
 def totals_after(
     observed: State, desired: State, application: str, changes: Sequence[Change], steps: Sequence[Step]
 ) -> Totals:
-    """The promises to this application's partitions after these steps, and those to all others then.
+    """Add up what a host has promised once the steps are done.
 
-    A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted, or that
-    `rarms stop` stopped, and does not run is promised what the layout or its settings give it, as the planner counts.
+    A machine that is imported or released changes sides and keeps what it has. A partition that does not run, and that
+    is desired or was stopped by `rarms stop`, counts as idle: with what the layout or its settings reserve for it.
+
+    Args:
+        observed: the host before the steps.
+        desired: the host's final State.
+        application: whose partitions are `own`; all other machines are `others`.
+        changes: the changes that the steps make.
+        steps: in their order.
+
+    Returns:
+        The sums, as the planner counts them.
     """
     claims = {
         partition.mark.name: claim_of(partition) for partition in observed.of(application).partitions if partition.mark
     }
-    renamed: dict[str, str] = {
+    names_by_id: dict[str, str] = {
         partition.id: partition.mark.name for partition in observed.of(application).partitions if partition.mark
     }
     for step in steps:
         address = step.address
         if address.partition and not address.task:
-            claims.pop(renamed.get(address.machine, ""), None)
+            claims.pop(names_by_id.get(address.machine, ""), None)
             claims[address.partition] = step.claim_after
     others = list(foreign_claims(observed, application))
     for change in changes:
@@ -45,6 +55,6 @@ def totals_after(
         for partition in observed.of(application).partitions
         if partition.mark and partition.mark.stopped_by is not StoppedBy.NO_USER and partition.mark.name not in removed
     }
-    layout = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
-    idle = [layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout]
+    reserved = stopped | {partition.settings.name: partition.claim for partition in desired.partitions}
+    idle = [reserved[name] for name, claim in claims.items() if claim == NO_CLAIM and name in reserved]
     return totals_of(claims.values(), others, idle)

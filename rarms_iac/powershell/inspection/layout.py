@@ -46,12 +46,12 @@ class FixedPiece:
 
     @property
     def is_shipped(self) -> bool:
-        """Whether it is the one that rarms ships, to the byte."""
+        """Whether the text is the one that rarms ships, to the byte."""
         return part_digest(self.text) == part_digest(self.shipped)
 
     @property
     def shipped(self) -> str:
-        """The one that rarms ships."""
+        """The text that rarms ships under this name."""
         return part_text(self.name) if self.name else runtime()
 
 
@@ -66,7 +66,7 @@ class ScriptParts:
 
     @property
     def is_shipped(self) -> bool:
-        """Whether all that should be fixed is."""
+        """Whether there is a runtime, and every fixed part is the one that rarms ships, to the byte."""
         return bool(self.fixed) and all(piece.is_shipped for piece in self.fixed)
 
 
@@ -120,7 +120,7 @@ def _next_part(lines: list[str], at: int) -> FixedPiece | None:
 
 
 def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnostic]:
-    """The head holds comments only and asks for what the runtime needs; what is fixed is what rarms ships.
+    """Find where head, fixed parts and end of a script are not as rarms writes them.
 
     Args:
         name: the script's, for the findings.
@@ -128,7 +128,7 @@ def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnost
         entry: the function that its last line calls.
 
     Yields:
-        What is otherwise.
+        A finding for each fixed part that was changed, then one for each other difference.
     """
     top = Place(file=name, line=1, column=1)
     if not parts.fixed:
@@ -141,7 +141,7 @@ def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnost
             place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
     problems = [*head_problems(parts.head), *_carried_problems(parts), *comment_problems(parts.plan + parts.end)]
-    opening, between, closing = _frame(entry)
+    opening, between, closing = _template_edges(entry)
     if not parts.plan.startswith(opening):
         problems.append("before the plan stands something else than its parameters and settings")
     if parts.fixed and not (parts.plan.endswith(between) and parts.end == closing):
@@ -155,7 +155,7 @@ def _carried_problems(parts: ScriptParts) -> Iterator[str]:
     try:
         needed = parts_for(parts.plan + parts.end)
     except NotTokens:
-        return  # that is told of the steps
+        return  # `sound` reports it
     carried = tuple(piece.name for piece in parts.fixed if piece.name)
     if parts.fixed and carried != needed:
         yield f"it carries the parts {', '.join(carried) or 'none'}; its plan needs {', '.join(needed) or 'none'}"
@@ -166,7 +166,7 @@ def comment_problems(text: str) -> tuple[str, ...]:
     try:
         return tuple(_directive_problems(tokens(text)))
     except NotTokens:
-        return ()  # that is told of the steps
+        return ()  # `sound` reports it
 
 
 def _directive_problems(read_tokens: Iterable[Token]) -> Iterator[str]:
@@ -217,8 +217,8 @@ def _help_problems(text: str) -> Iterator[str]:
             yield f"its help says {quoted(line, 40)}"
 
 
-def _frame(entry: str) -> tuple[str, str, str]:
-    """What the template has before the run's facts, between plan and fixed parts, and behind these."""
+def _template_edges(entry: str) -> tuple[str, str, str]:
+    """Return the template's text before the run's facts, between plan and fixed parts, and behind the fixed parts."""
     text = read("script.ps1.j2")
     opening = text[text.index(PARAMETERS) :].partition("{{")[0]
     plan, _, closing = text.partition("{{ text }}\n{% endfor %}\n")

@@ -42,7 +42,7 @@ _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and o
 
 
 def _calls(text: str) -> Mapping[str, frozenset[str]]:
-    """The calls of a list, a line each: the name, then its parameters."""
+    """Read a list of calls, a line each: the name, then the parameters that it may have."""
     return {name: frozenset(parameters) for name, *parameters in map(str.split, text.strip().splitlines())}
 
 
@@ -102,7 +102,8 @@ _RUN_KEYS = {
     *("ThreadsPerCore", "Percent", "Memory", "AcceptScheduler", _GUARD),
 }
 _STEP_PARAMETERS = frozenset({"Action", "Before", "After", "Set"})
-_EXTRA_PARAMETERS = ("Undoes", "Lost", "Fits")
+_LITERAL_PARAMETERS = ("Undoes", "Lost")
+_OPTIONAL_PARAMETERS = frozenset({*_LITERAL_PARAMETERS, "Fits"})
 _HARMLESS = "'x'"
 
 
@@ -116,7 +117,7 @@ class _OtherForm(Exception):
 
 
 def check_steps(name: str, root: "Node", fixed: Sequence[tuple[int, int]], entry: str) -> Iterator[Diagnostic]:
-    """Compare what stands outside of the fixed parts, whose first and last lines these are, with the template."""
+    """Compare what stands outside of the fixed parts with the template; `fixed` are their first and last lines."""
     roots = [node for node in top_statements(root) if not any(first <= line_of(node) <= last for first, last in fixed)]
     try:
         template = _template_of(root, entry)
@@ -127,7 +128,7 @@ def check_steps(name: str, root: "Node", fixed: Sequence[tuple[int, int]], entry
 
 
 def check_recorded_plan(name: str, root: "Node") -> Iterator[Diagnostic]:
-    """Compare the plan of a script that another version, which had other facts, may have made, with the template."""
+    """Compare the plan of a script with the template; another version, with other facts, may have made it."""
     try:
         template = _template_of_recorded(root)
     except _OtherForm as other:
@@ -155,7 +156,7 @@ def _template_of_recorded(root: "Node") -> "Node":
 
 
 def _differences(name: str, roots: Sequence["Node"], template: Sequence["Node"]) -> Iterator[Diagnostic]:
-    """The first place where the trees differ."""
+    """Yield a finding for the first place where the trees differ."""
     last = roots[-1].end_point.row + 1 if roots else 1
     for actual, expected in zip_longest(shape_of(roots), shape_of(template)):
         if actual != expected:
@@ -219,9 +220,9 @@ def _value(call: CommandCall, name: str) -> "Node":
 
 
 def _template_step(call: CommandCall) -> list[str]:
-    if not _STEP_PARAMETERS <= call.given.keys() <= {*_STEP_PARAMETERS, *_EXTRA_PARAMETERS}:
+    if not _STEP_PARAMETERS <= call.given.keys() <= _STEP_PARAMETERS | _OPTIONAL_PARAMETERS:
         raise _OtherForm(call.node, "the step lacks a part, or has one too many")
-    options = [(name, _HARMLESS) for name in _EXTRA_PARAMETERS[:2] if name in call.given]
+    options = [(name, _HARMLESS) for name in _LITERAL_PARAMETERS if name in call.given]
     if "Fits" in call.given:
         options.append(("Fits", f"{{ {_template_call(_value(call, 'Fits'), _CAPACITY)} }}"))
     return step_lines(
@@ -243,7 +244,7 @@ def _template_readings(node: "Node") -> dict[str, str]:
 
 
 def _template_call(node: "Node", allowed: Mapping[str, frozenset[str]]) -> str:
-    """The one call of a block."""
+    """Return the text of the only call in a block."""
     statements = list(statements_of(inner(node)))
     call = only_call(statements[0]) if len(statements) == 1 else None
     if call is None:
