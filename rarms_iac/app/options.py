@@ -1,4 +1,4 @@
-"""What a field of a request is called at the command line, and how its value is read there: no click, only words.
+"""How the fields of requests appear at the command line: their options, help, and readers of values. No click here.
 
 `option`, `flag` and `argument` make the fields of a request that the command line asks for; their names and types are
 the dataclass's own. Readers of values raise ValueError with a sentence for people.
@@ -19,7 +19,7 @@ Reader = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
-    """An option of every command that takes the request; without flags an argument."""
+    """An option, or without `flags` an argument, of every command that takes the request."""
 
     flags: tuple[str, ...] = ()
     help: str = ""
@@ -27,7 +27,7 @@ class Option:
     read: Reader | None = None  # None: as the field's type says
     least: int | None = None  # of a whole number
     most: int | None = None
-    environment: str | None = None  # a variable that says it, too
+    environment: str | None = None  # a variable that gives it, too
 
 
 def option(

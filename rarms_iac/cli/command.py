@@ -1,4 +1,4 @@
-"""A command: the fields of its requests are click's options (`app.options`), and it is called with the requests."""
+"""Commands of click made of functions: the fields of a function's requests are its options (`app.options`)."""
 
 import shlex
 from collections.abc import Callable, Mapping
@@ -24,13 +24,13 @@ T = TypeVar("T")
 
 
 class RarmsCommand(click.Command):
-    """A command whose usage errors know whose words they are about."""
+    """A command whose usage errors always carry its context, so that they can name it."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does.
+        """See `click.Command.parse_args`.
 
         Raises:
-            click.UsageError: the words are wrong; it knows whose words they are, which click forgets for some.
+            click.UsageError: the arguments are wrong; it has this context, which click leaves out of some errors.
         """
         try:
             return super().parse_args(ctx, args)
@@ -78,13 +78,13 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
 
 
 def _answer_in_json(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
-    """From now on, any end of the command is told in JSON, too."""
+    """Have every result and error of the command written as JSON; eager, so errors of later options are, too."""
     if value:
         context.find_root().obj.as_json = True
 
 
 def _repeat_in_advice(context: click.Context, session: Session, source: ManifestSource) -> None:
-    """From now on, commands that messages recommend name the same manifest and overlays."""
+    """Have the commands that messages recommend name the same manifest and overlays."""
     words = [word for overlay in source.overlays for word in ("--overlay", overlay)]
     if context.get_parameter_source("manifest") is ParameterSource.COMMANDLINE:
         words = ["-f", source.manifest, *words]
@@ -92,12 +92,12 @@ def _repeat_in_advice(context: click.Context, session: Session, source: Manifest
 
 
 def parameters_of(request: type) -> list[click.Parameter]:
-    """The options and arguments of a request, in the order of its fields; other fields are not asked for."""
+    """Return the parameters for a request's fields, in their order; fields without an `Option` have none."""
     return [_parameter(field, field.metadata["option"]) for field in fields(request) if "option" in field.metadata]
 
 
 def request_of(request: type[T], values: Mapping[str, Any]) -> T:
-    """The request of what click has read; what was not given stays as the request has it."""
+    """Make the request from the values that click has read; a field without a value keeps its default."""
     names = (field.name for field in fields(request) if "option" in field.metadata)  # type: ignore[arg-type]  # T is a dataclass
     return request(**{name: values[name] for name in names if values[name] not in (None, ())})
 
@@ -134,17 +134,17 @@ def _parameter(field: "Field[Any]", option: Option) -> click.Parameter:
 
 def _type(kind: Any, option: Option) -> "click.ParamType[Any]":
     if option.read is not None:
-        return _Value(option.read)
+        return _ReadValue(option.read)
     if get_origin(kind) is Literal:
         return click.Choice(get_args(kind))
     if issubclass(kind, StrEnum):
-        return _Member(kind)
+        return _EnumChoice(kind)
     if kind is int:
         return click.IntRange(option.least, option.most)
     return click.STRING
 
 
-class _Member(click.Choice[Any]):
+class _EnumChoice(click.Choice[Any]):
     """A word that is the value of an enumeration's member."""
 
     def __init__(self, kind: type[StrEnum]) -> None:
@@ -152,12 +152,12 @@ class _Member(click.Choice[Any]):
         self.kind = kind
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
-        """The member."""
+        """Return the member."""
         return self.kind(super().convert(value, param, ctx))
 
 
-class _Value(click.ParamType[object]):
-    """A word that a reader makes a value of."""
+class _ReadValue(click.ParamType[object]):
+    """A word that `Option.read` turns into a value."""
 
     name = "value"
 
@@ -165,7 +165,7 @@ class _Value(click.ParamType[object]):
         self.read = read
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
-        """The value.
+        """Return what the reader makes of the word.
 
         Raises:
             click.BadParameter: the reader refuses the word.

@@ -9,7 +9,7 @@ from rarms_iac.measuring.search.trials import Goal
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweep, ThresholdCheck, Verifying
 
 PAPER = "paper"
-"""The name of the paper's procedures, which know nothing of reservations beside P1's and P2's."""
+"""The name of the paper's procedures in `STRATEGIES`. They assume that only P1 and P2 reserve anything."""
 
 USUAL_STEP = 10
 """Per cent between settings of the performance measurement mode, and the first of them."""
@@ -17,39 +17,39 @@ USUAL_STEP = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
-    """The least reservation that meets every threshold is searched."""
+    """Search the least reservation that meets every threshold."""
 
     strategy: str = "default"  # a name in `STRATEGIES`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """The reservation that the curve gives between two settings is measured."""
+    """Measure the reservation that the curve gives between two settings."""
 
 
 Method = Search | Sweep | Verification | ThresholdCheck
 
 
 def is_of_paper(method: Method) -> bool:
-    """Tell whether the paper's procedure is followed to the letter, by a search or by what tuning asks."""
+    """Tell whether a search, or a question of tuning, follows the paper's procedure to the letter."""
     return isinstance(method, Search | ThresholdCheck) and method.strategy == PAPER
 
 
 def reserves_of(method: Sweep, most: int) -> tuple[int, ...]:
-    """Return the settings of a sweep; of a coarse one 10, 20, ... as far as the host can give them.
+    """Return the settings of a sweep; without settings of its own 10, 20, ... up to the highest that the host can give.
 
     Args:
         method: The sweep.
-        most: The highest CR that the host can give, in per cent; 0: none, and the first setting says so.
+        most: The highest CR that the host can give, in per cent; 0: none, and the first setting is refused.
 
     Returns:
-        Whole per cent, ascending, each once; of a coarse sweep the highest that the host can give is among them.
+        Whole per cent, ascending, each once. A sweep without settings of its own ends with `most`.
     """
     return method.reserves or tuple(dict.fromkeys((*range(USUAL_STEP, most + 1, USUAL_STEP), most or USUAL_STEP)))
 
 
 def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
-    """Return the strategy that the loop of measuring asks for each next setting.
+    """Return the strategy that `loop.measure` asks for each next setting.
 
     Args:
         method: How settings are chosen.

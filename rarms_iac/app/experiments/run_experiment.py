@@ -40,7 +40,7 @@ from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
-    """Measure an experiment as far as its data log does not say it already.
+    """Measure the settings of an experiment that its data log does not hold yet.
 
     Args:
         session: It holds the experiment's host.
@@ -48,7 +48,7 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
         method: Which settings are measured.
 
     Returns:
-        How it ended, with every setting that this rests on, the recorded ones included.
+        How it ended, with every setting that counts, recorded ones included.
 
     Raises:
         UseCaseError: The host is busy or has other reservations (refused); it has no room, there is nothing to run or
@@ -76,15 +76,15 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
     if log.changed:
         session.control.reporter.message(_describe_stale(log))
 
-    def checked() -> MeasuringBudget:
+    def prepare_host() -> MeasuringBudget:
         _make_room(session, experiment, method, available)
-        if not isinstance(method, ThresholdCheck):  # who asks tells the user itself what it asks
+        if not isinstance(method, ThresholdCheck):  # tuning reports its own questions
             session.control.reporter.message(_describe_duration(experiment, method, available, settings_log))
         return available.budget
 
     context = MeasuringContext(
         host=session.host_of(experiment),
-        budget=checked,
+        budget=prepare_host,
         seed=session.seed or max((setting.seed for setting in settings_log.settings()), default=0) or USUAL_SEED,
         reporter=session.control.reporter.settings,
         should_stop=session.control.stop.should_stop,
@@ -112,7 +112,7 @@ class _Availability:
     """What an experiment can get of its host, and what is in the way there."""
 
     budget: MeasuringBudget
-    running: tuple[Partition, ...]  # what is in the way and is not to be stopped
+    running: tuple[Partition, ...]  # they run beside the experiment, and rarms does not stop them
     highest_reserve: int  # the highest CR that the host can give
     memory_ms: float  # how long its scheduler remembers (`MeasuringHost.scheduler_memory_ms`)
 

@@ -1,4 +1,4 @@
-"""A session of measuring: one command's hosts, held meanwhile, and how it measures on them."""
+"""A session of measuring: the hosts that one command holds, and how it measures on them."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -25,13 +25,13 @@ from rarms_iac.providers.measuring import MeasuringHost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringSession:
-    """Where and how a command measures, and the caller's part in it."""
+    """Where and how a command measures, and who consents, stops it and hears of it."""
 
     hosts: Hosts
     control: Control = UNATTENDED
     command: Literal["measure", "tune", "prove"] = "measure"
-    seed: int | None = None  # of chance, and only its settings count; None: all count
-    on_busy_host: bool = False  # beside what runs there
+    seed: int | None = None  # of the random numbers; only settings with this seed count. None: all settings count
+    on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
     held: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held
 
@@ -50,14 +50,15 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
     """Hold hosts that are measured on, and remove what a killed measurement left there.
 
     Args:
-        session: One that holds none; its reporter hears what was removed.
-        names: Of hosts that can be measured on; more than once is once.
+        session: It holds no host yet; its reporter hears what was removed.
+        names: Hosts that can be measured on; a name may be repeated.
 
     Yields:
         Once, the session with these hosts; they are held until the context ends.
 
     Raises:
-        UseCaseError: One is held by another run, or has an unfinished one (refused).
+        UseCaseError: A host is held by another run, or has an unfinished run (refused); or what a `HostError` inside
+            the context becomes.
     """
     refuse_unfinished(session.hosts, unless=is_for_measuring)
     held: dict[str, MeasuringHost] = {}

@@ -16,18 +16,18 @@ BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", Provider
 
 
 def broken_rules(document: Any) -> Iterator[Broken]:
-    """Every broken rule of a document, beside all other errors."""
+    """Yield every broken rule of a document, whatever other errors it has."""
     yield from _hosts(document)
     yield from _components(document)
 
 
-def _map(value: Any, key: str) -> dict[str, Any]:
+def _mapping(value: Any, key: str) -> dict[str, Any]:
     found = value.get(key) if isinstance(value, dict) else None
     return found if isinstance(found, dict) else {}
 
 
 def _hosts(document: Any) -> Iterator[Broken]:
-    for name, host in _map(document, "hosts").items():
+    for name, host in _mapping(document, "hosts").items():
         if not isinstance(host, dict):
             continue
         provider = host.get("provider", ProviderKind.SIMULATED.value)
@@ -37,7 +37,7 @@ def _hosts(document: Any) -> Iterator[Broken]:
 
 
 def _components(document: Any) -> Iterator[Broken]:
-    for name, component in _map(document, "components").items():
+    for name, component in _mapping(document, "components").items():
         run = component.get("run") if isinstance(component, dict) else None
         if not isinstance(run, dict):
             continue

@@ -33,7 +33,7 @@ _RUN_SECONDS = 120.0
 
 
 class LinuxEffects(Protocol):
-    """A Linux host. What raises OSError passes on the answer of its kernel; paths are those of the host."""
+    """A Linux host. An OSError is the answer of its kernel; paths are those of the host."""
 
     def look(self) -> None:
         """See the host as it is now, not as it was seen before."""
@@ -63,7 +63,7 @@ class LinuxEffects(Protocol):
         """Return the names of the files in a folder that rarms keeps, sorted."""
 
     def processes(self) -> Callable[[Path], str]:
-        """Return what reads `stat` and `cmdline` of processes; empty where one is gone."""
+        """Return a reader of the processes' `stat` and `cmdline`; it answers with an empty text where one is gone."""
 
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> AbstractContextManager[None]:
         """Hold the host, and remove what killed writers left beside the lock. Raises Locked, HostLocked, OSError."""
@@ -264,7 +264,7 @@ def kernel_text(file: Path) -> str:
 
 
 def open_folder(host: str, folder: Path) -> HostDamaged:
-    """Return why nothing in a folder of a host is believed that others than root may write to."""
+    """Make the error for a folder of rarms' own files that others than root may write to."""
     return HostDamaged(
         host,
         f"others than root may write to {folder.as_posix()}, so rarms does not trust the files in it",
@@ -340,7 +340,7 @@ def _wait(until: float, message: str) -> None:
 
 @contextmanager
 def _missing_when_removed(file: Path) -> Iterator[None]:
-    """Have the kernel's answer for a group that was removed after its file was opened be that for one that is gone."""
+    """Turn ENODEV, the kernel's answer where a group was removed after its file was opened, into FileNotFoundError."""
     try:
         yield
     except OSError as problem:
