@@ -16,7 +16,7 @@ from rarms_iac.model.state import HostFacts
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Totals:
-    """The sums of what a host has promised: to this application's partitions, and to unmanaged machines."""
+    """The sums of what a host has promised: to this application's partitions, and to all other machines."""
 
     percent: Internal[int]  # of one logical processor: 140 is 1.4 LP
     memory: int  # bytes
@@ -34,7 +34,7 @@ class Totals:
     @property
     @output
     def others_lp(self) -> Fraction:
-        """LPs that are promised to unmanaged machines."""
+        """LPs that are promised to all other machines."""
         return Fraction(self.others_percent, WHOLE)
 
     @property
@@ -49,7 +49,7 @@ def totals_of(own: Iterable[Claim], others: Iterable[Claim] = (), idle: Iterable
 
     Args:
         own: the claims of the application's partitions that run, one each.
-        others: the claims of unmanaged machines.
+        others: the claims of all other machines, those of other applications included.
         idle: the claims of its partitions that do not run and keep what they reserve; in `own` they count nothing.
 
     Returns:
@@ -83,7 +83,7 @@ class HostTotals:
 
     @property
     def unmanaged_lp(self) -> Fraction:
-        """LPs that unmanaged machines reserve."""
+        """LPs that all other machines reserve."""
         return self.promised.others_lp
 
     @property
