@@ -121,9 +121,7 @@ def test_of_thirty_nobody_is_named_without_need(seed: int) -> None:
 
     (conflict,) = conflicts(items, bins, proven=True)
 
-    if (
-        not conflict.smallest
-    ):  # an old version of the solver takes more nodes: then it names a few more and says so
+    if not conflict.smallest:  # an old version of the solver takes more nodes: then it names a few more and says so
         assert {item.name for item in conflict.items} >= {item.name for item in items[:19]}
         return
     assert len(conflict.items) == 19
