@@ -16,7 +16,7 @@ BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", Provider
 
 
 def broken_rules(document: Any) -> Iterator[Broken]:
-    """Yield every broken rule of a document, for any other errors it has."""
+    """Yield every broken rule of a document besides the other errors it has."""
     yield from _hosts(document)
     yield from _components(document)
 
