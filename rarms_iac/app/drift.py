@@ -28,8 +28,8 @@ def drift_of_hosts(
         observed: the hosts by name.
 
     Returns:
-        The drift by host name, and what the planner found. Where errors keep it from a layout, it is unknown what is
-        wanted: then only what was changed on the hosts is told.
+        The drift by host name, and the findings that keep the manifest from being compared: without a layout it is
+        unknown what is wanted, and only what was changed on the hosts is told. With one, those of hosts that fail.
     """
     hosts, findings = desired_hosts(request, observed)
     application, last_runs = request.application, request.after_last_run
@@ -40,7 +40,7 @@ def drift_of_hosts(
         name: drift(desired.state, desired.observed, application, desired.unused, last_runs.get(name))
         for name, desired in hosts.items()
     }
-    return drifts, findings
+    return drifts, tuple(finding for finding in findings if outcome_of((finding,)) is Outcome.FAILED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

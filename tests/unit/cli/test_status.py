@@ -143,6 +143,20 @@ def test_drift_needs_no_data_logs() -> None:
     assert "vision: changed on the host" in changed.out
 
 
+def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
+    late = MEASURED.replace("mean_response_time", "p95_response_time").replace("100 ms", "60 ms")
+    accept = "policy: { accept: { RARMS313: { at: [component/planner], reason: known } } }\n"
+    Path("rarms.yaml").write_text(MANIFEST + late + accept, encoding="utf-8")
+    assert rarms("measure").code == 0
+    assert rarms("apply", "--auto-approve").code == 0
+
+    drift = rarms("drift")
+
+    assert drift.code == 0
+    assert "RARMS313" in rarms("plan", "--json").out
+    assert "not compared" not in drift.out
+
+
 def test_a_proof_of_a_partition_that_somebody_changed_is_outdated() -> None:
     (alone, _, _) = MANIFEST.partition("  vision:")
     Path("rarms.yaml").write_text(alone + MEASURED, encoding="utf-8")
