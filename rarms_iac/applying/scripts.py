@@ -115,8 +115,9 @@ def edited_script(plan: Plan) -> str | None:
     for part in plan.hosts:
         try:
             made = scripts_of(part, plan) if part.facts.provider is ProviderKind.HYPERV else {}
-        except NoLiteral:
-            made = {}
+        except (ArithmeticError, AssertionError, LookupError, ValueError):
+            # NOTE: the plan's own steps were rendered when it was made; what cannot be was put there since.
+            return script_name(part)
         rendered = {name: text.decode("ascii") for name, text in made.items()}
         for name in sorted(rendered.keys() | part.scripts.keys()):
             if rendered.get(name) != part.scripts.get(name):

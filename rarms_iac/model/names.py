@@ -34,11 +34,17 @@ ROBOTIC_TASKS = ("SpeechRecognition", "ObjectIdentification", "MotionControl", "
 """The classes RC SS adds (the paper, RC SS)."""
 
 _NAME = re.compile(NAME_PATTERN.removesuffix("$") + r"\Z")
+_TASK = re.compile(TASK_PATTERN.removesuffix("$") + r"\Z")
 
 
 def is_name(text: str) -> bool:
     """Whether an application, host, partition, component or interference may be called so."""
     return _NAME.match(text) is not None
+
+
+def is_task(text: str) -> bool:
+    """Whether a task class may be called so."""
+    return _TASK.match(text) is not None
 
 
 def is_shipped_task(text: str) -> bool:

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
+from rarms_iac.model.plan_names import wrong_name
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
 from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, line_of, records_in
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
@@ -161,6 +163,8 @@ def run_of(records: list[JournalRecord]) -> Journal:
     closed = rest.pop() if rest and isinstance(rest[-1], RunClosed) else None
     if not isinstance(started, RunStarted):
         raise NotDecodable("record 1", "it does not start a run")
+    if (name := wrong_name(started.host_plan, started.steps)) is not None:
+        raise NotDecodable("record 1", f"no manifest can give the name {quoted(name)}")
     steps = [record for record in rest if isinstance(record, StepRecorded)]
     if len(steps) != len(rest):
         raise NotDecodable("", "a run is started or closed in the middle of another")

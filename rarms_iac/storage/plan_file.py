@@ -12,6 +12,7 @@ from typing import ClassVar, cast
 from rarms_iac.model.commands import PLAN_OUT, Wording, prose
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.plan_names import wrong_name_of_plan
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
@@ -119,7 +120,7 @@ def read_plan(data: bytes) -> Plan:
 
     Raises:
         PlanUnreadable: not a plan file, or made by another version of rarms.
-        PlanEdited: seal or id do not fit the content.
+        PlanEdited: seal or id do not fit the content, or it has a name that no manifest can give.
     """
     document = _parsed(data)
     seal = document.pop("seal", None)
@@ -138,6 +139,8 @@ def read_plan(data: bytes) -> Plan:
         ) from error
     if plan.id != plan_id(plan):
         raise PlanEdited("its id does not fit its content: it was edited", PLAN_AGAIN)
+    if (name := wrong_name_of_plan(plan)) is not None:
+        raise PlanEdited(f"no manifest can give the name {quoted(name)}: it was edited, and sealed anew", PLAN_AGAIN)
     return plan
 
 

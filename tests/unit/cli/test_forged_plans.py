@@ -7,7 +7,10 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.model.plan import Plan
+from rarms_iac.storage.codec import decode
 from rarms_iac.storage.digest import digest
+from rarms_iac.storage.plan_file import plan_id
 from rarms_iac.storage.shipped import shipped
 from tests.unit.cli.running import rarms
 
@@ -82,6 +85,94 @@ def test_a_script_that_its_steps_do_not_make_is_refused(
     assert ran.code == 3
     assert "error[RARMS180]" in ran.err
     assert f"its script {script} is not what its steps make" in " ".join(ran.err.split())
+
+
+def with_its_id(document: dict[str, Any]) -> None:
+    """As the forger of anything but a script must: the id is a digest, too."""
+    document["id"] = plan_id(decode(Plan, document))
+
+
+def a_name(change: Forgery) -> Forgery:
+    def forge(document: dict[str, Any]) -> None:
+        change(document)
+        with_its_id(document)
+
+    return forge
+
+
+def another_host(name: str) -> Forgery:
+    return a_name(lambda document: document["hosts"][0]["host"].update(name=name))
+
+
+def another_guest(document: dict[str, Any]) -> None:
+    for task in document["hosts"][0]["guest_tasks"]:
+        task["partition"] = "../../guest"
+
+
+def another_task(document: dict[str, Any]) -> None:
+    document["hosts"][0]["guest_tasks"][0]["name"] = "..\\\\Windows"
+
+
+def another_partition(document: dict[str, Any]) -> None:
+    document["hosts"][0]["steps"][0]["operation"]["partition"] = "../motion"
+
+
+@pytest.mark.parametrize(
+    "forgery",
+    [
+        another_host("../../elsewhere"),
+        another_host("caf\u00e9"),
+        another_host(""),
+        another_host("cell\n"),
+        a_name(another_guest),
+        a_name(another_task),
+        a_name(another_partition),
+        a_name(lambda document: document.update(application="../x")),
+    ],
+)
+@pytest.mark.parametrize("command", [("apply",), ("show",), ("show", "--script", "--out", "DIR")])
+def test_a_name_that_no_manifest_can_give_is_refused_and_nothing_is_written(
+    sealed: bytes, tmp_path: Path, command: tuple[str, ...], forgery: Forgery
+) -> None:
+    folder = tmp_path / "a" / "b"
+    folder.mkdir(parents=True)
+    plan = folder / "forged.plan"
+    plan.write_bytes(forged(sealed, forgery))
+
+    ran = rarms(*(str(folder / "out") if part == "DIR" else part for part in command), str(plan))
+
+    assert ran.code == 3
+    assert "error[RARMS180]" in ran.err
+    assert "no manifest can give the name" in " ".join(ran.err.split())
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [plan]
+
+
+def binary_value(document: dict[str, Any]) -> None:
+    next(iter(document["hosts"][0]["guest_tasks"][0]["values"].values()))["kind"] = "binary"
+
+
+def a_negative_serial(document: dict[str, Any]) -> None:
+    document["hosts"][0]["serial"] = -1
+
+
+def no_scripts(document: dict[str, Any]) -> None:
+    document["hosts"][0]["serial"] = -1
+    document["hosts"][0]["scripts"] = {}
+
+
+@pytest.mark.parametrize("change", [binary_value, a_negative_serial, no_scripts])
+@pytest.mark.parametrize("command", [("apply",), ("show",), ("show", "--script")])
+def test_steps_that_make_no_script_are_refused(
+    sealed: bytes, tmp_path: Path, command: tuple[str, ...], change: Forgery
+) -> None:
+    plan = tmp_path / "forged.plan"
+    plan.write_bytes(forged(sealed, a_name(change)))
+
+    ran = rarms(*command, str(plan))
+
+    assert ran.code == 3
+    assert "error[RARMS180]" in ran.err
+    assert "its script cell.ps1 is not what its steps make" in " ".join(ran.err.split())
 
 
 @pytest.mark.parametrize("command", [("apply",), ("show",), ("show", "--script")])
