@@ -54,7 +54,7 @@ PRONOUNS = re.compile(r"\b(?:no|some)body\b|\b(?:who|what|wher)ever\b", re.IGNOR
 TEMPLATES = Path("templates")
 WITH_WORDS = frozenset({".py", ".ps1", ".j2", ".html", ".js", ".sh", ".md", ".txt", ".json", ".yaml"})
 
-PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment", "title"})
+PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment", "title", "note"})
 """Fields and variables that hold sentences for people."""
 RENDERING = ("show_", "describe_", "plain_text")
 """How functions begin that make text of values."""

@@ -159,11 +159,10 @@ def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[Component
         for name in sorted(components or system.components):
             entries = _entries(configuration_path(folder, platform, name))
             for entry in [entry for entry in entries if entry.component == name][-1:]:
-                description = f"{entry.when}, on {entry.host} at {entry.reserve} %"
                 layout = tuple(_layout_since(entry, system, reservations))
                 for index in entry.indexes:
                     changed = (*_threshold_since(entry, index, system), *layout)
-                    yield replace(_proof(entry, index, description), outdated=changed)
+                    yield _proof(entry, index, changed)
 
 
 def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iterator[str]:
@@ -202,7 +201,7 @@ def _entries(path: Path) -> list[Proven]:
         return [entry for entry in read_entries(path) if isinstance(entry, Proven)]
 
 
-def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
+def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> ComponentProof:
     return ComponentProof(
         component=entry.component,
         index=index_named(proven.index),
@@ -213,7 +212,10 @@ def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
         met=proven.met,
         verdict=proven.verdict,
         error=proven.error,
-        note=note,
+        when=entry.when,
+        host=entry.host,
+        reserve=entry.reserve,
+        outdated=outdated,
     )
 
 

@@ -186,8 +186,10 @@ class ComponentProof:
     met: bool
     verdict: VerdictWord
     error: float | None  # that the verdict is wrong; None: there is none
-    note: str = ""
-    outdated: tuple[str, ...] = ()  # what is no longer as it was when this was proven
+    when: str  # in UTC, as RFC 3339 has it
+    host: str
+    reserve: int  # of its partition, in per cent
+    outdated: tuple[str, ...]  # what is no longer as it was when this was proven
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

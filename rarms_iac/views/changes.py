@@ -8,15 +8,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import assert_never
 
-from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
+from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_period, show_processors
 from rarms_iac.model.state import NO_GENERATION, HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
-
-FORCES_RESTART = "forces restart"
-FORCES_REPLACEMENT = "forces replacement"
-_FORCE_TEXTS = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
-
 
 SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt": ">", "release": "<"}
 """What stands before a change, by its action."""
@@ -50,7 +45,8 @@ class AttributeText:
     name: str
     before: str | None
     after: str | None
-    note: str = ""  # what it forces, or what it amounts to
+    note: str = ""  # what it amounts to
+    forces: Forced = ""
 
     @property
     def differs(self) -> bool:
@@ -66,9 +62,9 @@ def attributes_of(change: Change, facts: HostFacts) -> tuple[AttributeText, ...]
         case Delete(before=before):
             return _pairs(_values(before, facts), {})
         case Update(before=before, after=after):
-            forced = {touched.name.replace("_", " "): _FORCE_TEXTS[touched.forces] for touched in change.attributes}
+            forced = {touched.name.replace("_", " "): touched.forces for touched in change.attributes}
             pairs = _pairs(_values(before, facts), _values(after, facts))
-            return tuple(replace(pair, note=forced.get(pair.name) or pair.note) for pair in pairs)
+            return tuple(replace(pair, forces=forced.get(pair.name, "")) for pair in pairs)
         case Adopt() | Release():
             return (_mark_of(change),)
         case _:

@@ -254,8 +254,8 @@ def _full_change(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
 
 
 def _attribute(attribute: AttributeText) -> "tuple[Text | str, ...]":
-    note = f"({attribute.note})" if attribute.note else ""
-    return attribute.name, _value(attribute), styled((note, BAD if attribute.note.startswith("forces") else DIM))
+    note = f"forces {attribute.forces}" if attribute.forces else attribute.note
+    return attribute.name, _value(attribute), styled((f"({note})" if note else "", BAD if attribute.forces else DIM))
 
 
 def _value(attribute: AttributeText) -> str:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, show_value
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
@@ -33,6 +34,11 @@ def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
     threshold = f"{index.name} {show_bound(index, measured.threshold)}"
     return measured.component, threshold, value, describe_verdict(index, verdict_word(verdict.verdict))
+
+
+def describe_proof_setting(proof: ComponentProof) -> str:
+    """`2026-02-01T12:00:00Z, on onboard at 40 %`: when and under what a component ran with all others."""
+    return f"{proof.when}, on {proof.host} at {proof.reserve} %"
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:

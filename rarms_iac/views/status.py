@@ -14,6 +14,7 @@ from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.drift import TITLES
+from rarms_iac.views.prove import describe_proof_setting
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -88,7 +89,7 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
 def _proven(proofs: Sequence[ComponentProof]) -> str:
     """`3 of 4 thresholds held ..., last at 2026-11-22T10:12:00Z.`, and a sentence for each that does not hold."""
     holding = [proof for proof in proofs if proof.met and not proof.outdated]
-    last = max((proof.note.partition(",")[0] for proof in holding), default="")  # a note begins with the time
+    last = max((proof.when for proof in holding), default="")
     when = f", last at {last.replace('T', ' ').replace('Z', ' UTC')}" if last else ""
     sentences = [
         f"{len(holding)} of {counted(len(proofs), 'threshold')} held together with all other components{when}."
@@ -98,7 +99,8 @@ def _proven(proofs: Sequence[ComponentProof]) -> str:
             sentences.append(f"{proof.component} is outdated: {'; '.join(proof.outdated)}.")
         elif not proof.met:
             threshold = show_threshold(proof.index, proof.threshold)
-            sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {proof.verdict} ({proof.note}).")
+            setting = describe_proof_setting(proof)
+            sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {proof.verdict} ({setting}).")
     return " ".join(dict.fromkeys(sentences))
 
 

@@ -279,12 +279,11 @@ def _refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Map
     """
     limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # so that no change is held back and goes unseen
     plan = make_plan(hosts, plan_request(hosts.only(*sorted(states)), limits), everywhere)
-    pending = [f"{change.address} on {part.host.name}" for part in plan.hosts for change in part.changes]
+    pending = [(str(change.address), part.host.name) for part in plan.hosts for change in part.changes]
     if pending:
-        message = f"The manifest asks for something that is not applied yet: {', '.join(pending)}."
-        raise UseCaseError(
-            Outcome.REFUSED, [_not_applied(message, pending[0].partition(" ")[0], {"pending": tuple(pending)})]
-        )
+        places = tuple(f"{address} on {host}" for address, host in pending)
+        message = f"The manifest asks for something that is not applied yet: {', '.join(places)}."
+        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, pending[0][0], {"pending": places})])
 
 
 def _host_components(hosts: Hosts, name: str, measurable: tuple[str, ...]) -> Iterator[Component]:

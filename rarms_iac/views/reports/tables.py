@@ -21,7 +21,7 @@ from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show
 from rarms_iac.model.quantities import guaranteed, show_percent
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.error_probability import describe_error
-from rarms_iac.views.prove import describe_verdict
+from rarms_iac.views.prove import describe_proof_setting, describe_verdict
 from rarms_iac.views.reports.table import Cell, Column, Table, Value, finite
 
 MOST_CANDIDATES = 24
@@ -241,7 +241,7 @@ def _proof(proof: ComponentProof) -> Row:
     result = (
         verdict
         + ("" if proof.error is None else f" ({describe_error(proof.error)})")
-        + (f": {proof.note}" if proof.note else "")
+        + f": {describe_proof_setting(proof)}"
         + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else "")
     )
     return (

@@ -200,7 +200,10 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
             met=met,
             verdict="met" if met else "missed",
             error=None,
-            note=f"{when}, on onboard at 40 %",
+            when=when,
+            host="onboard",
+            reserve=40,
+            outdated=(),
         )
         for name, met, when in (
             ("vision", True, "2026-01-31T12:00:00Z"),

@@ -19,6 +19,7 @@ READS = "this reads a sentence: what code needs is a field"
         'show_threshold(index, threshold).partition(" ")',
         '(change.reason + ".").startswith("asked")',
         'render(text).endswith("done")',
+        'attribute.note.startswith("forces")',
     ],
 )
 def test_code_that_reads_a_sentence_is_found(tmp_path: Path, planted: str) -> None:

@@ -135,6 +135,10 @@ def test_proofs_are_a_table_of_their_own() -> None:
         met=False,
         verdict="missed",
         error=0.01,
+        when="2026-02-01T12:00:00Z",
+        host="onboard",
+        reserve=40,
+        outdated=(),
     )
 
     page = as_html(replace(REPORT, proofs=(proof,))).decode()
