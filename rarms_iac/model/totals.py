@@ -1,4 +1,4 @@
-"""Totals of hosts: what is reserved there and what is free. Every such sum that a person reads is made here.
+"""Totals of hosts: what is reserved there and what is free, as plan, apply, status, measure and report show it.
 
 Begin at `host_totals`, for one host, and `sum_of`, for several.
 """
