@@ -79,12 +79,10 @@ class Channel:
             self._kill()  # and all that it started: what lives on would hold the pipes
         self.close()
         self._process.wait()
-        # NOTE: a program that it started may live on and hold the pipes. Do not close a pipe that a thread still reads:
-        # `close` would wait for that thread.
-        for thread, pipe in zip(self._threads, (self._process.stdout, self._process.stderr, None), strict=True):
+        # NOTE: a program that it started may live on and hold the pipes. Do not close them here: `close` would wait for
+        # the thread that reads; each thread closes its own.
+        for thread in self._threads:
             thread.join(ERROR_SECONDS)
-            if pipe is not None and not thread.is_alive():
-                pipe.close()
 
     @property
     def error_lines(self) -> tuple[str, ...]:
@@ -127,15 +125,17 @@ class Channel:
 
     def _read(self) -> None:
         assert self._process.stdout is not None, "it was started with a pipe"
-        while line := self._process.stdout.readline(LONGEST_LINE):
-            self._lines.put(line)
+        with self._process.stdout as pipe:
+            while line := pipe.readline(LONGEST_LINE):
+                self._lines.put(line)
         self._lines.put(None)
 
     def _read_errors(self) -> None:
         assert self._process.stderr is not None, "it was started with a pipe"
-        while line := self._process.stderr.readline(LONGEST_LINE):
-            if text := line.decode("utf-8", "replace").strip():
-                self._errors.append(text)
+        with self._process.stderr as pipe:
+            while line := pipe.readline(LONGEST_LINE):
+                if text := line.decode("utf-8", "replace").strip():
+                    self._errors.append(text)
 
     def _write(self) -> None:
         pipe = self._process.stdin

@@ -180,7 +180,7 @@ def test_levels_that_need_too_much_go_on_to_combining(tmp_path: Path) -> None:
         person.types("y")
         person.waits_for("Try ")
         person.types("q")
-        person.waits_for("What is measured and written stays: `rarms tune` goes on with combining.")
+        person.waits_for(f"What is measured and written stays: `rarms tune -f {tmp_path}` goes on with combining.")
         assert person.leaves() == 0
         assert "partitions:" not in (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
         person.close()
