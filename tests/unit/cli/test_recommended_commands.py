@@ -5,6 +5,7 @@ stands there between backticks and begins with `rarms` is run as it is printed, 
 """
 
 import ast
+import json
 import re
 import shlex
 import subprocess
@@ -801,7 +802,6 @@ PLACEHOLDERS = {
     "NAME": "onboard",
     "COMPONENT": "vision",
     "PARTITION": "vision",
-    "ID": "a0d6653b-e2bb-5339-a319-5455b97bb00a",  # of vision, as the simulated host makes it
     "LEVEL": "200 ms",
 }
 """What stands for what a person has to fill in."""
@@ -891,10 +891,18 @@ def made(situation: Situation, folder: Path) -> str:
     return " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err).split())
 
 
+def id_of_vision() -> str:
+    """The id of its machine on the simulated host, which is made of the plan that made it."""
+    machines = json.loads(Path(".rarms/hosts/onboard.json").read_text(encoding="utf-8"))["content"]["machines"]
+    (found,) = (key for key, machine in machines.items() if machine["settings"]["name"] == "vision")
+    return str(found)
+
+
 def run_as_printed(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> None:
     """Run it; what asks is told not to, and a FILE is one that is there where it is read."""
     words = [PLACEHOLDERS.get(word, word) for word in shlex.split(command)[1:]]
     with chdir(folder):
+        words = [id_of_vision() if word == "ID" else word for word in words]
         if words[0] == "apply" and "a.plan" in words and not Path("a.plan").exists():
             do("plan", "--out", "a.plan")()
         elif words[0] in ASKS and "--abandon" not in words:
