@@ -1,5 +1,6 @@
 """Hosts of the System: their provider, what they have to give, and what a simulated host does."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -126,3 +127,20 @@ class Host:
     def processor_word(self) -> str:
         """What a processor of a partition is called there: a control group has no virtual ones."""
         return "processor" if self.provider is ProviderKind.LINUX else "virtual processor"
+
+
+def host_identity(machine_id: str) -> str:
+    """Return what tells a machine from every other, for marks, plans, journals and proofs: `HostFacts.id`.
+
+    NOTE: the machine's own id stays on it: who has it can work out what other programs made of it. On a Windows that is
+    not this machine, `observe.ps1` and the scripts work out the same.
+
+    Args:
+        machine_id: `/etc/machine-id`, or `MachineGuid` of a Windows, as text; blanks around it and case do not matter.
+
+    Returns:
+        The first 32 hex digits, in lower case, of the SHA-256 of `rarms host ` and the id in lower case, as UTF-8;
+        empty where the id is.
+    """
+    text = machine_id.strip().lower()
+    return hashlib.sha256(f"rarms host {text}".encode()).hexdigest()[:32] if text else ""

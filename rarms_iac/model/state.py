@@ -41,7 +41,7 @@ class HostFacts:
     """The facts of a host that decisions rest on."""
 
     name: str  # as the manifest calls it
-    id: str
+    id: str  # `model.host.host_identity`; of a simulated host one that is made with its state
     provider: ProviderKind
     computer_name: str  # as its own operating system calls it
     os_build: int  # Windows build, 0 where there is none

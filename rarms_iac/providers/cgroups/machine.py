@@ -4,7 +4,7 @@ import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.model.host import Host, ProviderKind, SchedulerType
+from rarms_iac.model.host import Host, ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT, HostFacts, Rights
 from rarms_iac.providers.cgroups.effects import LinuxEffects
 from rarms_iac.providers.cgroups.groups import numbers
@@ -76,7 +76,7 @@ def facts_of(host: Host, machine: LinuxMachine, group_processors: int) -> HostFa
     percent = machine.deadline_percent if group_processors == machine.logical_processors else 0
     return HostFacts(
         name=host.name,
-        id=machine.id,
+        id=host_identity(machine.id),
         provider=ProviderKind.LINUX,
         computer_name=machine.computer_name,
         os_build=0,

@@ -135,7 +135,11 @@ class Content:
 
 
 def empty(host: str) -> Content:
-    """A host of this name on which nothing was ever done."""
+    """A host on which nothing was ever done.
+
+    Args:
+        host: its name, behind that of the folder of its state, which is another one on another robot.
+    """
     return Content(id=str(uuid.uuid5(NAMESPACE, f"host/{host}")))
 
 

@@ -102,7 +102,7 @@ class SimulatedHostProvider(JournaledHost):
         with self._report_damage(self._path):
             data = self._files.content(self._path)
             if data is None:
-                return empty(self.name)
+                return empty(f"{self._path.parent.name}/{self.name}")
             if self._last_content is None or self._last_content[0] != data:
                 self._last_content = (data, read_content(data))
             return self._last_content[1]

@@ -1,0 +1,16 @@
+"""What tells a machine from every other."""
+
+import hashlib
+
+from rarms_iac.model.host import host_identity
+
+MACHINE = "5b0f6a3e-9d1c-4d57-8b7e-2f6a1c0d9e84"
+
+
+def test_a_hosts_identity_is_the_beginning_of_a_digest_made_for_rarms() -> None:
+    assert host_identity(MACHINE) == hashlib.sha256(f"rarms host {MACHINE}".encode()).hexdigest()[:32]
+
+
+def test_blanks_and_case_do_not_matter_and_without_an_id_there_is_none() -> None:
+    assert host_identity(f" {MACHINE.upper()}\n") == host_identity(MACHINE)
+    assert host_identity(" \n") == ""
