@@ -36,6 +36,7 @@ from rarms_iac.manifest.document.manifest import (
     GuestBlock,
     HypervPartitionBlock,
     ManifestDocument,
+    MeasuringLimitsBlock,
     PartitionBlock,
     PartitionStopBlock,
     PolicyBlock,
@@ -68,6 +69,7 @@ from rarms_iac.model.system import (
     Guest,
     HypervPartition,
     Measured,
+    MeasuringLimits,
     PartitionRequest,
     Policy,
     RunsOn,
@@ -220,7 +222,8 @@ def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
 
 def _policy(block: PolicyBlock) -> Policy:
     accept = _named(block.accept, lambda code, acceptance: _value(Acceptance, acceptance, code=code))
-    return _value(Policy, block, accept=accept)
+    measuring = _value(MeasuringLimits, block.measuring or MeasuringLimitsBlock())
+    return _value(Policy, block, measuring=measuring, accept=accept)
 
 
 _CONVERTERS: Mapping[type, Converter] = {

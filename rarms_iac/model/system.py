@@ -252,6 +252,14 @@ class Acceptance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuringLimits:
+    """How long may be measured to make one thing clear: its budget, in the host's own time."""
+
+    setting: Milliseconds = Milliseconds(Fraction(600_000))  # beside all of its loads together
+    proof: Milliseconds = Milliseconds(Fraction(1_200_000))  # likewise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
     """What rarms may do and prefers."""
 
@@ -259,6 +267,7 @@ class Policy:
     minimise: Minimise = Minimise.COMBINING
     headroom: Headroom = Headroom.BY_CRITICALITY
     max_disruption: Disruption = Disruption.HOST_RESTART
+    measuring: MeasuringLimits = MeasuringLimits()
     accept: Mapping[str, Acceptance] = field(default_factory=dict)
 
 

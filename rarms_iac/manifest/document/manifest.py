@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
 from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
-from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
+from rarms_iac.manifest.document.quantities import PositiveMemory, PositiveTime, Wait
 from rarms_iac.manifest.document.texts import CODE_PATTERN, Code, Day, Filled, LeastVersion, Name, Stressor, TaskName
 from rarms_iac.model.names import TASK_PATTERN
 from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
@@ -21,6 +21,13 @@ class AcceptanceBlock(Block):
     at: Annotated[list[Filled], Field(min_length=1)] = needed("Where: addresses as the finding names them.")
     reason: str = optional("Why it is accepted.", "")
     until: Maybe[Day] = optional("The last day (UTC) of the acceptance: `2027-01-31`; absent: no end.")
+
+
+class MeasuringLimitsBlock(Block):
+    """How long may be measured to make one thing clear, in the host's own time."""
+
+    setting: PositiveTime = optional("A setting, beside all of its loads together, before and after a kill.", "10 min")
+    proof: PositiveTime = optional("A proof (`rarms prove`), beside all of its loads together.", "20 min")
 
 
 class PolicyBlock(Block):
@@ -37,6 +44,7 @@ class PolicyBlock(Block):
         "The most that a change may disrupt: `live`, `partition_stop`, `host_restart` or `removal`.",
         "host_restart",
     )
+    measuring: Maybe[MeasuringLimitsBlock] = optional("How long may be measured to make one thing clear.")
     accept: Maybe[Annotated[dict[Code, AcceptanceBlock], KeysLike(CODE_PATTERN)]] = optional(
         "Findings that are known and accepted, by their id."
     )

@@ -104,6 +104,7 @@ policy:
   minimise: reservation
   headroom: equal
   max_disruption: partition_stop
+  measuring: { setting: 5 min, proof: 1 h }
   accept:
     RARMS041: { at: [partition/senses], reason: Known., until: '2027-01-31' }
 moved: { ears: senses }
