@@ -6,7 +6,15 @@ from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
-from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, HostTakenOver, RunEvent
+from rarms_iac.providers.interface import (
+    EventKind,
+    HostDamaged,
+    HostError,
+    HostLocked,
+    HostTakenOver,
+    HostUnreachable,
+    RunEvent,
+)
 
 USED = Finding.error("RARMS181", "The plan was used, or another run came after it was made")
 MOVED = Finding.error("RARMS182", "The host has moved since the plan was made")
@@ -16,6 +24,7 @@ STEP_MOVED = Finding.error("RARMS185", "A setting changed since the plan was mad
 STEP_FAILED = Finding.error("RARMS186", "A step failed")
 STEP_MISSED = Finding.error("RARMS187", "A step did not take effect")
 HOST_FAILED = Finding.error("RARMS189", "The host could not be read or changed")
+HOST_UNREACHABLE = Finding.error("RARMS232", "The host cannot be reached")
 DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
@@ -142,14 +151,15 @@ def _reading_facts(live: Readings, expected: Readings) -> Facts:
 
 
 def host_failed(error: HostError) -> Diagnostic:
-    """The host cannot be read, or what it keeps for us is damaged."""
-    finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
+    """The host cannot be reached or read, or what it keeps for us is damaged."""
+    unreachable = isinstance(error, HostUnreachable)
+    finding = DAMAGED if isinstance(error, HostDamaged) else HOST_UNREACHABLE if unreachable else HOST_FAILED
     return finding.at(
         None,
         f"{error.host}: {error.message}.",
         error.advice,
         address=f"host/{error.host}",
-        values={"host": error.host, "reason": error.message},
+        values={"host": error.host, "reason": error.message, **({"unreachable": True} if unreachable else {})},
     )
 
 

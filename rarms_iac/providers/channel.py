@@ -23,7 +23,7 @@ from subprocess import PIPE
 from types import TracebackType
 from typing import Protocol
 
-from rarms_iac.providers.interface import HostFailed
+from rarms_iac.providers.interface import HostFailed, HostUnreachable
 from rarms_iac.storage.reading import STATE_LIMIT
 
 SSH = (
@@ -190,13 +190,13 @@ def open_channel(host: str, words: Sequence[str]) -> Channel:
         words: the program and its arguments.
 
     Raises:
-        HostFailed: it cannot be started.
+        HostUnreachable: it cannot be started.
     """
     try:
         return Channel(words)
     except OSError as error:
         message = f"{words[0]} cannot be started: {error.strerror or error}"
-        raise HostFailed(host, message, f"Install {words[0]}, or mend its rights.") from None
+        raise HostUnreachable(host, message, f"Install {words[0]}, or mend its rights.") from None
 
 
 def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[str], bool]) -> str | None:
@@ -212,7 +212,7 @@ def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[st
         The line; None: what ssh started there ended before.
 
     Raises:
-        HostFailed: ssh does not get through, or nothing came for `CONNECT_SECONDS`.
+        HostUnreachable: ssh does not get through, or nothing came for `CONNECT_SECONDS`.
     """
     advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
     try:
@@ -220,9 +220,9 @@ def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[st
             if is_wanted(line):
                 return line
     except SilenceTimeout:
-        raise HostFailed(host, f"{target} did not answer within {CONNECT_SECONDS:.0f} s", advice) from None
+        raise HostUnreachable(host, f"{target} did not answer within {CONNECT_SECONDS:.0f} s", advice) from None
     if channel.code() == SSH_FAILED:
-        raise HostFailed(host, f"ssh does not reach {target}: {last_of(channel.error_lines)}".rstrip("."), advice)
+        raise HostUnreachable(host, f"ssh does not reach {target}: {last_of(channel.error_lines)}".rstrip("."), advice)
     return None
 
 
@@ -260,7 +260,8 @@ class CommandChannel(Protocol):
             Its exit code and output. `SSH_FAILED`: the connection was not made, or broke.
 
         Raises:
-            HostFailed: the host cannot be asked, or it did not answer in time; whether the command ran is not known.
+            HostUnreachable: the host cannot be asked; the command did not run.
+            HostFailed: it did not answer in time; whether the command ran is not known.
         """
         ...
 

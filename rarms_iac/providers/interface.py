@@ -34,6 +34,10 @@ class HostFailed(HostError):
     """The call failed; the host may have done some or all of it."""
 
 
+class HostUnreachable(HostFailed):
+    """There was no way to the host: nothing was done there, and nothing is known of it."""
+
+
 class HostDamaged(HostError):
     """The host's journal or file cannot be read; nothing was changed."""
 

@@ -30,7 +30,15 @@ from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.remote import through_channel
 from rarms_iac.providers.cgroups.run import ORPHANS, LinuxHostProvider
 from rarms_iac.providers.channel import CommandResult, ProgramChannel
-from rarms_iac.providers.interface import HostDamaged, HostError, HostFailed, HostLocked, HostRefused, HostTakenOver
+from rarms_iac.providers.interface import (
+    HostDamaged,
+    HostError,
+    HostFailed,
+    HostLocked,
+    HostRefused,
+    HostTakenOver,
+    HostUnreachable,
+)
 from tests import builders
 from tests.contracts.benches import (
     forget_groups,
@@ -103,20 +111,27 @@ def test_a_machine_is_the_same_from_here_and_from_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "message", "kind"),
     [
-        (("sh", "-c", "echo Host key verification failed. >&2; exit 255"), "ssh does not reach ann@onboard: Host key"),
-        (("sh", "-c", "exit 255"), "ssh does not reach ann@onboard: it said nothing"),
-        (("sh", "-c", "echo sh: not found >&2; exit 127"), "`sh` does not start on ann@onboard: sh: not found"),
-        (("rarms-no-such-program",), "rarms-no-such-program cannot be started"),
+        (
+            ("sh", "-c", "echo Host key verification failed. >&2; exit 255"),
+            "ssh does not reach ann@onboard: Host key",
+            HostUnreachable,
+        ),
+        (("sh", "-c", "exit 255"), "ssh does not reach ann@onboard: it said nothing", HostUnreachable),
+        (("sh", "-c", "echo sh: not found >&2; exit 127"), "`sh` does not start on ann@onboard: sh: not", HostFailed),
+        (("rarms-no-such-program",), "rarms-no-such-program cannot be started", HostUnreachable),
     ],
 )
 @pytest.mark.needs("posix")
-def test_who_is_not_reached_is_told_with_what_to_do(words: tuple[str, ...], message: str) -> None:
+def test_who_is_not_reached_is_told_with_what_to_do(
+    words: tuple[str, ...], message: str, kind: type[HostFailed]
+) -> None:
     with pytest.raises(HostFailed, match=message) as failure:
         behind(*words).observe()
 
     assert failure.value.advice
+    assert type(failure.value) is kind
 
 
 @pytest.mark.needs("root", "linux")

@@ -21,7 +21,7 @@ from rarms_iac.providers.cgroups.machine import MACHINE_FILES, LinuxMachine
 from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import UNITS, slice_unit
 from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, CommandResult, ssh_channel
-from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostTakenOver
+from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostTakenOver, HostUnreachable
 from rarms_iac.storage.append import Record, last_in, last_line_at, line_of
 from rarms_iac.storage.shipped import shipped_text
 
@@ -294,6 +294,7 @@ class RemoteEffects:
         elif result.code == SSH_FAILED:
             message = f"ssh does not reach {target}: {error}".rstrip(".")
             advice = f"Try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {target}`."
+            return HostUnreachable(self._host, message, advice)
         else:
             message = f"`sh` does not start on {target}: {error}"
             advice = "Connect to a Linux host, as a user who may log in there."
