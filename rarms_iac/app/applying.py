@@ -7,7 +7,7 @@ from pathlib import Path
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import folder_of
-from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors, run_origin, select_hosts
+from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run_origin, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
@@ -21,6 +21,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
+from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.reading import STANDARD_INPUT
 
@@ -34,6 +35,7 @@ def apply(
     waits: WaitLimits = NO_WAITING,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
+    channels: Mapping[str, CommandChannel] = NO_CHANNELS,
 ) -> RunReport:
     """Do exactly what a plan says, host by host, or refuse before the first step.
 
@@ -45,6 +47,7 @@ def apply(
         waits: how long to wait for a held host, and for the next word of a host's script.
         reporter: hears of each step.
         stop: asked after each step; the run can be finished later.
+        channels: as of `hosts.load`.
 
     Returns:
         How it ended, with the changes of each host. A refusal and a host's failure are reported here, not raised.
@@ -56,7 +59,7 @@ def apply(
     if folder is None:
         _refuse_elsewhere(plan)
     below = folder_of(plan.manifest) if folder is None else folder
-    hosts = {part.host.name: open_host(part.host, below, part.state_path) for part in plan.hosts}
+    hosts = {part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name)) for part in plan.hosts}
     with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
         return apply_plan(plan, hosts, run_origin(), reporter.steps, stop.should_stop, waits)
 

@@ -5,8 +5,9 @@ import os
 import platform
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
+from types import MappingProxyType
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifests import Manifest, load_manifest
@@ -20,9 +21,13 @@ from rarms_iac.model.journal import Journal, RunOrigin, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.snapshot_file import write_snapshot
+
+
+NO_CHANNELS: Mapping[str, CommandChannel] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +37,7 @@ class Hosts:
     manifest: Manifest
     selection: HostSelection
     snapshots: Snapshots
+    channels: Mapping[str, CommandChannel] = field(default_factory=dict)  # by host: in place of what `connect` says
 
     @property
     def system(self) -> System:
@@ -82,7 +88,7 @@ class Hosts:
         Raises:
             UseCaseError: this version cannot reach it (failed).
         """
-        return open_host(self.system.hosts[host], self.folder, self.state_path(host))
+        return open_host(self.system.hosts[host], self.folder, self.state_path(host), self.channels.get(host))
 
     def open_to_measure(self, host: str) -> MeasuringHost | None:
         """Return the live host to run components on; None: this version cannot run any there.
@@ -102,7 +108,12 @@ class Hosts:
 
 
 def load(
-    path: str = DEFAULT_MANIFEST, *, overlays: Sequence[str] = (), hosts: Sequence[str] = (), today: date | None = None
+    path: str = DEFAULT_MANIFEST,
+    *,
+    overlays: Sequence[str] = (),
+    hosts: Sequence[str] = (),
+    today: date | None = None,
+    channels: Mapping[str, CommandChannel] = NO_CHANNELS,
 ) -> Hosts:
     """Read a manifest, and choose hosts of it. Where a program begins.
 
@@ -111,6 +122,7 @@ def load(
         overlays: files that are laid over it; a later one wins.
         hosts: names of those that are meant; none: all. They are not looked at yet.
         today: the day by which acceptances expire; None: today in UTC.
+        channels: by host, what runs commands there in place of what `connect` says; an engine such as Ansible has its own.
 
     Returns:
         What `measure`, `tune`, `plan` and `prove` take.
@@ -120,7 +132,7 @@ def load(
         UseCaseError: the manifest has errors (negative); they are its diagnostics.
     """
     source = ManifestSource(manifest=path, overlays=tuple(overlays), today=today or today_utc())
-    return select_hosts(load_manifest(source), HostSelection(hosts=tuple(hosts)))
+    return replace(select_hosts(load_manifest(source), HostSelection(hosts=tuple(hosts))), channels=channels)
 
 
 def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:

@@ -14,6 +14,7 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import System
+from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import HostDamaged, HostFailed, LiveHost
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.running.start import ProcessPlace
@@ -25,13 +26,14 @@ SIGNED = ".rarms/signed"
 """Scripts of this manifest's plans as they were signed, by their names."""
 
 
-def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
+def open_host(host: Host, folder: str, state_path: str, channel: CommandChannel | None = None) -> LiveHost:
     """Open a host of any provider.
 
     Args:
         host: as the manifest or a plan describes it.
         folder: the folder of the manifest.
         state_path: where a simulated host's file lies below it (`state_path`).
+        channel: reaches the host in place of what `connect` says; a simulated host needs none.
 
     Returns:
         A host that is not connected to yet.
@@ -45,6 +47,10 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
             from rarms_iac.providers.hyperv.run import open_hyperv
 
             return open_hyperv(host, Path(folder) / SIGNED)
+        case ProviderKind.LINUX if channel is not None:
+            from rarms_iac.providers.cgroups.remote import through_channel
+
+            return through_channel(host, channel)
         case ProviderKind.LINUX if host.connect is not None:
             from rarms_iac.providers.cgroups.remote import open_remote
 
