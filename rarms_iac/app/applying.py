@@ -75,7 +75,14 @@ def _refuse_elsewhere(plan: Plan) -> None:
             command("apply", "PLAN", f="MANIFEST"),
             ".",
         )
-        raise UseCaseError(Outcome.REFUSED, [ELSEWHERE.at(None, message, advice)])
+        raise UseCaseError(
+            Outcome.REFUSED,
+            [
+                ELSEWHERE.at(
+                    None, message, advice, values={"manifest": plan.manifest, "hosts": tuple(sorted(simulated))}
+                )
+            ],
+        )
 
 
 def finish_runs(

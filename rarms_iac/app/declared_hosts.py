@@ -140,7 +140,13 @@ def _about_logs(
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")
             message = f"There is no data log of {in_a_row(answer.components)} on {host.platform} yet."
-            yield NOT_YET_MEASURED.at(place, message, prose(MEASURE, " finds what it needs."), address=cause.address)
+            yield NOT_YET_MEASURED.at(
+                place,
+                message,
+                prose(MEASURE, " finds what it needs."),
+                address=cause.address,
+                values={"components": tuple(answer.components), "platform": host.platform},
+            )
 
 
 def _excesses(problem: Problem, too_large: Collection[str]) -> list[Cause]:

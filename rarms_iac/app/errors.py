@@ -73,6 +73,7 @@ def bug_finding(error: BaseException) -> Diagnostic:
         None,
         f"{type(error).__name__}: {message[:300]}" if message else type(error).__name__,
         "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
+        values={"exception": type(error).__name__, "reason": message[:300]},
     )
 
 
@@ -86,7 +87,9 @@ def usage_finding(message: str, command: str) -> Diagnostic:
     Returns:
         A finding without a place.
     """
-    return USAGE.at(None, message, f"`{command} --help` lists what it takes.")
+    return USAGE.at(
+        None, message, f"`{command} --help` lists what it takes.", values={"command": command, "reason": message}
+    )
 
 
 def system_finding(error: OSError) -> Diagnostic:
@@ -103,6 +106,7 @@ def system_finding(error: OSError) -> Diagnostic:
         None,
         f"{path}{error.strerror or error}.",
         "Look at the path, its rights and the space on its disk; --debug shows where it happened.",
+        values={"file": str(error.filename or ""), "reason": str(error.strerror or error)},
     )
 
 
@@ -116,7 +120,10 @@ def conflict_finding(path: str) -> Diagnostic:
         A finding that tells to name another folder.
     """
     return IN_THE_WAY.at(
-        None, f"{path} exists already, and stays as it is.", "Name another folder, or move that file away first."
+        None,
+        f"{path} exists already, and stays as it is.",
+        "Name another folder, or move that file away first.",
+        values={"file": path},
     )
 
 
@@ -131,7 +138,12 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
         A finding with the system's own words.
     """
     advice = "Name a regular file, no link, in a folder that exists and that you may write to."
-    return NOT_WRITTEN.at(None, f"{path}: {error.strerror or error}.", advice)
+    return NOT_WRITTEN.at(
+        None,
+        f"{path}: {error.strerror or error}.",
+        advice,
+        values={"file": path, "reason": str(error.strerror or error)},
+    )
 
 
 def read_finding(path: str, message: str, advice: str) -> Diagnostic:
@@ -145,7 +157,7 @@ def read_finding(path: str, message: str, advice: str) -> Diagnostic:
     Returns:
         A finding with this message and advice.
     """
-    return NOT_READ.at(None, f"{path}: {message}.", advice)
+    return NOT_READ.at(None, f"{path}: {message}.", advice, values={"file": path, "reason": message})
 
 
 def declined() -> Diagnostic:
@@ -158,4 +170,5 @@ def declined() -> Diagnostic:
         None,
         "The answer was not `yes`.",
         prose("Run it again to be asked again; ", PLAN, " shows the changes and asks nothing."),
+        values={},
     )

@@ -135,7 +135,12 @@ def plan_in(path: str, data: bytes) -> "Plan":
             )
     except PlanFileError as error:
         raise UseCaseError(
-            Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", error.advice)]
+            Outcome.REFUSED,
+            [
+                error.finding.at(
+                    None, f"{path}: {error.message}.", error.advice, values={"file": path, "reason": error.message}
+                )
+            ],
         ) from error
     return plan
 

@@ -110,7 +110,12 @@ def _candidates(manifest: Manifest) -> tuple[Node, ...]:
 def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
     message = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
-    return NOTHING_MEASURED.at(None, message, prose("Measure first: ", command("measure", *components), "."))
+    return NOTHING_MEASURED.at(
+        None,
+        message,
+        prose("Measure first: ", command("measure", *components), "."),
+        values={"components": tuple(components)},
+    )
 
 
 def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[LogBesideManifest, ...]:

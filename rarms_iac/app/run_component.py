@@ -173,7 +173,9 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
         finding = _load_problem(name, problem.message) if of_load else _cannot_start(manifest, name, problem.message)
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     except RunningError as problem:
-        finding = CANNOT_START.at(None, f"{problem}.", "It was ended from outside: run it again.")
+        finding = CANNOT_START.at(
+            None, f"{problem}.", "It was ended from outside: run it again.", values={"reason": str(problem)}
+        )
         raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
     findings = tuple(
         finding
@@ -220,6 +222,12 @@ def _findings(result: ComponentRunResult, manifest: Manifest, *, reserved: bool)
             "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; each "
             "line must be written at once (flushed). `run.failures` allows some.",
             address=address,
+            values={
+                "component": name,
+                "failed_samples": result.failed,
+                "allowed_failures": result.run.failures,
+                "reasons": tuple(reasons[:FAILURES_SHOWN]),
+            },
         )
         return
     missed = [index for index, verdict in result.verdicts.items() if isinstance(verdict, Missed)]
@@ -230,6 +238,7 @@ def _findings(result: ComponentRunResult, manifest: Manifest, *, reserved: bool)
             "runs here anyway: no reservation would help it.",
             "Relax the APT, make the component faster, or run it on the machine that it is meant for.",
             address=address,
+            values={"component": name, "index": index},
         )
 
 
@@ -297,6 +306,7 @@ def _cannot_start(manifest: Manifest, name: str, message: str) -> Diagnostic:
         "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is looked "
         "for on the PATH. A module of `run.call` is found from the manifest's folder.",
         address=f"component/{name}",
+        values={"component": name, "reason": message},
     )
 
 
@@ -306,6 +316,7 @@ def _load_problem(name: str, message: str) -> Diagnostic:
         f'The interference "{name}" does not run: {message}.',
         "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
         address=f"interference/{name}",
+        values={"interference": name, "reason": message},
     )
 
 
@@ -315,4 +326,5 @@ def _nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
         f'"{name}" has no `run`.',
         "Add `run` with a `command` or a `call`.",
         address=f"component/{name}",
+        values={"component": name},
     )

@@ -303,7 +303,7 @@ def _of_host(part: HostPlan, texts: Mapping[str, str]) -> list[PlanScript]:
 
 def _edited_observe(path: str) -> Diagnostic:
     place = Place(file=path, line=1, column=1)
-    return RUNTIME.at(place, "it is not the observe script that rarms ships", "write it again")
+    return RUNTIME.at(place, "it is not the observe script that rarms ships", "write it again", values={"file": path})
 
 
 def _no_script(path: str) -> Diagnostic:
@@ -317,4 +317,5 @@ def _no_script(path: str) -> Diagnostic:
             command("snapshot", script=True),
             " wrote.",
         ),
+        values={"file": path},
     )

@@ -183,5 +183,6 @@ def snapshot_error(file: str, reason: str) -> UseCaseError:
             command("snapshot", script=True),
             " there, and name its host where there are several: `--snapshot NAME=FILE`.",
         ),
+        values={"file": file, "reason": reason},
     )
     return UseCaseError(Outcome.FAILED, [finding])

@@ -137,7 +137,11 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
             or "it has no machines"
         )
         return NO_SUCH_MACHINE.at(
-            place, f"{state.facts.name} has no machine {machine}: {known}.", "Give one of these ids.", address=address
+            place,
+            f"{state.facts.name} has no machine {machine}: {known}.",
+            "Give one of these ids.",
+            address=address,
+            values={"host": state.facts.name, "machine": machine},
         )
     if before.mark is not None and (before.mark.application, before.mark.name) == (application, name):
         return None  # also where a run was killed after its last step, and its user gives the command again
@@ -146,7 +150,11 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
         problem = f"Machine {machine} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
         manifest = "" if mark.application == application else f", with the manifest of {mark.application}"
         return TAKEN.at(
-            place, problem, prose("Release it first: ", command("release", mark.name), f"{manifest}."), address=address
+            place,
+            problem,
+            prose("Release it first: ", command("release", mark.name), f"{manifest}."),
+            address=address,
+            values={"machine": machine, "partition": mark.name, "application": mark.application},
         )
     holder = next(
         (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
@@ -155,7 +163,11 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
     if holder is not None:
         problem = f"Partition {quoted(name)} is machine {holder.id} already."
         return TAKEN.at(
-            place, problem, prose("Release that one first: ", command("release", name), "."), address=address
+            place,
+            problem,
+            prose("Release that one first: ", command("release", name), "."),
+            address=address,
+            values={"partition": name, "machine": holder.id},
         )
     mark = Mark(
         application=application,
@@ -190,6 +202,12 @@ def releasing(state: State, request: PlanRequest, locate: Locator) -> Release | 
             f"these do: {known}.{suggestion(name, managed)}",
             "Give one of these names.",
             address=f"partition/{name}",
+            values={
+                "host": state.facts.name,
+                "partition": name,
+                "application": application,
+                "managed": tuple(sorted(managed)),
+            },
         )
     return Release(
         address=Address(partition=name, machine=before.id),

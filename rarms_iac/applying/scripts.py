@@ -63,6 +63,7 @@ def guest_scripts_by_hand(host_plan: HostPlan, locate: Locate) -> Iterator[Diagn
                 "=FILE`.",
             ),
             address=f"partition/{inside}",
+            values={"partition": inside, "script": name},
         )
 
 
@@ -131,4 +132,5 @@ def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:
         f"{part.host.name}: {error}.",
         "Take the character out of the name or path where the manifest or the host says it.",
         address=f"host/{part.host.name}",
+        values={"host": part.host.name, "reason": str(error)},
     )

@@ -122,6 +122,7 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
         f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows nothing such.",
         "Find out who wrote that, note it down, and take the value away by hand; then plan again.",
         address=str(address),
+        values={"resource": str(address), "values": tuple(sorted(problems))},
     )
 
 
@@ -148,6 +149,7 @@ def _guest_first(task: TaskClass, rules: ManifestRules) -> Diagnostic:
         f"{task.inside} is made by this plan, and what {task.name} is there can only be read afterwards.",
         "Apply this plan, then plan again: the next plan replaces the class.",
         address=str(address),
+        values={"partition": task.inside, "task": task.name},
     )
 
 
@@ -161,7 +163,7 @@ def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> D
         owner = "it was there before and carries no record of rarms"
         advice = "Name another class, or remove this one by hand if nothing else uses it."
     message = f"Task class {quoted(before.name)} is wanted, but {owner}."
-    return FOREIGN_TASK.at(place, message, advice, address=str(address))
+    return FOREIGN_TASK.at(place, message, advice, address=str(address), values={"task": before.name, "reason": owner})
 
 
 def responsiveness_changes(
@@ -227,5 +229,9 @@ def _undecided(application: str, place: Place | None) -> Diagnostic:
         why = "what it is now could not be read, so it could not be brought back"
         advice = "Look at the host again with the rights of an administrator."
     return RESPONSIVENESS_UNDECIDED.at(
-        place, f"`system_responsiveness` is wanted, but {why}.", advice, address=str(RESPONSIVENESS)
+        place,
+        f"`system_responsiveness` is wanted, but {why}.",
+        advice,
+        address=str(RESPONSIVENESS),
+        values={"application": application},
     )

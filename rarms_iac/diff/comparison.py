@@ -86,6 +86,7 @@ def managed_machines(
                     "), or take the line out of `moved`.",
                 ),
                 address=f"partition/{old}",
+                values={"old": old, "new": rules.moved[old]},
             )
             for old in names.impossible
             if old in rules.moved

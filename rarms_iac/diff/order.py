@@ -218,6 +218,7 @@ def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> D
         f"The changes of {', '.join(names)} wait for each other: {why}. Nothing is planned for this host.",
         advice,
         address=f"partition/{names[0]}" if names else "",
+        values={"partitions": names, "max_disruption": limit.value},
     )
     return Deadlock(partitions=names, finding=finding)
 

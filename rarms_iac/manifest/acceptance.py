@@ -6,7 +6,7 @@ from datetime import date
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import did_you_mean, suggested
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
 EXPIRED = Finding.warning("RARMS095", "An acceptance has expired")
@@ -22,10 +22,12 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
         page = finding_page(acceptance.code)
         path = ("policy", "accept", acceptance.code)
         if page is None:
+            similar = did_you_mean(acceptance.code, known_codes())
             yield UNKNOWN.at(
                 places.key(*path),
-                f"There is no finding {acceptance.code}.{suggestion(acceptance.code, known_codes())}",
+                f"There is no finding {acceptance.code}.{suggested(similar)}",
                 "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
+                values={"code": acceptance.code, "similar": similar or ""},
             )
         elif not may_be_accepted(page):
             yield REFUSED.at(
@@ -35,6 +37,7 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
                 prose(
                     "Remove the acceptance; ", command("explain", acceptance.code), " shows how to correct its cause."
                 ),
+                values={"code": acceptance.code, "severity": severity_line(page)},
             )
         elif has_expired(acceptance, today):
             yield EXPIRED.at(
@@ -42,6 +45,7 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
                 f"{acceptance.code} was accepted until {acceptance.until}, but today is {today} (UTC). "
                 "The finding is shown again.",
                 "Correct its cause, or check the reason again and set a later day.",
+                values={"code": acceptance.code, "until": str(acceptance.until), "today": str(today)},
             )
 
 
@@ -98,4 +102,5 @@ def _unused(acceptance: Acceptance, used: Collection[tuple[str, str]], places: P
                 places.value("policy", "accept", acceptance.code, "at", number),
                 f"{acceptance.code} does not occur at {address}.",
                 "Remove it, so that you see the finding if it comes back, or correct the address.",
+                values={"code": acceptance.code, "address": address},
             )

@@ -92,7 +92,12 @@ def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
     advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
     if overlay:
         advice = prose("Write the keys that differ from the manifest, or do not use the overlay.")
-    return EMPTY.at(Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice)
+    return EMPTY.at(
+        Place(file=text.source.file, line=1, column=1),
+        "The file has only comments.",
+        advice,
+        values={"file": text.source.file},
+    )
 
 
 def manifest_digest(path: str, overlays: Sequence[str] = ()) -> str | None:

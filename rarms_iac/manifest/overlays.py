@@ -56,7 +56,14 @@ def combine(texts: Sequence[ParsedText]) -> Combined:
         node = overlay.source.positions()
         if not _is_mapping(node):
             advice = "Write the keys that differ, as in the manifest."
-            wrong.append(NOT_A_MAP.at(place_of_node(node), "An overlay is a map, like the manifest.", advice))
+            wrong.append(
+                NOT_A_MAP.at(
+                    place_of_node(node),
+                    "An overlay is a map, like the manifest.",
+                    advice,
+                    values={"file": overlay.source.file},
+                )
+            )
         elif _is_mapping(merged):
             merged = _merged(merged, _relative(node, overlay.source.folder, manifest.source.folder, ()), ())
     whole = merged

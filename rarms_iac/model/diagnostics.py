@@ -76,9 +76,9 @@ class Finding:
         detail: str,
         advice: Wording,
         *,
+        values: Facts,
         address: str = "",
         related: tuple[Related, ...] = (),
-        values: Facts | None = None,
     ) -> "Diagnostic":
         """One case of this finding: what and why (`detail`), and what to do (`advice`).
 
@@ -86,9 +86,9 @@ class Finding:
             place: in a manifest; None: it is about a host, a file or a run.
             detail: what is wrong and why, with its numbers; whole sentences.
             advice: what to do; whole sentences, with the commands that they recommend.
+            values: the names and numbers of `detail`, for programs; no unit but the one that a name ends with.
             address: what it is about, as `policy.accept` names it; empty: nothing that has one.
             related: other places that belong to it.
-            values: the names and numbers of `detail`, for programs; no unit but the one that a name ends with.
 
         Returns:
             The case; nothing is printed.
@@ -102,7 +102,7 @@ class Finding:
             place=place,
             address=address,
             related=related,
-            values=values or {},
+            values=values,
         )
 
 

@@ -77,7 +77,11 @@ def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
 
 def suggestion(word: str, candidates: Collection[str]) -> str:
     """A sentence to put behind a message, with a space before it: ` Did you mean "vision"?`, or nothing."""
-    meant = did_you_mean(word, candidates)
+    return suggested(did_you_mean(word, candidates))
+
+
+def suggested(meant: str | None) -> str:
+    """The sentence of `suggestion` with a name that was found already."""
     return f' Did you mean "{meant}"?' if meant is not None else ""
 
 

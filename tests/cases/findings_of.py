@@ -8,7 +8,8 @@ from datetime import date
 from pathlib import Path
 
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.app.validation import validate
+from rarms_iac.app.validation import Validation, validate
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.console import render
 from rarms_iac.views.findings_text import findings_text
 
@@ -22,10 +23,20 @@ def case_folders() -> list[Path]:
 
 def findings_of(folder: Path) -> str:
     """What `rarms validate` tells in that folder."""
+    found = _validated(folder)
+    return render(findings_text(found.findings, found.sources, accepted=found.accepted))
+
+
+def diagnostics_of(folder: Path) -> tuple[Diagnostic, ...]:
+    """What `rarms validate` finds in that folder."""
+    found = _validated(folder)
+    return *found.findings, *found.accepted
+
+
+def _validated(folder: Path) -> Validation:
     with contextlib.chdir(folder):
         overlays = sorted(path.as_posix() for path in Path().rglob("*.yaml") if path.as_posix() != "rarms.yaml")
-        found = validate([ManifestSource(overlays=tuple(overlays), today=TODAY)])
-    return render(findings_text(found.findings, found.sources, accepted=found.accepted))
+        return validate([ManifestSource(overlays=tuple(overlays), today=TODAY)])
 
 
 if __name__ == "__main__":

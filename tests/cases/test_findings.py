@@ -1,11 +1,15 @@
 """Manifests with something wrong, and exactly what is told of them."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.manifest.checks import CHECKS
-from tests.cases.findings_of import case_folders, findings_of
+from rarms_iac.model.diagnostics import Diagnostic
+from tests.cases.findings_of import case_folders, diagnostics_of, findings_of
+
+NAME = re.compile(r'"([^"]+)"')
 
 
 @pytest.mark.parametrize("folder", case_folders(), ids=lambda folder: folder.name)
@@ -24,3 +28,20 @@ def test_every_check_has_a_case() -> None:
     told = "".join((folder / "expected.txt").read_text(encoding="utf-8") for folder in case_folders())
 
     assert [finding.code for finding in CHECKS if f"[{finding.code}]" not in told] == []
+
+
+@pytest.mark.parametrize("folder", case_folders(), ids=lambda folder: folder.name)
+def test_each_name_in_a_sentence_is_a_field_too(folder: Path) -> None:
+    lacking = [
+        (diagnostic.code, name)
+        for diagnostic in diagnostics_of(folder)
+        for name in NAME.findall(diagnostic.detail)
+        if not any(name in fact for fact in _facts(diagnostic))
+    ]
+
+    assert not lacking
+
+
+def _facts(diagnostic: Diagnostic) -> list[str]:
+    facts = [fact if isinstance(fact, tuple) else (fact,) for fact in diagnostic.values.values()]
+    return [str(part) for fact in facts for part in fact]

@@ -298,7 +298,9 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     )
     place = hosts.manifest.places.key("components")
     message = "No component has an `apt`, so there is nothing to measure for."
-    return UseCaseError(Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, message, advice)], hosts.manifest.sources)
+    return UseCaseError(
+        Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, message, advice, values={})], hosts.manifest.sources
+    )
 
 
 def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ...]:

@@ -185,7 +185,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
     yield from end.still_stopped
     if end.unanswered:
         mend = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
-        yield findings.NO_ANSWER.at(None, end.unanswered, mend)
+        yield findings.NO_ANSWER.at(None, end.unanswered, mend, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."

@@ -2,11 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.condition import HostCondition, MachineCondition
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place
 from rarms_iac.model.state import Partition, State
+
+NO_MORE_FACTS: Facts = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,14 +32,24 @@ class Examination:
         for machine in self.state.partitions:
             yield machine, conditions.get(machine.id.lower(), MachineCondition(id=machine.id))
 
-    def host_finding(self, finding: Finding, detail: str, advice: Wording) -> Diagnostic:
-        """A finding about the host itself."""
-        return finding.at(self.place, detail, advice, address=f"host/{self.name}")
+    def host_finding(self, finding: Finding, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS) -> Diagnostic:
+        """A finding about the host itself; `values` without its name."""
+        return finding.at(self.place, detail, advice, values={"host": self.name, **values}, address=f"host/{self.name}")
 
-    def machine_finding(self, finding: Finding, machine: Partition, detail: str, advice: Wording) -> Diagnostic:
-        """A finding about a machine: a partition of ours at its name in the manifest, any other machine at its id."""
-        address = f"partition/{machine.mark.name}" if machine.mark else f"machine/{machine.id}"
-        return finding.at(self.place, detail, advice, address=address)
+    def machine_finding(
+        self, finding: Finding, machine: Partition, detail: str, advice: Wording, values: Facts = NO_MORE_FACTS
+    ) -> Diagnostic:
+        """A finding about a machine, a partition of ours at its name in the manifest, any other machine at its id.
+
+        `values` go without the names of host and machine.
+        """
+        return finding.at(
+            self.place,
+            detail,
+            advice,
+            values={"host": self.name, "machine": machine.id, "name": machine.settings.name, **values},
+            address=f"partition/{machine.mark.name}" if machine.mark else f"machine/{machine.id}",
+        )
 
 
 def machine_title(machine: Partition) -> str:

@@ -26,6 +26,7 @@ def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
                 "logical processors and the cap of its group, while rarms counts it against the whole host.",
                 "Take it out of the group (`CpuGroups.exe SetVmGroup /VmName:NAME /GroupId:"
                 "00000000-0000-0000-0000-000000000000`), or check by hand that its group has room for its reserve.",
+                {"group": condition.group},
             )
 
 
@@ -41,6 +42,7 @@ def check_dynamic_memory(host: Examination) -> Iterator[Diagnostic]:
                 "does not see them, and its memory may lie on a node far from its processors.",
                 "Give it static memory: `Set-VMMemory -DynamicMemoryEnabled $false`, while it is off. Partitions of "
                 "rarms have static memory.",
+                {"numa_nodes": nodes},
             )
 
 
@@ -83,6 +85,7 @@ def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
                 f"{title} is saved: its processors and memory cannot change, and unless it starts by itself its "
                 "reserve is not counted until it runs again.",
                 "Start it and shut it down, or give its saved state up: `Remove-VMSavedState`.",
+                {"state": machine.state.value},
             )
         elif machine.state is RunState.CRITICAL:
             yield host.machine_finding(
@@ -90,6 +93,7 @@ def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
                 machine,
                 f"{title} is in a critical state: its storage cannot be reached. It can only be turned off or removed.",
                 "Bring its storage back (a disk that is offline, full or disconnected), then look again.",
+                {"state": machine.state.value},
             )
 
 
@@ -120,4 +124,5 @@ def check_machine_width(host: Examination) -> Iterator[Diagnostic]:
                 f"{machine_title(machine)} has {count} virtual processors, {host.name} {available} logical "
                 f"ones: the hypervisor does not guarantee its reserve{lost}.",
                 f"Give it at most {available} processors while it is off.",
+                {"processors": count, "host_lp": available},
             )

@@ -64,6 +64,7 @@ def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
             "Install it: on a server `Install-WindowsFeature -Name Hyper-V -IncludeManagementTools -Restart`, on a "
             "client `Enable-WindowsOptionalFeature -Online -FeatureName Microsoft-Hyper-V -All`. If this is the "
             "Windows inside a machine, look at its host instead.",
+            {"role": False},
         )
     elif condition.hypervisor_running is False:
         yield host.host_finding(
@@ -71,6 +72,7 @@ def check_hypervisor(host: Examination) -> Iterator[Diagnostic]:
             f"{host.name} has the role Hyper-V, and its Windows started without the hypervisor: no machine can start.",
             "Say `bcdedit /set hypervisorlaunchtype auto` in an elevated prompt, turn on virtualization in the "
             "firmware (VT-x or AMD-V, and NX), then restart the host.",
+            {"role": True},
         )
 
 
@@ -88,6 +90,7 @@ def check_elevation(host: Examination) -> Iterator[Diagnostic]:
                 ' from a prompt that was opened with "Run as administrator", or over ssh as an administrator '
                 "of the host.",
             ),
+            {"hyperv_administrator": bool(host.condition.hyperv_administrator)},
         )
 
 
@@ -105,6 +108,11 @@ def check_free_memory(host: Examination) -> Iterator[Diagnostic]:
             f"{in_a_row([machine.settings.name for machine in off])} "
             f"{'needs' if len(off) == 1 else 'need'} {show_bytes(wanted)} to start.",
             "Stop what else runs there, give partitions less memory in the manifest, or add memory to the host.",
+            {
+                "partitions": tuple(machine.settings.name for machine in off),
+                "has_memory_bytes": available,
+                "needs_memory_bytes": wanted,
+            },
         )
 
 
@@ -148,6 +156,7 @@ def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
         RESPONSIVENESS_VALUE,
         f"{host.name}: SystemResponsiveness is {problem}. Task classes of components with `runs_on: host` rest on it.",
         "Set a DWORD of 10, 20, ... 90 and restart the host: 20 leaves a fifth of a processor to everybody else.",
+        {"value": str(value.data), "type": value.kind.value, "taken_percent": effective},
     )
 
 
@@ -180,6 +189,7 @@ def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
             "processor of a machine without SMT of its own takes both its threads.",
             "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2). Plans "
             "count whole cores.",
+            {"scheduler": facts.scheduler.value},
         )
 
 
@@ -193,6 +203,7 @@ def check_power_plan(host: Examination) -> Iterator[Diagnostic]:
                 f"{host.name}: the power plan {name} is active. Its processors reach full speed only "
                 "under load, so that measured response times vary and do not hold later.",
                 "Choose High performance: `powercfg /setactive SCHEME_MIN`, before anything is measured.",
+                {"power_plan": name},
             )
 
 
@@ -215,6 +226,7 @@ def check_powershell_version(host: Examination) -> Iterator[Diagnostic]:
             OLD_POWERSHELL,
             f"{host.name} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
             "Install Windows Management Framework 5.1 or PowerShell 7 there; Windows 10 and Server 2016 bring 5.1.",
+            {"version": version},
         )
 
 
@@ -251,7 +263,7 @@ def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -
             "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`; "
             "`Unblock-File SCRIPT` first where it came by mail or a browser, which mark it."
         )
-    return host.host_finding(EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice)
+    return host.host_finding(EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice, {"reason": problem})
 
 
 def check_process_width(host: Examination) -> Iterator[Diagnostic]:
@@ -264,6 +276,7 @@ def check_process_width(host: Examination) -> Iterator[Diagnostic]:
             "the registry, so its task classes are not those that count.",
             "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "
             "SysWOW64 or of a 32-bit program.",
+            {"bits": bits},
         )
 
 
@@ -276,6 +289,7 @@ def check_minroot(host: Examination) -> Iterator[Diagnostic]:
             f"{host.name}: its own Windows sees {visible} logical processors, the hypervisor has "
             f"{total}. Machines may still run on those of the host.",
             "Nothing, if `bcdedit /set hypervisorrootproc` is meant; components with `runs_on: host` have only these.",
+            {"host_lp": total, "seen_lp": visible},
         )
 
 
@@ -287,4 +301,5 @@ def check_unread_probes(host: Examination) -> Iterator[Diagnostic]:
             f"{host.name}: {subject} could not be read: {why}.",
             "Look again as a member of Administrators in an elevated PowerShell; what the host does not have is no "
             "problem.",
+            {"subject": subject, "reason": why},
         )

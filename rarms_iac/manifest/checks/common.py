@@ -1,11 +1,11 @@
 """What a check reports, and what several checks ask of a `System`."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Related
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Place, Places, Related
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.names import ROBOTIC_TASKS
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
@@ -33,6 +33,7 @@ class Violation:
     path: Path
     detail: str
     advice: Wording
+    values: Facts  # the names and numbers of `detail`, but for the name that the path leads into
     at_key: bool = False  # it points at the key of the path, not at its value
     address: str | None = None  # as `policy.accept` names it; None: the host, component, ... that the path leads into
     related: tuple[tuple[Path, bool, str], ...] = ()  # other paths, whether their key is meant, and a label
@@ -44,9 +45,14 @@ class Violation:
             _place(places, self.path, self.at_key),
             self.detail,
             self.advice,
-            address=_address(self.path) if self.address is None else self.address,
+            values={**_owner(self.path), **self.values},
+            address=self._address() if self.address is None else self.address,
             related=related,
         )
+
+    def _address(self) -> str:
+        """`components, vision, cpu` -> `component/vision`, as `policy.accept` names it."""
+        return next((f"{kind}/{name}" for kind, name in _owner(self.path).items()), "")
 
 
 Check = Callable[[System], Iterator[Violation]]
@@ -72,11 +78,11 @@ def _place(places: Places, path: Path, at_key: bool) -> Place:
     return places.key(*path) if at_key else places.value(*path)
 
 
-def _address(path: Path) -> str:
-    """`components, vision, cpu` -> `component/vision`, as `policy.accept` names it."""
+def _owner(path: Path) -> Mapping[str, str]:
+    """Kind and name of the entry that a path leads into: `components, vision, cpu` -> `component: vision`."""
     if len(path) < 2 or path[0] not in _ADDRESSED:
-        return ""
-    return f"{str(path[0]).removesuffix('s')}/{path[1]}"
+        return {}
+    return {str(path[0]).removesuffix("s"): str(path[1])}
 
 
 def may_run_on(system: System, component: Component) -> list[Host]:

@@ -41,6 +41,11 @@ def nothing_kept_for_host(system: System) -> Iterator[Violation]:
                 f"`keep_for_host` keeps {' and '.join(lacks)}. Partitions may get all the rest.",
                 advice=f"Write `keep_for_host: {{ processor: ..., memory: {show_bytes(memory)} }}` with what they "
                 "need.",
+                values={
+                    "components": tuple(component.name for component in here),
+                    "keeps_memory_bytes": host.keep_for_host.memory,
+                    "needs_memory_bytes": memory,
+                },
             )
 
 
@@ -52,6 +57,7 @@ def connect_to_simulated(host: Host) -> Iterator[Violation]:
             at_key=True,
             detail=f'"{host.name}" is simulated. It is a file on this machine, so `connect` has no effect.',
             advice="Remove `connect`, or write the provider of the real host.",
+            values={"provider": host.provider.value},
         )
 
 
@@ -68,6 +74,14 @@ def platform_of_different_hosts(system: System) -> Iterator[Violation]:
                 f"but {difference}. A measurement on one host is not valid on the other.",
                 advice="Give them different platforms.",
                 related=((("hosts", other.name), True, "the other host"),),
+                values={
+                    "other": other.name,
+                    "platform": host.platform,
+                    "provider": host.provider.value,
+                    "other_provider": other.provider.value,
+                    "host_lp": host.logical_processors,
+                    "other_lp": other.logical_processors,
+                },
             )
 
 
@@ -104,17 +118,18 @@ def secure_boot_of_generation_1(system: System) -> Iterator[Violation]:
             path=(section, name, "hyperv", "secure_boot"),
             detail="A machine of generation 1 has no secure boot.",
             advice="Remove `secure_boot`, or use `generation: 2`.",
+            values={"generation": 1},
         )
 
 
 def _path_violations(section: str, name: str, paths: dict[str, str | None]) -> Iterator[Violation]:
     for key, path in paths.items():
-        problem = _path_problem(path) if path is not None else ""
-        if problem:
+        if path is not None and (problem := _path_problem(path)):
             yield Violation(
                 path=(section, name, "hyperv", key),
                 detail=f'"{path}" {problem}.',
                 advice=r"Write a full path of the host, for example D:\machines or \\server\share\machines.",
+                values={"key": key, "file": path},
             )
 
 
@@ -145,4 +160,9 @@ def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
         else:
             reason = "rounds down to tens" if 10 <= percent <= OFF else "uses this default below 10 and above 100"
             detail = f"Windows would use {taken_for(percent)} instead of {percent}: it {reason}."
-        yield Violation(path=("hosts", host.name, "system_responsiveness"), detail=detail, advice=advice)
+        yield Violation(
+            path=("hosts", host.name, "system_responsiveness"),
+            detail=detail,
+            advice=advice,
+            values={"percent": percent, "taken_percent": taken_for(percent), "provider": host.provider.value},
+        )

@@ -10,7 +10,7 @@ from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.run import Call, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.system import AtMost, Component, Measured, System
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import did_you_mean, suggested
 from rarms_iac.running.reading import compile_pattern
 
 NO_SAMPLE_IN_TIME = Finding.error("RARMS068", "The measurement is shorter than one period")
@@ -31,6 +31,7 @@ def measured_without_apt(component: Component) -> Iterator[Violation]:
             path=("components", component.name, "cpu", "reserve"),
             detail=f'The reserve of "{component.name}" is the least that meets its APT, but it has no APT.',
             advice="Add `apt`, or fix the reserve: `reserve: 20 %`.",
+            values={"reserve": "measured"},
         )
 
 
@@ -43,6 +44,7 @@ def nothing_to_run(component: Component) -> Iterator[Violation]:
             detail=f'The reserve of "{component.name}" is to be measured, but the manifest does not say how it is '
             "started.",
             advice="Add `run` with a command, or `simulation` with its demand on a simulated host.",
+            values={"reserve": "measured"},
         )
 
 
@@ -57,6 +59,7 @@ def no_sample_in_time(component: Component) -> Iterator[Violation]:
                 f"{show_milliseconds(period)}.",
                 advice="Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
                 related=(((*here, "arrival"), False, "the period"),),
+                values={"elapsed_ms": float(time), "period_ms": float(period)},
             )
 
 
@@ -71,6 +74,7 @@ def timeout_before_threshold(component: Component) -> Iterator[Violation]:
                 detail=f'rarms stops "{component.name}" after {show_milliseconds(component.run.timeout)}, but its '
                 f"{name} allows {show_milliseconds(allowed)}. A late job would count as failed.",
                 advice=f"Raise the time-out well above {show_milliseconds(allowed)}.",
+                values={"timeout_ms": float(component.run.timeout), "allowed_by": name, "allowed_ms": float(allowed)},
             )
 
 
@@ -95,6 +99,7 @@ def index_without_field(component: Component) -> Iterator[Violation]:
                 detail=f'The {name} of "{component.name}" is computed from {_FIELD_MEANING[missing]}, but '
                 "`run.samples` does not say where a sample has it.",
                 advice=f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
+                values={"index": name, "field": missing.value},
             )
 
 
@@ -127,6 +132,7 @@ def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
             at_key=True,
             detail=f'"{component.name}" has a deadline_miss_rate but no deadline.',
             advice="Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
+            values={"index": "deadline_miss_rate"},
         )
 
 
@@ -143,6 +149,7 @@ def too_few_samples(component: Component) -> Iterator[Violation]:
                 "would only be the largest of them.",
                 advice=f"Take at least {needed} samples, better ten times as many.",
                 related=((("components", component.name, "apt", index), True, "the percentile"),),
+                values={"index": index, "samples": component.run.until.samples, "needs_samples": needed},
             )
 
 
@@ -162,6 +169,7 @@ def pattern_is_not_re2(system: System) -> Iterator[Violation]:
                 detail=f'The pattern of "{component.name}" cannot be used: {groups}. Patterns are RE2, which always '
                 "matches in short time and has no back-references and no look-around.",
                 advice="Write the pattern without them. Named groups are `(?P<name>...)`.",
+                values={"pattern": samples.pattern, "reason": groups},
             )
 
 
@@ -172,11 +180,12 @@ def pattern_without_group(system: System) -> Iterator[Violation]:
         fields = {"response_time": samples.response_time, "success": samples.success, "count": samples.count}
         for key, field in fields.items():
             if field is not None and not isinstance(groups, str) and field.name not in groups:
+                similar = did_you_mean(field.name, list(groups))
                 yield Violation(
                     path=("components", component.name, "run", "samples", key, "field"),
-                    detail=f'The pattern of "{component.name}" has no group '
-                    f'"{field.name}".{suggestion(field.name, list(groups))}',
+                    detail=f'The pattern of "{component.name}" has no group "{field.name}".{suggested(similar)}',
                     advice=f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
+                    values={"field": key, "group": field.name, "similar": similar or ""},
                 )
 
 

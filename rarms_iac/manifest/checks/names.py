@@ -9,7 +9,7 @@ from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import MOST_NAMES, in_a_row, suggestion
+from rarms_iac.model.wording import MOST_NAMES, did_you_mean, in_a_row, suggested
 
 UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")
 DEVICE_NAME = Finding.error("RARMS043", "Windows keeps this name for a device")
@@ -34,12 +34,13 @@ def unknown_name(system: System) -> Iterator[Violation]:
     for path, name, kind, known in _references(system):
         if name not in known:
             number += 1
-            meant = suggestion(name, known) if number <= MOST_SUGGESTIONS else ""
+            meant = did_you_mean(name, known) if number <= MOST_SUGGESTIONS else None
             yield Violation(
                 path=path,
-                detail=f'There is no {kind} "{name}".{meant}',
+                detail=f'There is no {kind} "{name}".{suggested(meant)}',
                 advice=f"Correct the name, or add the {kind}.",
                 address="" if path[0] in {"policy", "moved"} else None,
+                values={"kind": kind, "name": name, "similar": meant or ""},
             )
 
 
@@ -52,6 +53,7 @@ def older_than_required(system: System) -> Iterator[Violation]:
             detail=f"It requires rarms {required} or newer, and this is rarms {__version__}.",
             advice="Install a newer rarms, or ask the author of the requirement what it is for.",
             address="",
+            values={"requires": required, "version": __version__},
         )
 
 
@@ -111,6 +113,7 @@ def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
         detail=f'Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual machine '
         "and no data log can have it.",
         advice=f'Choose another name, for example "{name}-1".',
+        values={"name": name},
     )
 
 
@@ -123,6 +126,7 @@ def powershell_name(system: System) -> Iterator[Violation]:
             detail=f'PowerShell keeps the name "{name}" for a member of every object: a journal with the runs of '
             "this application could not be read.",
             advice=f'Choose another name, for example "{name}-1".',
+            values={"name": name},
         )
 
 
@@ -153,7 +157,9 @@ def test_partition_name(system: System) -> Iterator[Violation]:
 
 def _partition_name_violation(system: System, name: str, detail: str, advice: str) -> Violation:
     path = (system.section_of(name), name)
-    return Violation(path=path, at_key=True, detail=detail, advice=advice, address=f"partition/{name}")
+    return Violation(
+        path=path, at_key=True, detail=detail, advice=advice, address=f"partition/{name}", values={"name": name}
+    )
 
 
 def moved_in_a_circle(system: System) -> Iterator[Violation]:
@@ -172,6 +178,7 @@ def moved_in_a_circle(system: System) -> Iterator[Violation]:
                 detail=f"{' -> '.join([*names, *following, old])}: {reason}.",
                 advice="Let each entry lead from a name that the manifest no longer has to a name that it has.",
                 address=f"partition/{old}",
+                values={"names": tuple(names), "length": length},
             )
 
 
@@ -187,6 +194,7 @@ def moved_from_existing(system: System) -> Iterator[Violation]:
                 detail=f'`moved` renames "{old}" to "{new}", but the manifest still has a partition "{old}".',
                 advice="Remove the entry, or rename the partition.",
                 address=f"partition/{old}",
+                values={"old": old, "new": new},
             )
 
 
@@ -215,6 +223,7 @@ def no_components(system: System) -> Iterator[Violation]:
             detail="The manifest describes no component. A plan would stop every partition that rarms created before.",
             advice=prose("Add a component. To remove everything, use ", command("destroy"), "."),
             address=f"application/{system.application.name}",
+            values={},
         )
 
 
@@ -228,4 +237,5 @@ def unused_interference(system: System) -> Iterator[Violation]:
                 at_key=True,
                 detail=f'Neither `policy.interference` nor a component names "{name}".',
                 advice="Name it, or remove it. Leave it if you only measure with it by hand.",
+                values={},
             )

@@ -3,7 +3,7 @@
 The first are of `partitions`, `together`, `apart`, `dedicated`, `runs_on` and `hosts`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.manifest.checks.common import (
     Path,
@@ -52,6 +52,7 @@ def several_partitions(system: System) -> Iterator[Violation]:
                     detail=f'"{name}" is already in the partition "{first[1]}". A component runs once.',
                     advice="Leave it in one of them.",
                     related=((first, False, "listed here first"),),
+                    values={"component": name, "partitions": (str(first[1]), partition.name)},
                 )
 
 
@@ -73,6 +74,7 @@ def _host_component_violation(path: Path, name: str) -> Violation:
         path=path,
         detail=f'"{name}" has `runs_on: host`: it runs in the operating system of the host, not in a partition.',
         advice=f'Remove "{name}" here, or remove its `runs_on`.',
+        values={"component": name},
     )
 
 
@@ -86,6 +88,7 @@ def host_component_with_cpu(component: Component) -> Iterator[Violation]:
                     detail=f'"{component.name}" runs on the host itself. It has no partition, so '
                     f"`{'.'.join(path)}` has no effect.",
                     advice=f"Remove `{'.'.join(path)}`, or remove `runs_on: host`.",
+                    values={"key": ".".join(path)},
                 )
 
 
@@ -109,6 +112,7 @@ def partition_of_another_name(system: System, partition: PartitionRequest) -> It
             detail=f'The partition "{name}" does not contain the component "{name}". A reader would look for the '
             "component there.",
             advice=f'Add "{name}" to its components, or name the partition after its most critical member.',
+            values={"component": name},
         )
 
 
@@ -122,6 +126,7 @@ def together_and_apart(system: System) -> Iterator[Violation]:
                     path=("components", component.name, "apart", number),
                     detail=_contradiction(system, component.name, other, bound[other]),
                     advice="Remove `together` or `apart`.",
+                    values={"other": other, "bound": tuple(bound[other])},
                 )
 
 
@@ -147,21 +152,23 @@ def dedicated_shares(system: System) -> Iterator[Violation]:
     bound = _bound(system)
     for name, component in system.components.items():
         if component.dedicated and len(bound[name]) > 1:
-            yield _dedicated_violation(name, f"`together` binds it to {list_others(bound[name], (name,))}")
+            yield _dedicated_violation(name, bound[name], f"`together` binds it to {list_others(bound[name], (name,))}")
     for partition in system.partitions.values():
         inside = members(system, partition)
         names = [component.name for component in inside]
         for component in inside:
             if component.dedicated and len(inside) > 1:
                 others = list_others(names, (component.name,))
-                yield _dedicated_violation(component.name, f'the partition "{partition.name}" also contains {others}')
+                reason = f'the partition "{partition.name}" also contains {others}'
+                yield _dedicated_violation(component.name, names, reason)
 
 
-def _dedicated_violation(name: str, reason: str) -> Violation:
+def _dedicated_violation(name: str, members: Sequence[str], reason: str) -> Violation:
     return Violation(
         path=("components", name, "dedicated"),
         detail=f'"{name}" is dedicated: it must be alone in its partition, but {reason}.',
         advice="Remove `dedicated`, or leave the component alone in its partition.",
+        values={"members": tuple(members)},
     )
 
 
@@ -178,6 +185,7 @@ def apart_in_one_partition(system: System, partition: PartitionRequest) -> Itera
                     f'"{partition.name}" contains both.',
                     advice="Move one of the two to another partition, or remove `apart`.",
                     related=((("partitions", partition.name, "components"), False, "contains both"),),
+                    values={"other": other, "partition": partition.name},
                 )
 
 
@@ -195,6 +203,10 @@ def together_is_separated(system: System) -> Iterator[Violation]:
                     detail=f'"{component.name}" must be together with "{name}", but '
                     f"{_location(component.name, listed)}, and {_location(name, listed)}.",
                     advice="List both in one partition, or remove `together`.",
+                    values={
+                        "other": name,
+                        "partitions": tuple(listed[each] for each in (component.name, name) if each in listed),
+                    },
                 )
 
 
@@ -226,6 +238,7 @@ def _no_common_host_violation(system: System, path: Path, inside: list[Component
         path=path,
         detail=f"These components share a partition, but no host is allowed for all of them: {each}.",
         advice="Allow a common host in `hosts` of each, or put them into different partitions.",
+        values={"components": tuple(component.name for component in inside)},
     )
 
 
@@ -240,6 +253,7 @@ def partition_memory_below_members(system: System, partition: PartitionRequest) 
             detail=f'"{partition.name}" has {show_bytes(partition.memory)}, but its components need '
             f"{show_bytes(needed)} ({each}).",
             advice="Raise the memory, or remove it: the partition then gets the sum.",
+            values={"has_memory_bytes": partition.memory, "needs_memory_bytes": needed},
         )
 
 
@@ -253,6 +267,11 @@ def memory_over_host(system: System) -> Iterator[Violation]:
                 detail=f'"{name}" needs {show_bytes(memory)}, but "{largest.name}" has '
                 f"{show_bytes(max(0, _memory_for_partitions(largest)))} for partitions.",
                 advice="Lower the memory, keep less for the host, or allow a larger host.",
+                values={
+                    "needs_memory_bytes": memory,
+                    "host": largest.name,
+                    "has_memory_bytes": max(0, _memory_for_partitions(largest)),
+                },
             )
 
 
@@ -268,6 +287,7 @@ def memory_not_a_machines(system: System) -> Iterator[Violation]:
                 detail=f'"{name}" has {show_bytes(memory)}, but Hyper-V takes an even number of MiB, at least '
                 f"{show_bytes(LEAST_MEMORY)}.",
                 advice=f"Write {up // _MEBIBYTE} MiB{less}.",
+                values={"has_memory_bytes": memory, "fits_memory_bytes": up},
             )
 
 

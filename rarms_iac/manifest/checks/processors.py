@@ -49,6 +49,7 @@ def weight_on_linux(system: System) -> Iterator[Violation]:
                 path=(section, name, "cpu", "weight"),
                 detail=f'"{name}" may run on {list_names(found)}, a Linux host, where its reserve is its weight.',
                 advice="Remove `weight`, or reserve more.",
+                values={"weight": cpu.weight, "hosts": tuple(found)},
             )
 
 
@@ -65,6 +66,7 @@ def reserve_over_limit(system: System) -> Iterator[Violation]:
                 "never use its whole reserve.",
                 advice="Raise the limit, lower the reserve, or remove the limit.",
                 related=(((section, name, "cpu", "reserve"), False, "the reserve"),),
+                values={"reserve": show_amount(reserve), "limit": show_amount(limit)},
             )
 
 
@@ -94,6 +96,12 @@ def reserve_over_host(system: System) -> Iterator[Violation]:
                 f"{show_processors(capacity[largest.name])} of its {largest.logical_processors} LP for partitions"
                 f"{', more than any other host it may run on' if len(hosts) > 1 else ''}.",
                 advice="Lower the reserve, keep less for the host, or allow a larger host.",
+                values={
+                    "reserve": show_amount(reserve),
+                    "host": largest.name,
+                    "capacity_lp": float(capacity[largest.name]),
+                    "host_lp": largest.logical_processors,
+                },
             )
 
 
@@ -129,6 +137,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
                 detail=f'"{component.name}" reserves {show_processors(min(reserves))}, but '
                 f"{counted(threads, 'thread')} can use at most {show_processors(threads)}. The rest cannot be used.",
                 advice=f"Write `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
+                values={"reserve_lp": float(min(reserves)), "threads": threads},
             )
 
 
@@ -146,6 +155,7 @@ def reserve_over_processors(system: System) -> Iterator[Violation]:
                 detail=f'"{name}" reserves {show_processors(reserve)}, but '
                 f"{counted(count, 'virtual processor')} can use at most {show_processors(count)}.",
                 advice=f"Write `processors: {ceil(reserve)}`, or reserve at most {show_processors(count)}.",
+                values={"reserve_lp": float(reserve), "processors": count},
             )
 
 
@@ -159,6 +169,7 @@ def more_processors_than_host(system: System) -> Iterator[Violation]:
                 detail=f'"{name}" has {processors} virtual processors, but no host that it may run on has more than '
                 f"{most} LP. Its reservation would not be guaranteed.",
                 advice=f"Write `processors: {most}` or fewer, or allow a larger host.",
+                values={"processors": processors, "most_lp": most},
             )
 
 
@@ -188,6 +199,7 @@ def different_cpu(system: System, partition: PartitionRequest) -> Iterator[Viola
                 f"different {key}.",
                 advice="Remove one of the two.",
                 related=((("components", component.name, "cpu", key), False, "the component's"),),
+                values={"component": component.name, "key": key},
             )
 
 
@@ -205,6 +217,7 @@ def held_back(system: System) -> Iterator[Violation]:
                 detail=f"{subject} and a limit of {show_amount(cpu.limit)}, less than its virtual processors could "
                 "use. It answers later than without the limit, and measurements without the limit are not valid.",
                 advice="rarms keeps this limit. Remove it if you do not need it.",
+                values={"component": with_apt[0], "limit": show_amount(cpu.limit)},
             )
         if cpu.weight is not None and cpu.weight < USUAL_WEIGHT:
             yield Violation(
@@ -212,6 +225,7 @@ def held_back(system: System) -> Iterator[Violation]:
                 detail=f"{subject} and the weight {cpu.weight}, less than the usual {USUAL_WEIGHT}. Beyond its reserve "
                 "it waits for others, and no measurement shows this.",
                 advice="rarms keeps this weight. Remove it if you do not need it.",
+                values={"component": with_apt[0], "weight": cpu.weight},
             )
 
 

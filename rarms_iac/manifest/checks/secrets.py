@@ -32,6 +32,7 @@ def secret_in_clear(system: System) -> Iterator[Violation]:
                 "where others can read it and nothing is deleted.",
                 advice="Write the name under which the credential is stored: letters, digits and . _ / - only, for "
                 "example `robot/guest`. Change the secret if it was committed.",
+                values={"key": "credential"},
             )
 
 
@@ -49,4 +50,5 @@ def secret_in_environment(component: Component) -> Iterator[Violation]:
                 detail=f'The manifest contains the value of {name} for "{component.name}". The manifest lies in '
                 "git, where others can read it.",
                 advice=f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
+                values={"variable": name},
             )

@@ -9,7 +9,7 @@ from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
 from rarms_iac.model.names import ROBOTIC_TASKS, is_shipped_task
 from rarms_iac.model.system import Component, System, TaskCategory, TaskRequest
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import did_you_mean, suggested
 
 SHIPPED_TASK = Finding.error("RARMS053", "A task class of Windows would be changed")
 UNKNOWN_TASK = Finding.error("RARMS054", "Unknown task class")
@@ -38,6 +38,7 @@ def _shipped_task_violation(path: Path, name: str) -> Violation:
         detail=f'The class "{name}" comes with Windows, and other programs use it. rarms would change its values.',
         advice=f"Use a robotic class such as {ROBOTIC_TASKS[1]}, or write `replace_shipped: true` in `tasks.{name}`.",
         address=f"task/{name}",
+        values={"task": name},
     )
 
 
@@ -48,10 +49,12 @@ def unknown_task(system: System) -> Iterator[Violation]:
     for component in system.components.values():
         task = component.task
         if task is not None and task.lower() not in folded and not is_shipped_task(task):
+            similar = did_you_mean(task, known)
             yield Violation(
                 path=("components", component.name, "task"),
-                detail=f'There is no task class "{task}".{suggestion(task, known)}',
+                detail=f'There is no task class "{task}".{suggested(similar)}',
                 advice=f"Use one of {', '.join(ROBOTIC_TASKS)}, or add `{task}: {{}}` to `tasks`.",
+                values={"task": task, "similar": similar or ""},
             )
 
 
@@ -67,6 +70,7 @@ def task_differs_in_case(system: System) -> Iterator[Violation]:
                 detail=f'"{name}" and "{before}" are the same registry key: Windows ignores case in these names.',
                 advice="Keep one of the two.",
                 related=((("tasks", before), True, "the other one"),),
+                values={"other": before},
             )
 
 
@@ -120,6 +124,13 @@ def _order_violation(higher: _FixedClass, lower: _FixedClass) -> Violation:
         advice="Remove category and priority, so that rarms chooses them, or put both classes into Medium in the right "
         "order.",
         related=((("tasks", lower.entry.name), True, "the less critical class"),),
+        values={
+            "component": higher.component,
+            "criticality": higher.criticality,
+            "other": lower.component,
+            "other_criticality": lower.criticality,
+            "other_task": lower.entry.name,
+        },
     )
 
 
@@ -138,6 +149,12 @@ def shared_task(system: System) -> Iterator[Violation]:
                     f"({leader.criticality}) share the class {component.task} in one operating system. The threads of "
                     "both get the same priority.",
                     advice="Give the less critical component a class of its own.",
+                    values={
+                        "task": component.task,
+                        "criticality": component.criticality,
+                        "other": leader.name,
+                        "other_criticality": leader.criticality,
+                    },
                 )
 
 
@@ -151,6 +168,7 @@ def unused_task(system: System) -> Iterator[Violation]:
                 at_key=True,
                 detail=f"No component has `task: {name}`. Nothing would run in this class.",
                 advice="Write it at a component, or remove the class.",
+                values={},
             )
 
 
@@ -172,4 +190,5 @@ def _reserved_name_violation(path: Path, name: str) -> Violation:
         "this name.",
         advice="Rename the class. To set the value itself, write `system_responsiveness` at the host.",
         address=f"task/{name}",
+        values={"task": name},
     )

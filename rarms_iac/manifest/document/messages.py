@@ -80,7 +80,11 @@ def findings_of_structure(problem: NotAManifest) -> list[Diagnostic]:
     ]
     if problem.following:
         detail = f"{problem.following:,} more errors follow."
-        shown.append(AND_MORE.at(shown[-1].place, detail, "Correct the errors that are shown first."))
+        shown.append(
+            AND_MORE.at(
+                shown[-1].place, detail, "Correct the errors that are shown first.", values={"more": problem.following}
+            )
+        )
     return shown
 
 
@@ -106,11 +110,26 @@ def _kind_of(value: Any) -> str:
             return "a list"
 
 
+def _facts(error: StructureError) -> dict[str, str | bool | int | float]:
+    return {"path": error.name, "value": _fact(error.value)}
+
+
+def _fact(value: Any) -> str | bool | int | float:
+    if isinstance(value, str):
+        return value[:60]
+    return value if isinstance(value, bool | int | float) else _show(value)
+
+
 def _unknown_key(error: StructureError) -> Diagnostic:
     *around, key = error.path
     known = keys_at(tuple(around))
     advice = question(did_you_mean(str(key), known)) or f"The keys allowed here are {', '.join(known)}."
-    return UNKNOWN_KEY.at(error.places.key(*error.path), f"{error.name}: there is no key {_show(key)} here.", advice)
+    return UNKNOWN_KEY.at(
+        error.places.key(*error.path),
+        f"{error.name}: there is no key {_show(key)} here.",
+        advice,
+        values={"path": error.name, "key": str(key)},
+    )
 
 
 def _meant_key(error: StructureError) -> Path | None:
@@ -130,7 +149,7 @@ def _missing(error: StructureError) -> Diagnostic:
             advice = f"Write {key}: {only}."
         case _:
             advice = f"Write {key}: {describe(error.path)}".rstrip(": ")
-    return MISSING_KEY.at(error.place, f"{owner} needs the key {key}.", advice)
+    return MISSING_KEY.at(error.place, f"{owner} needs the key {key}.", advice, values={"path": owner, "key": str(key)})
 
 
 def _wrong_kind(error: StructureError) -> Diagnostic:
@@ -140,7 +159,9 @@ def _wrong_kind(error: StructureError) -> Diagnostic:
         advice = "Write a value, or remove the key. Only in an overlay, null removes a value."
     elif error.kind == "string_type" and isinstance(error.value, bool | int | float):
         advice = f'Put it into quotes: "{_show(error.value)}".'
-    return WRONG_KIND.at(error.place, f"{error.name} must be {needed}, but it is {_kind_of(error.value)}.", advice)
+    return WRONG_KIND.at(
+        error.place, f"{error.name} must be {needed}, but it is {_kind_of(error.value)}.", advice, values=_facts(error)
+    )
 
 
 def _choice(error: StructureError) -> Diagnostic:
@@ -152,18 +173,28 @@ def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic
     allowed = in_a_row(known, "or")
     advice = question(did_you_mean(value, known) if isinstance(value, str) else None) or f"Write {allowed}."
     detail = f"{dotted(path)} is {_show(value)}. It must be {allowed}."
-    return NOT_A_CHOICE.at(error.places.value(*path), detail, advice)
+    return NOT_A_CHOICE.at(
+        error.places.value(*path),
+        detail,
+        advice,
+        values={"path": dotted(path), "value": _fact(value), "allowed": tuple(map(str, known))},
+    )
 
 
 def _tag(error: StructureError) -> Diagnostic:
     """An alternative that is chosen by `kind`."""
     if not isinstance(error.value, dict):
         detail = f"{error.name} must be a map, but it is {_kind_of(error.value)}."
-        return WRONG_KIND.at(error.place, detail, "Write a map with the key kind.")
+        return WRONG_KIND.at(error.place, detail, "Write a map with the key kind.", values=_facts(error))
     path = (*error.path, "kind")
     if "kind" not in error.value:
         advice = f"Write kind: {in_a_row(choices_at(path), 'or')}."
-        return MISSING_KEY.at(error.places.value(*path), f"{error.name} needs the key kind.", advice)
+        return MISSING_KEY.at(
+            error.places.value(*path),
+            f"{error.name} needs the key kind.",
+            advice,
+            values={"path": error.name, "key": "kind"},
+        )
     return _choice_finding(error, path, error.value["kind"])
 
 
@@ -182,7 +213,7 @@ def _quantity(error: StructureError) -> Diagnostic:
             detail = f"{error.name} is {_show(text)}{problem}."
             meant = did_you_mean(str(text), (word,)) if word else None
             advice = question(meant) or better or advice
-    return NOT_A_QUANTITY.at(error.place, detail, advice)
+    return NOT_A_QUANTITY.at(error.place, detail, advice, values={**_facts(error), "units": units})
 
 
 def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
@@ -212,7 +243,10 @@ def _pattern(error: StructureError) -> Diagnostic:
     around = dotted(error.path[:-1]) if error.is_key else error.name
     prefix = f"{around}: " if around else ""
     return finding.at(
-        error.place, f"{prefix}{_show(error.value)} is not {kind}.", f"{form} {question(better)}".rstrip()
+        error.place,
+        f"{prefix}{_show(error.value)} is not {kind}.",
+        f"{form} {question(better)}".rstrip(),
+        values=_facts(error),
     )
 
 
@@ -226,35 +260,49 @@ def _range(error: StructureError) -> Diagnostic:
     bound = "at least" if error.kind == "greater_than_equal" else "at most"
     limit = error.facts.get("ge", error.facts.get("le"))
     detail = f"{error.name} is {_show(error.value)}. It must be {bound} {limit}."
-    return OUT_OF_RANGE.at(error.place, detail, describe(error.path))
+    return OUT_OF_RANGE.at(error.place, detail, describe(error.path), values={**_facts(error), "limit": limit})
 
 
 def _empty(error: StructureError) -> Diagnostic:
     is_text = error.kind == "string_too_short"
     detail = f"{error.name} is an empty text." if is_text else f"{error.name} is empty. It needs at least one entry."
-    return NOTHING_THERE.at(error.place, detail, describe(error.path) or "Write one, or remove the key.")
+    return NOTHING_THERE.at(
+        error.place, detail, describe(error.path) or "Write one, or remove the key.", values={"path": error.name}
+    )
 
 
 def _exactly_one(error: StructureError) -> Diagnostic:
     names, written = error.facts["names"], error.facts["written"]
     choice = in_a_row(names, "or")
     if not written:
-        return MISSING_KEY.at(error.place, f"{error.name} needs one of the keys {choice}.", f"Write {choice}.")
+        return MISSING_KEY.at(
+            error.place,
+            f"{error.name} needs one of the keys {choice}.",
+            f"Write {choice}.",
+            values={"path": error.name, "keys": tuple(names)},
+        )
     return NOT_TOGETHER.at(
         error.places.key(*error.path, written[-1]),
         f"{error.name} has {in_a_row(written)}. Only one of them is allowed.",
         f"Remove {in_a_row(tuple(reversed(written)), 'or')}.",
+        values={"path": error.name, "keys": tuple(written)},
     )
 
 
 def _together(error: StructureError) -> Diagnostic:
     key, needs = error.facts["key"], error.facts["needs"]
     if error.facts["missing"]:
-        return MISSING_KEY.at(error.place, f"{error.name} has {needs}, so it needs the key {key}.", f"Write {key}.")
+        return MISSING_KEY.at(
+            error.place,
+            f"{error.name} has {needs}, so it needs the key {key}.",
+            f"Write {key}.",
+            values={"path": error.name, "key": key, "needs": needs},
+        )
     return NOT_TOGETHER.at(
         error.places.key(*error.path, key),
         f"{error.name} has {key}, which has an effect only with {needs}.",
         f"Write {needs}, or remove {key}.",
+        values={"path": error.name, "key": key, "needs": needs},
     )
 
 
@@ -266,6 +314,7 @@ def _index(error: StructureError) -> Diagnostic:
         error.places.key(*error.path),
         f"{error.name}: there is no performance index {_show(name)}.",
         question(did_you_mean(name, known)) or advice,
+        values={"path": error.name, "index": name},
     )
 
 
@@ -276,6 +325,7 @@ def _direction(error: StructureError) -> Diagnostic:
         error.places.key(*error.path),
         f"{error.name}: a {better} {index} is better, but {error.path[-1]} asks for the opposite.",
         f"Write {word}.",
+        values={"path": error.name, "index": index, "direction": word},
     )
 
 
@@ -285,18 +335,19 @@ def _foreign_block(error: StructureError) -> Diagnostic:
         error.places.key(*error.path),
         f"{error.name} is allowed only with provider: {block}, but this host has provider: {provider}.",
         f"Remove it, or write provider: {block}.",
+        values={"path": error.name, "block": block, "provider": provider},
     )
 
 
 def _no_such_day(error: StructureError) -> Diagnostic:
     detail = f"{error.name} is {error.value}. There is no such day."
-    return NO_SUCH_DAY.at(error.place, detail, "Check the month and the day.")
+    return NO_SUCH_DAY.at(error.place, detail, "Check the month and the day.", values=_facts(error))
 
 
 def _not_read(error: StructureError) -> Diagnostic:
     """An error without words of its own: still a place, the value, and what the field is for."""
     advice = describe(error.path) or "Check the manifest reference."
-    return NOT_READ.at(error.place, f"{error.name} cannot be {_show(error.value)}.", advice)
+    return NOT_READ.at(error.place, f"{error.name} cannot be {_show(error.value)}.", advice, values=_facts(error))
 
 
 _MESSAGES: Mapping[str, Callable[[StructureError], Diagnostic]] = {

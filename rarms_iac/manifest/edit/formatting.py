@@ -48,7 +48,11 @@ def format_tree(parsed: ParsedText) -> str:
     except KeyTooLong as problem:
         place = replace(place_of_node(problem.key), file=parsed.source.file, length=1)
         raise CannotFormat(
-            (NOT_A_NAME.at(place, f"This key is too long: {problem}.", "Use a shorter name."),)
+            (
+                NOT_A_NAME.at(
+                    place, f"This key is too long: {problem}.", "Use a shorter name.", values={"reason": str(problem)}
+                ),
+            )
         ) from None
 
 
@@ -58,8 +62,15 @@ def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
         return []
     if parsed.value is None:
         advice = prose("Write a manifest, or move the file away and let ", INIT, " write one.")
-        return [EMPTY.at(place, "The file has only comments.", advice)]
-    return [WRONG_KIND.at(place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.")]
+        return [EMPTY.at(place, "The file has only comments.", advice, values={"file": parsed.source.file})]
+    return [
+        WRONG_KIND.at(
+            place,
+            "A manifest is a map of keys to values.",
+            "Begin with `schema: rarms/v1`.",
+            values={"file": parsed.source.file},
+        )
+    ]
 
 
 def diff_text(before: str, after: str, name: str) -> str:

@@ -55,13 +55,23 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
     start = Place(file=file, line=1, column=1)
     if data.startswith(_UTF16_32):
         raise UnreadableText(
-            NOT_UTF8.at(start, "The file seems to be UTF-16 or UTF-32.", "Save it as UTF-8 and try again.")
+            NOT_UTF8.at(
+                start,
+                "The file seems to be UTF-16 or UTF-32.",
+                "Save it as UTF-8 and try again.",
+                values={"file": file},
+            )
         )
     marked = data.startswith(_BOM)
     data = data.removeprefix(_BOM)
     if not data.strip():
         raise UnreadableText(
-            EMPTY.at(start, "The file has no content.", prose("Write a manifest, or let ", INIT, " write one."))
+            EMPTY.at(
+                start,
+                "The file has no content.",
+                prose("Write a manifest, or let ", INIT, " write one."),
+                values={"file": file},
+            )
         )
     _check_utf8(data, file)
     _check_hidden(data, file)
@@ -70,6 +80,7 @@ def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
         start,
         "The three bytes EF BB BF at the start mean nothing in UTF-8. rarms reads the file without them.",
         prose("Save it as UTF-8 without a byte order mark, or let ", formatter, " do it."),
+        values={"file": file},
     )
     return data, (note,) if marked else ()
 
@@ -83,6 +94,7 @@ def _check_utf8(data: bytes, file: str) -> None:
                 place_of(data, problem.start, file),
                 f"The byte {data[problem.start]:02X} (hexadecimal) at this place is not UTF-8.",
                 "Save the file as UTF-8 and try again.",
+                values={"file": file, "byte": data[problem.start]},
             )
         ) from None
 
@@ -105,6 +117,7 @@ def hidden(character: str, place: Place) -> Diagnostic:
         place,
         f"U+{code:04X} ({name.lower()}) is invisible and can change how the text is read.",
         "Remove it.",
+        values={"character": f"U+{code:04X}", "name": name.lower()},
     )
 
 

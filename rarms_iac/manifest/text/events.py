@@ -167,6 +167,7 @@ class _Pass:
                 place_at(event.start_mark, self.file),
                 f"rarms does not read {refused}.",
                 advice,
+                values={"refused": refused},
             )
         )
 
@@ -187,7 +188,12 @@ class _Pass:
             place = place_at(event.start_mark, self.file, len(event.value))
             advice = "Write another number, or put it into quotes if it is a text."
             self.values.problems.append(
-                NOT_REPRESENTABLE.at(place, f"rarms cannot represent this number exactly: {problem}.", advice)
+                NOT_REPRESENTABLE.at(
+                    place,
+                    f"rarms cannot represent this number exactly: {problem}.",
+                    advice,
+                    values={"number": event.value, "reason": str(problem)},
+                )
             )
 
     def escape(self, event: ScalarEvent) -> None:
@@ -200,19 +206,20 @@ class _Pass:
             place_at(event.start_mark, self.file),
             "A map or a list is in the place of a key. A key must be a text.",
             "Write a name followed by a colon.",
+            values={"refused": "a map or a list for a key"},
         )
 
     def excess(self, event: Any, nodes: int) -> Diagnostic:
         if nodes > MAX_NODES:
-            detail = f"A manifest has at most {MAX_NODES:,} values. This file has more."
+            most, detail = MAX_NODES, f"A manifest has at most {MAX_NODES:,} values. This file has more."
             advice = "Split it into several manifests."
         elif len(self.stack) >= MAX_DEPTH:
-            detail = f"A manifest has at most {MAX_DEPTH} levels of nesting. This file has more."
+            most, detail = MAX_DEPTH, f"A manifest has at most {MAX_DEPTH} levels of nesting. This file has more."
             advice = "Check for brackets that are not closed."
         else:
-            detail = f"A text has at most {MAX_SCALAR:,} characters. This one has more."
+            most, detail = MAX_SCALAR, f"A text has at most {MAX_SCALAR:,} characters. This one has more."
             advice = "Put the text into a file of its own."
-        return TOO_MUCH.at(place_at(event.start_mark, self.file), detail, advice)
+        return TOO_MUCH.at(place_at(event.start_mark, self.file), detail, advice, values={"most": most})
 
 
 class _RepeatedKey:
@@ -239,7 +246,7 @@ def _syntax(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
     # The parser puts what is missing at the end onto a line of its own, which may not exist.
     end = place_of(data, len(data.rstrip()), file)
     place = end if mark is None or mark.line + 1 > end.line else place_at(mark, file)
-    return NOT_YAML.at(place, detail, advice)
+    return NOT_YAML.at(place, detail, advice, values={"parser": complaint})
 
 
 _COMPLAINTS: tuple[tuple[str, str, str], ...] = (

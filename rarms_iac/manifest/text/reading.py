@@ -137,24 +137,39 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
     place = Place(file=file, line=1, column=1)
     match problem:
         case NotRegular(kind=kind):
-            return NOT_REGULAR.at(place, f"{file} is {kind}.", "Name a file, or - for standard input.")
+            return NOT_REGULAR.at(
+                place,
+                f"{file} is {kind}.",
+                "Name a file, or - for standard input.",
+                values={"file": file, "kind": kind},
+            )
         case TooLarge():
             advice = "Check that it is the manifest, or move what differs between machines into overlays."
-            return TOO_LARGE.at(place, f"{file} has more than 8 MiB, the largest size of a manifest.", advice)
+            return TOO_LARGE.at(
+                place,
+                f"{file} has more than 8 MiB, the largest size of a manifest.",
+                advice,
+                values={"file": file, "most_bytes": 8 * 2**20},
+            )
         case FileNotFoundError():
             missing = prose("Name the manifest or its folder with `-f PATH`, or create one with ", INIT, ".")
             if overlay:
                 missing = prose("Check the path. An overlay is a file with the keys that differ from the manifest.")
-            return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", missing)
+            return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", missing, values={"file": file})
         case PermissionError():
             return NOT_READABLE.at(
-                place, f"rarms has no permission to read {quoted(file)}.", "Check the file's permissions."
+                place,
+                f"rarms has no permission to read {quoted(file)}.",
+                "Check the file's permissions.",
+                values={"file": file},
             )
         case OSError():
             reason = problem.strerror or type(problem).__name__
-            return NOT_READABLE.at(place, f"The system reports: {reason}.", "Check the path.")
+            return NOT_READABLE.at(
+                place, f"The system reports: {reason}.", "Check the path.", values={"file": file, "reason": reason}
+            )
         case _:
-            return NOT_READABLE.at(place, "No file can have this name.", "Check the path.")
+            return NOT_READABLE.at(place, "No file can have this name.", "Check the path.", values={"file": file})
 
 
 def _same_keys(text: bytes, file: str, duplicates: Sequence[DuplicateKey]) -> list[Diagnostic]:
@@ -167,6 +182,7 @@ def _same_keys(text: bytes, file: str, duplicates: Sequence[DuplicateKey]) -> li
             f"{dotted(path)} is here and on line {places.key(*path).line}.",
             "Remove one of the two.",
             related=(Related(place=places.key(*path), message="the first one"),),
+            values={"path": dotted(path), "first_line": places.key(*path).line},
         )
         for path, later in duplicates
     ]

@@ -66,20 +66,42 @@ def inspect_recorded(script: bytes, name: str) -> tuple[Diagnostic, ...]:
 
 def _not_parsed(name: str, error: NotParsed) -> Diagnostic:
     place = Place(file=name, line=error.line, column=1)
-    return PARSE.at(place, error.message, "render the script again, or mend this line")
+    return PARSE.at(
+        place,
+        error.message,
+        "render the script again, or mend this line",
+        values={"script": name, "reason": error.message},
+    )
 
 
 def _check_bytes(script: bytes, name: str) -> Iterator[Diagnostic]:
     if len(script) > LARGEST:
-        yield BYTES.at(Place(file=name, line=1, column=1), f"it has {len(script)} bytes", "split the plan")
+        yield BYTES.at(
+            Place(file=name, line=1, column=1),
+            f"it has {len(script)} bytes",
+            "split the plan",
+            values={"script": name, "bytes": len(script), "most_bytes": LARGEST},
+        )
         return
     *lines, rest = script.split(b"\n")
     if rest or not lines:
-        yield BYTES.at(Place(file=name, line=len(lines) + 1, column=1), "the last line does not end", "write its CRLF")
+        yield BYTES.at(
+            Place(file=name, line=len(lines) + 1, column=1),
+            "the last line does not end",
+            "write its CRLF",
+            values={"script": name},
+        )
     for number, line in enumerate(lines, start=1):
         place = Place(file=name, line=number, column=1)
         if bad := [byte for byte in line.removesuffix(b"\r") if not 0x20 <= byte <= 0x7E]:
             advice = "5.1 reads a script in the code page of its Windows: only ASCII is the same everywhere"
-            yield BYTES.at(place, f"a byte 0x{bad[0]:02x} is not printable ASCII", advice)
+            yield BYTES.at(
+                place, f"a byte 0x{bad[0]:02x} is not printable ASCII", advice, values={"script": name, "byte": bad[0]}
+            )
         elif not line.endswith(b"\r"):
-            yield BYTES.at(place, "the line does not end with CR LF", "write it with CRLF, to its last line")
+            yield BYTES.at(
+                place,
+                "the line does not end with CR LF",
+                "write it with CRLF, to its last line",
+                values={"script": name},
+            )

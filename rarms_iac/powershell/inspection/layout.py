@@ -132,14 +132,24 @@ def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnost
     """
     top = Place(file=name, line=1, column=1)
     if not parts.fixed:
-        yield RUNTIME.at(top, "it has no runtime", "render the script again")
+        yield RUNTIME.at(top, "it has no runtime", "render the script again", values={"script": name})
     for piece in parts.fixed:
         if not piece.is_shipped:
             detail = (
                 f"{piece.title} has the SHA-256 {part_digest(piece.text)[:12]}, not {part_digest(piece.shipped)[:12]}"
             )
             place = Place(file=name, line=piece.first, column=1)
-            yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
+            yield RUNTIME.at(
+                place,
+                detail,
+                "render the script again; only its steps may differ from another's",
+                values={
+                    "script": name,
+                    "part": piece.title,
+                    "sha256": part_digest(piece.text),
+                    "shipped_sha256": part_digest(piece.shipped),
+                },
+            )
     problems = [*head_problems(parts.head), *_carried_problems(parts), *comment_problems(parts.plan + parts.end)]
     opening, between, closing = _template_edges(entry)
     if not parts.plan.startswith(opening):
@@ -147,7 +157,7 @@ def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnost
     if parts.fixed and not (parts.plan.endswith(between) and parts.end == closing):
         problems.append("what stands around the fixed parts is not what calls the plan")
     for problem in problems:
-        yield HEAD.at(top, problem, "render the script again")
+        yield HEAD.at(top, problem, "render the script again", values={"script": name, "reason": problem})
 
 
 def _carried_problems(parts: ScriptParts) -> Iterator[str]:

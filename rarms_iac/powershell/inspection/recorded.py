@@ -64,12 +64,22 @@ def check_around_plan(name: str, script: str, root: "Node") -> Iterator[Diagnost
     parts = split_script(script)
     body = "\n".join([parts.plan, *(piece.text for piece in parts.fixed if not piece.is_shipped), parts.end])
     for problem in (*head_problems(parts.head), *comment_problems(body)):
-        yield HEAD.at(Place(file=name, line=1, column=1), problem, "render the script again")
+        yield HEAD.at(
+            Place(file=name, line=1, column=1),
+            problem,
+            "render the script again",
+            values={"script": name, "reason": problem},
+        )
     statements = [node for node in top_statements(root) if node.type not in {"comment", "empty_statement"}]
     for at, node in enumerate(statements, start=1):
         if not (text_of(node) == _LAST if at == len(statements) else _is_definition(node)):
             detail = f"beside its plan stands {quoted(text_of(node), 60)}"
-            yield HEAD.at(Place(file=name, line=line_of(node), column=1), detail, "render the script again")
+            yield HEAD.at(
+                Place(file=name, line=line_of(node), column=1),
+                detail,
+                "render the script again",
+                values={"script": name, "text": text_of(node)[:60]},
+            )
 
 
 def _is_definition(node: "Node") -> bool:

@@ -170,7 +170,7 @@ def _label(node: ShapeNode | None) -> str:
 
 
 def _problem(name: str, line: int, detail: str) -> Diagnostic:
-    return STEP.at(Place(file=name, line=line, column=1), detail, _ADVICE)
+    return STEP.at(Place(file=name, line=line, column=1), detail, _ADVICE, values={"script": name, "reason": detail})
 
 
 def _facts_and_calls(root: "Node") -> "tuple[Mapping[str, Node], tuple[CommandCall, ...]]":

@@ -184,7 +184,18 @@ class LinuxHostProvider(JournaledHost):
                 names = ", ".join(f"{process} ({name})" for process, name in alone)
                 message = f"In {partition.settings.name} run processes that no rarms started or ends: {names}."
                 advice = "End them, where a component left them behind: they use the partition's processor time."
-                found.append(ORPHANS.at(None, message, advice, address=f"partition/{partition.settings.name}"))
+                found.append(
+                    ORPHANS.at(
+                        None,
+                        message,
+                        advice,
+                        address=f"partition/{partition.settings.name}",
+                        values={
+                            "partition": partition.settings.name,
+                            "processes": tuple(str(process) for process, _ in alone),
+                        },
+                    )
+                )
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
 
     def start_after_boot(self) -> tuple[str, ...]:
@@ -222,14 +233,20 @@ class LinuxHostProvider(JournaledHost):
             here = (START_AT_BOOT, line)
             far = ("Nothing else does on a host that is only reached over ssh: run it after each start.",)
             advice = prose(APPLY, " starts what is off. ", *(far if self._host.connect else here))
-            yield OFF_WITHOUT_STOP.at(None, message, advice, address=f"host/{self.name}")
+            yield OFF_WITHOUT_STOP.at(
+                None,
+                message,
+                advice,
+                address=f"host/{self.name}",
+                values={"host": self.name, "partitions": tuple(names)},
+            )
 
     def _without_withheld_time(self) -> Iterator[Diagnostic]:
         if slice_limit(self._host, self._processors) is None:
             message = f"{self.name} keeps no processor time for what runs outside its partitions. While they use all "
             message += "of it, ssh, rarms and the kernel's own threads get about 1 % of a processor each."
             advice = "Write `keep_for_host: { processor: 5 % }`: partitions never get that part."
-            yield NOTHING_WITHHELD.at(None, message, advice, address=f"host/{self.name}")
+            yield NOTHING_WITHHELD.at(None, message, advice, address=f"host/{self.name}", values={"host": self.name})
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         """See the host, and return its state, and the definition of each partition by its id."""

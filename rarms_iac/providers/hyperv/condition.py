@@ -182,6 +182,12 @@ def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
         f"{machine.reserve} %: another tool wrote it, and no cmdlet can.",
         "Set a whole per cent with Set-VMProcessor -Reserve; until then plans count what the cmdlets show.",
         address=f"machine/{machine.id}",
+        values={
+            "machine": machine.id,
+            "name": machine.name,
+            "reserve_percent": reserve / THOUSANDTHS,
+            "cmdlets_percent": machine.reserve,
+        },
     )
 
 
@@ -193,6 +199,7 @@ def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagn
                 f"%ProgramData%\\rarms\\journal.jsonl of {host} belongs to {owner}, not to Administrators or SYSTEM.",
                 "Find out who put it there, then remove it. A script refuses to run beside it.",
                 address=f"host/{host}",
+                values={"host": host, "owner": owner},
             )
         case JournalDamaged(message=message):
             yield JOURNAL.at(
@@ -200,6 +207,7 @@ def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagn
                 f"%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {message}.",
                 "Look at the host to see what the last run did, then remove the file.",
                 address=f"host/{host}",
+                values={"host": host, "reason": message},
             )
         case _:
             return

@@ -42,7 +42,12 @@ MEGABYTE = 1_000_000
 def size_warning(file: str, size: int, measurements: int) -> Diagnostic:
     """Say that a page of so many bytes is large, and what makes it smaller."""
     message = f"{file} has {size:,} bytes: a plot of each of {measurements} data logs."
-    return LARGE.at(None, message, prose("Name the components that matter: ", command("report", "COMPONENT..."), "."))
+    return LARGE.at(
+        None,
+        message,
+        prose("Name the components that matter: ", command("report", "COMPONENT..."), "."),
+        values={"file": file, "bytes": size, "data_logs": measurements},
+    )
 
 
 def as_html(report: Report) -> bytes:

@@ -63,7 +63,12 @@ class TooManyRows(Exception):
     def finding(self) -> Diagnostic:
         """Say it to who asked for the file."""
         message = f"{self.rows} samples are more than the {self.limit} rows of a sheet."
-        return TOO_LONG.at(None, message, "Export them to a .csv file, or name fewer components.")
+        return TOO_LONG.at(
+            None,
+            message,
+            "Export them to a .csv file, or name fewer components.",
+            values={"samples": self.rows, "most_rows": self.limit},
+        )
 
 
 def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROWS) -> bytes:

@@ -42,7 +42,7 @@ COMMAND = {
     "options": [{"name": "--at", "value": "100 ms"}],
     "text": "rarms select vision --at '100 ms'",
 }
-WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
+WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision", values={})
 SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
 
 
@@ -151,7 +151,7 @@ def test_junit_without_findings_has_a_case_that_passes() -> None:
 
 
 def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
-    finding = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x")
+    finding = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x", values={})
 
     assert as_github([finding]) == (
         "::error file=manifests/my robot.yaml,line=31,endLine=31,col=5,endColumn=8,"
@@ -162,11 +162,11 @@ def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
 def test_github_properties_escape_colon_and_comma() -> None:
     place = Place(file="a,b:c%.yaml", line=1, column=1)
 
-    assert "file=a%2Cb%3Ac%25.yaml," in as_github([EXCEEDED.at(place, "x", "y")])
+    assert "file=a%2Cb%3Ac%25.yaml," in as_github([EXCEEDED.at(place, "x", "y", values={})])
 
 
 def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
-    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y", values={})
 
     assert as_github([note]) == "::notice title=RARMS086 Not used::x%0Ay\n"
 

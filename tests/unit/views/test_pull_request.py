@@ -131,7 +131,7 @@ def test_what_a_stranger_wrote_stays_text() -> None:
     finding = Finding(code="RARMS999", severity=Severity.ERROR, summary=HOSTILE)
     place = Place(file="a`b|c.yaml", line=1, column=1)
 
-    text = failure_comment(HOSTILE, [finding.at(place, HOSTILE, HOSTILE)] * 500)
+    text = failure_comment(HOSTILE, [finding.at(place, HOSTILE, HOSTILE, values={})] * 500)
 
     assert len(text) < LONGEST_COMMENT
     assert text.splitlines()[0].count("-->") == 1
@@ -142,7 +142,7 @@ def test_what_a_stranger_wrote_stays_text() -> None:
 
 
 def test_findings_alone_are_a_list() -> None:
-    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y", values={})
 
     assert findings_markdown([]) == "No findings.\n"
     assert "- **note RARMS086** Not used: x y" in findings_markdown([note])
