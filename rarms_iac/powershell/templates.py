@@ -134,6 +134,7 @@ RUNTIME_END = "# --- end of the runtime"
 PARTS = (
     "lock",
     "journal",
+    "preview",
     "host",
     "guest",
     "machines",

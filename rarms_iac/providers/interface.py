@@ -180,6 +180,7 @@ class EventStatus(StrEnum):
     CHANGED = "changed"
     UNCHANGED = "unchanged"
     SKIPPED = "skipped"
+    PREVIEWED = "previewed"
     TAKEN_OVER = "taken over"
     REFUSED = "refused"
     FAILED = "failed"

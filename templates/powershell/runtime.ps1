@@ -10,7 +10,7 @@ $script:Current = $script:Whole # the step that is read or done: what fails, fai
 $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
-$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -52,8 +52,11 @@ function Open-Run {
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
-        if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) { $status = 'skipped' }
-        elseif ($open) { Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' }) }
+        if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
+            $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
+        } elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' })
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -81,10 +84,13 @@ function Add-Step {
         [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
     )
     $address = $script:Target.Address
+    $needs = @($address)
+    $lies = $address -creplace '^([^/]+/[^/]+)/.*$', '$1'
+    if ($lies -cne $address) { $needs = @($lies, $address) }
     $script:Steps += @{
         Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
         # It builds on the steps of its own address, and on those of the machine that it lies in.
-        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
+        Needs = $needs
         Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
         Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
     }
@@ -93,10 +99,13 @@ function Add-Step {
 function Complete-Run {
     # Look at everything, do the steps, look once more at everything together, and only then close the journal.
     Assert-Host
+    if ($WhatIfPreference) {
+        Show-Run
+        return
+    }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
-        if ($WhatIfPreference) { return }
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
         exit 1
     }
@@ -140,11 +149,14 @@ function Assert-Host {
             $ahead[$at + ' ' + $name] = $true
         }
     }
+    $settled = [DateTime]::UtcNow.AddMilliseconds(300000)
     foreach ($at in @($made.Keys | Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]
         $wanted = $made[$at].After
-        foreach ($name in @(Compare-Reading -Live (Get-Reading -Name $wanted.Keys) -Expected $wanted)) {
+        # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
+        [void] $wanted.Remove('boots_from')
+        foreach ($name in @(Compare-Reading -Live (Get-Settled -Name $wanted.Keys -Until $settled) -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
@@ -184,8 +196,7 @@ function Invoke-Step {
     }
     $moved = @(Compare-Step -Step $Step -Live $live)
     $skip = ''
-    # A preview shows every step that could be done; nothing is called anyway.
-    if ($lacks.Count -and ($moved.Count -or -not $WhatIfPreference)) {
+    if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
         Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
@@ -243,6 +254,18 @@ function Get-Reading {
     $read = $script:Current.Read
     $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
     & $read
+}
+
+function Get-Settled {
+    # What the host shows of these names; a guest that restarts just now is waited for.
+    param([string[]] $Name, $Until)
+    $live = Get-Reading -Name $Name
+    while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $Until) {
+        Start-Sleep -Milliseconds 500
+        $script:Known.Clear()
+        $live = Get-Reading -Name $Name
+    }
+    $live
 }
 
 function Compare-Step {

@@ -94,8 +94,8 @@ MEMBERS = READING_MEMBERS | words(
     GetAttributes GetBytes GetString Guard Guest
     InvocationInfo Keys Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    Read ReadAllBytes ReadAllText ReleaseMutex ReparsePoint Run ScriptLineNumber Serial Set SetLength
-    SetSecurityDescriptorSddlForm ShouldProcess Sort Step Substring ThreadsPerCore ToString Undo
+    Detail Read ReadAllBytes ReadAllText ReleaseMutex Remove ReparsePoint Run ScriptLineNumber Serial Set SetLength
+    SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
     application history serials set started_at started_by status touched
     CPUWaitTimePerDispatch CPUWaitTimePerDispatch_Base Combine Elapsed ElapsedMilliseconds EnvironmentVariables

@@ -54,7 +54,8 @@ class Vm:
     asked_at: int | None = None  # ms of the clock
     secure_boot: str = "On"
     template: str = "MicrosoftWindows"
-    boots_from: str = "Network"  # what its firmware tries first
+    boots_from: str = "Network"  # what its firmware tries first, but for the guest's own entry
+    wrote_entry: bool = False  # its guest put an entry of its own ahead of all others
     needs_ms: int = 2000  # that its guest takes to shut down
     was_cut: bool = False  # it was off before its guest was ready
     guest_build: int = 26100  # of the Windows in it

@@ -251,7 +251,8 @@ def start_vm(scope: Scope, given: Given) -> Value:
     wide = vm.reserve and places_of(vm, smt=smt) > places
     if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, places))):
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
-    _set(scope, vm, "Start-VM", {"state": "Running", "started_at": host.clock})
+    writes = vm.wrote_entry or (vm.generation == 2 and bool(vm.disks))  # as Windows, shim and grub do
+    _set(scope, vm, "Start-VM", {"state": "Running", "started_at": host.clock, "wrote_entry": writes})
     return EMPTY
 
 
@@ -316,7 +317,7 @@ def get_firmware(scope: Scope, given: Given) -> Thing:
     vm = _vm(scope, given)
     if vm.generation == 1:
         raise refuse(f"'{vm.name}' is of generation 1, which has no firmware.", "GetVMFirmware", "InvalidParameter")
-    order = [Record(BootType=Enumerated(vm.boots_from))]
+    order = [Record(BootType=Enumerated(entry)) for entry in ("File", vm.boots_from)[not vm.wrote_entry :]]
     return Record(SecureBoot=Enumerated(vm.secure_boot), SecureBootTemplate=vm.template, BootOrder=order)
 
 
@@ -335,7 +336,7 @@ def set_firmware(scope: Scope, given: Given) -> Value:
     if "firstbootdevice" in given:
         if not vm.disks:
             raise refuse("Set-VMFirmware: the device is not the machine's.", "SetVMFirmware", "InvalidParameter")
-        values["boots_from"] = "Drive"
+        values |= {"boots_from": "Drive", "wrote_entry": False}
     _set(scope, vm, "Set-VMFirmware", values)
     return EMPTY
 

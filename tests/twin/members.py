@@ -150,6 +150,9 @@ def call(owner: Value, name: str, arguments: list[Value]) -> Value:
         case Table() if name.lower() == "clear":
             owner.clear()
             return EMPTY
+        case Table() if name.lower() == "remove":
+            owner.remove(arguments[0])
+            return EMPTY
         case Table() if name.lower() in ("contains", "containskey"):
             return owner.has(arguments[0])
         case Thing():

@@ -192,7 +192,7 @@ def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
     spoken = run(host, apply_script(prepared.plan), what_if=True, as_json=False)
 
     assert ran.code == 0, ran.says
-    assert {event["status"] for event in ran.events} == {"skipped"}
+    assert {event["status"] for event in ran.events} == {"previewed"}
     assert sum(line.startswith("What if: ") for line in spoken.lines) > 3
 
 

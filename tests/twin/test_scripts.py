@@ -3,17 +3,20 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
 
+from rarms_iac.model.plan import Purpose
 from rarms_iac.model.system import HypervPartition
 from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.outline import outline
 from rarms_iac.storage.append import records_in
 from tests.builders import a_component, a_partition
 from tests.effort import every_few
 from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
-from tests.twin.cells import Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
+from tests.twin.cells import IMAGE, Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
 from tests.twin.host import Vm, WindowsHost
 from tests.twin.observing import JOURNAL, PROFILE, document_of
 from tests.twin.run import Ran, put, run
@@ -91,7 +94,50 @@ def test_what_if_touches_nothing(cell: Make) -> None:
     assert ran.code == 0, ran.says
     assert host.effects == []
     assert seen(host) == before
-    assert {event["status"] for event in ran.events} <= {"skipped", "unchanged"}
+    assert {event["status"] for event in ran.events} <= {"previewed", "unchanged"}
+    assert ran.events[-1]["status"] == "previewed"
+
+
+def parts_of(script: bytes) -> list[tuple[str, str]]:
+    """Address and action of every step of a script."""
+    return [(step.address, step.action) for step in outline(script).steps]
+
+
+@cells
+@pytest.mark.parametrize("as_json", [True, False], ids=["for a program", "for a person"])
+def test_every_action_of_a_plan_stands_in_its_preview(cell: Make, as_json: bool) -> None:
+    prepared = cell()
+    scripts = scripts_of(prepared.plan)
+    host = prepared.copy()
+    put(host, scripts)
+
+    ran = run(host, apply_script(prepared.plan), what_if=True, as_json=as_json)
+
+    shown = [f"{event['detail']} {event['address']}" for event in ran.events] if as_json else list(ran.lines)
+    for address, action in parts_of(scripts[apply_script(prepared.plan)]):
+        assert any(action in line and address in line for line in shown), f"{action} of {address}\n{ran.says}"
+
+
+def test_a_preview_begins_with_what_is_stopped_removed_and_deleted() -> None:
+    made = fresh()
+    host = made.copy()
+    apply(host, made.plan)
+    removal = made.cell.on(host).plan(purpose=Purpose.DESTROY, remove_disks=True)
+    put(host, scripts_of(removal))
+
+    spoken = run(host, apply_script(removal), what_if=True, as_json=False)
+    told = run(host, apply_script(removal), what_if=True)
+    put(host, scripts_of(made.plan))
+    nothing = run(host, apply_script(made.plan), what_if=True)
+
+    disk = next(iter(disks(host) - {IMAGE.lower()})).rpartition("\\")[2]
+    losses = "stops partition/planning; removes partition/planning, "
+    assert spoken.talk[0].startswith(f"previewed  host  {losses}"), spoken.says
+    assert told.events[0]["detail"].startswith(losses)
+    assert f"deletes partition/planning/disk/{disk}" in told.events[0]["detail"].lower()
+    assert any("(after: stop it" in line for line in spoken.lines), spoken.says
+    assert not any(word in told.says for word in ("skipped", "left out"))
+    assert nothing.events[0]["detail"] == "nothing is stopped, removed or deleted", nothing.says
 
 
 def numbers(prepared: Prepared, fault: str, usual: int) -> range:
@@ -523,7 +569,8 @@ def test_an_unfinished_run_stays_open_where_closing_it_is_not_wanted(way: str) -
     )
     closed = run(host, apply_script(prepared.plan), abandon=True)
 
-    assert (left.code, left.status_of("host")[-1]) == (0, "skipped"), left.says
+    shown = {"what_if": "previewed", "declined": "skipped"}
+    assert (left.code, left.status_of("host")[-1]) == (0, shown[way]), left.says
     assert (closed.code, closed.status_of("host")[-1]) == (0, "abandoned"), closed.says
     assert seen(host) == before
 
@@ -536,3 +583,40 @@ def test_events_are_ascii_json_in_order() -> None:
     begun = [event["number"] for event in ran.events if event["status"] == "begun"]
     assert begun == sorted(set(begun))
     assert ran.events[-1]["status"] == "done"
+
+
+def test_a_guest_that_writes_a_boot_entry_of_its_own_is_no_reason_against_done() -> None:
+    """Its firmware tries that entry first from then on: the order is compared once, while the machine is off."""
+    prepared = fresh()
+    host = prepared.copy()
+
+    first, second = apply(host, prepared.plan), again(host, prepared)
+
+    (made,) = (vm for vm in host.vms.values() if vm.name == "planning")
+    assert made.wrote_entry
+    assert (first.code, second.code) == (0, 0), f"{first.says}\n{second.says}"
+    assert undo(host, prepared.plan).code == 0
+
+
+@pytest.mark.parametrize(("busy_s", "code"), [(240, 0), (400, 1)])
+def test_a_guest_that_restarts_is_waited_for_at_the_last_look(busy_s: int, code: int) -> None:
+    prepared = everything()
+    host = prepared.copy()
+    last = next(at for at, call in enumerate(calls(prepared)) if call.startswith("Start-VM")) + 1
+
+    def restart(on: WindowsHost) -> None:
+        for vm in on.vms.values():
+            if vm.started_at is not None and vm.state == "Running" and vm.name in on.effects[last - 1]:
+                vm.state, on.watch = "Starting", None
+                on.slept = partial(wake, vm, on.clock + 1000 * busy_s)
+
+    def wake(vm: Vm, when: int, on: WindowsHost) -> None:
+        if on.clock >= when:
+            vm.state = "Running"
+
+    host.watch = lambda on: restart(on) if len(on.effects) > last else None
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == code, ran.says
+    assert code == 0 or "state" in ran.events[-1]["detail"]

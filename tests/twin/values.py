@@ -161,6 +161,9 @@ class Table:
         self._held.clear()
         self._texts.clear()
 
+    def remove(self, key: Value) -> None:
+        self._held.pop(self._key(key), None)
+
     def has(self, key: Value) -> bool:
         return self._key(key) in self._held
 

@@ -15,7 +15,7 @@ function Invoke-Measuring {
         & $Steps
         if ($WhatIfPreference) {
             foreach ($test in $script:Tests) {
-                Write-Progressed -Partition $test.Name -Status 'skipped' -Detail 'would be made'
+                Write-Progressed -Partition $test.Name -Status 'previewed' -Detail 'would be made'
             }
             exit 0
         }

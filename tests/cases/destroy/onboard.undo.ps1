@@ -108,7 +108,7 @@ $script:Current = $script:Whole # the step that is read or done: what fails, fai
 $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
-$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that -WhatIf or a declined -Confirm left out
+$script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -150,8 +150,11 @@ function Open-Run {
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
-        if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) { $status = 'skipped' }
-        elseif ($open) { Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' }) }
+        if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
+            $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
+        } elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = $status; kind = 'run_closed' })
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -179,10 +182,13 @@ function Add-Step {
         [scriptblock] $Set, [scriptblock] $Fits = $null, [string] $Undoes = '', [string] $Lost = ''
     )
     $address = $script:Target.Address
+    $needs = @($address)
+    $lies = $address -creplace '^([^/]+/[^/]+)/.*$', '$1'
+    if ($lies -cne $address) { $needs = @($lies, $address) }
     $script:Steps += @{
         Number = $script:Steps.Count; Address = $address; Read = $script:Target.Read
         # It builds on the steps of its own address, and on those of the machine that it lies in.
-        Needs = @(($address -creplace '^([^/]+/[^/]+)/.*$', '$1'), $address)
+        Needs = $needs
         Before = [hashtable]::new($Before, $script:Ordinal); After = [hashtable]::new($After, $script:Ordinal)
         Action = $Action; Set = $Set; Fits = $Fits; Undoes = $Undoes; Lost = $Lost
     }
@@ -191,10 +197,13 @@ function Add-Step {
 function Complete-Run {
     # Look at everything, do the steps, look once more at everything together, and only then close the journal.
     Assert-Host
+    if ($WhatIfPreference) {
+        Show-Run
+        return
+    }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
     if ($script:Skipped.Count) {
-        if ($WhatIfPreference) { return }
         Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
         exit 1
     }
@@ -238,11 +247,14 @@ function Assert-Host {
             $ahead[$at + ' ' + $name] = $true
         }
     }
+    $settled = [DateTime]::UtcNow.AddMilliseconds(300000)
     foreach ($at in @($made.Keys | Sort-Object)) {
         if ($ahead.Contains($at + ' exists')) { continue }
         $script:Current = $made[$at]
         $wanted = $made[$at].After
-        foreach ($name in @(Compare-Reading -Live (Get-Reading -Name $wanted.Keys) -Expected $wanted)) {
+        # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
+        [void] $wanted.Remove('boots_from')
+        foreach ($name in @(Compare-Reading -Live (Get-Settled -Name $wanted.Keys -Until $settled) -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
@@ -282,8 +294,7 @@ function Invoke-Step {
     }
     $moved = @(Compare-Step -Step $Step -Live $live)
     $skip = ''
-    # A preview shows every step that could be done; nothing is called anyway.
-    if ($lacks.Count -and ($moved.Count -or -not $WhatIfPreference)) {
+    if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
         Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
@@ -341,6 +352,18 @@ function Get-Reading {
     $read = $script:Current.Read
     $script:Wanted = if ($null -eq $Step) { $Name } else { @($Step.Before.Keys) + @($Step.After.Keys) }
     & $read
+}
+
+function Get-Settled {
+    # What the host shows of these names; a guest that restarts just now is waited for.
+    param([string[]] $Name, $Until)
+    $live = Get-Reading -Name $Name
+    while ($live['state'] -ceq 'busy' -and [DateTime]::UtcNow -lt $Until) {
+        Start-Sleep -Milliseconds 500
+        $script:Known.Clear()
+        $live = Get-Reading -Name $Name
+    }
+    $live
 }
 
 function Compare-Step {
@@ -594,6 +617,66 @@ function Write-FirstRecord {
     else { [System.IO.File]::Move($fresh, $script:Journal) }
 }
 # --- end of the part journal -------------------------------------------------------------------
+# --- part preview: the same bytes in every script that carries it ------------------------------
+# What -WhatIf shows.
+
+function Show-Run {
+    # A preview: first what is stopped, removed and deleted, then every step that is not done, with what it comes after.
+    $shown = @()
+    $made = [hashtable]::new($script:Ordinal)  # by address: the last action that is shown of it
+    $losses = [hashtable]::new($script:Ordinal)
+    foreach ($step in $script:Steps) {
+        $script:Current = $step
+        $fits = $step.Fits
+        $after = ''
+        foreach ($at in $step.Needs) { if ($made.Contains($at)) { $after = $made[$at] } }
+        $leave = Get-Leave -Step $step
+        if (-not $leave -and -not $after) {
+            $moved = @(Compare-Reading -Live (Get-Reading -Step $step) -Expected $step.After).Count
+            $leave = if ($moved) { '' } else { 'as wanted' }
+        }
+        if ($leave) {
+            $shown += @{ Step = $step; Status = 'unchanged'; Detail = $leave }
+            continue
+        }
+        # Room that earlier steps make is not there yet.
+        if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
+            throw ($step.Address + ': the host cannot keep this promise beside others')
+        }
+        $detail = if ($after) { '{0} (after: {1})' -f $step.Action, $after } else { $step.Action }
+        $shown += @{ Step = $step; Status = 'previewed'; Detail = $detail }
+        $made[$step.Address] = $step.Action
+        $loss = Get-Loss -Step $step
+        if ($loss) { $losses[$loss] = [string] $losses[$loss] + ', ' + $step.Address }
+    }
+    $script:Current = $script:Whole
+    $lines = @(foreach ($loss in @('stops', 'removes', 'deletes')) {
+        if ($losses[$loss]) { $loss + $losses[$loss].Substring(1) }
+    })
+    $detail = if ($lines.Count) { $lines -join '; ' } else { 'nothing is stopped, removed or deleted' }
+    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
+    foreach ($one in $shown) {
+        if ($AsJson -or $one.Status -ceq 'unchanged') {
+            Write-RunEvent -Kind 'step' -Step $one.Step -Status $one.Status -Detail $one.Detail
+        } else {
+            [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
+        }
+    }
+    $count = @($shown | Where-Object -FilterScript { $_.Status -ceq 'previewed' }).Count
+    $detail = '{0} of {1} steps are to do; nothing was changed' -f $count, $shown.Count
+    Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
+}
+
+function Get-Loss {
+    # What a step takes: the machine from its users, a machine or class from the host, a file from its disk.
+    param([System.Collections.IDictionary] $Step)
+    if ($Step.Before['exists'] -ceq $true -and $Step.After['exists'] -ceq $false) {
+        if ($Step.Address -cmatch '/disk(/|$)') { 'deletes' } else { 'removes' }
+    } elseif ($Step.After['state'] -ceq 'off' -and @('', 'off') -cnotcontains [string] $Step.Before['state']) {
+        'stops'
+    }
+}
+# --- end of the part preview -------------------------------------------------------------------
 # --- part host: the same bytes in every script that carries it ---------------------------------
 # Whether a script runs where it was made for, and whether a reserve has any effect there.
 

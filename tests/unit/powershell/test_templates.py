@@ -42,25 +42,25 @@ def test_a_script_that_changes_a_reserve_carries_no_more_than_that_needs() -> No
 
     (script, undo) = (text.decode("ascii") for _, text in sorted(render_scripts(on, plan).items()))
 
-    assert carried(script) == ("lock", "journal", "host", "machines")
-    assert carried(undo) == ("lock", "journal", "host", "machines", "capacity")  # there the reserve grows
+    assert carried(script) == ("lock", "journal", "preview", "host", "machines")
+    assert carried(undo) == ("lock", "journal", "preview", "host", "machines", "capacity")  # there the reserve grows
 
 
 def test_a_guest_s_script_knows_nothing_of_hyper_v() -> None:
     script = SCRIPTS["onboard.guest.speech.ps1"]
 
-    assert carried(script) == ("lock", "journal", "guest", "tasks")
+    assert carried(script) == ("lock", "journal", "preview", "guest", "tasks")
     assert "Hyper-V\\" not in script
 
 
 def test_names_in_texts_and_remarks_are_no_calls() -> None:
-    assert parts_for("Write-Mark -Name 'Test-Capacity'  # Read-TaskClass") == ("lock", "journal", "machines")
-    assert parts_for("$x = 5") == ("lock", "journal")  # what the runtime itself calls
+    assert parts_for("Write-Mark -Name 'Test-Capacity'  # Read-TaskClass") == ("lock", "journal", "preview", "machines")
+    assert parts_for("$x = 5") == ("lock", "journal", "preview")  # what the runtime itself calls
 
 
 def test_a_part_brings_those_that_it_needs() -> None:
-    assert parts_for("Test-Capacity -Name 'x'") == ("lock", "journal", "machines", "capacity")
-    assert parts_for("Save-TaskRecord -Task 'x'") == ("lock", "journal", "tasks", "unseen")
+    assert parts_for("Test-Capacity -Name 'x'") == ("lock", "journal", "preview", "machines", "capacity")
+    assert parts_for("Save-TaskRecord -Task 'x'") == ("lock", "journal", "preview", "tasks", "unseen")
 
 
 @scripts
