@@ -100,6 +100,7 @@ _EXAMPLES = {
         """,
     "GuestBlock": "guest: { connect: { ssh: operator@voice }, credential: kiosk/voice }",
     "BusyLoopBlock": "interference:\n  busy-loop: { kind: busy_loop, threads: 2 }",
+    "BurstsBlock": "interference:\n  frames: { kind: bursts, every: 40 ms, duty: 30 % }",
     "StressBlock": "interference:\n  disk: { kind: stress, stressor: hdd, workers: 2 }",
     "BrowserBlock": "interference:\n  browsers: { kind: browser, instances: 5 }",
     "CommandLoadBlock": "interference:\n  recorder: { kind: command, command: [rosbag, record, --all], instances: 2 }",

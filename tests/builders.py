@@ -21,6 +21,7 @@ from rarms_iac.model.host import (
     SimulatedHost,
 )
 from rarms_iac.model.journal import RunOrigin
+from rarms_iac.model.loads import Browser, BusyLoop, Interference
 from rarms_iac.model.quantities import (
     Bytes,
     CpuAmount,
@@ -37,13 +38,10 @@ from rarms_iac.model.system import (
     Application,
     AtLeast,
     AtMost,
-    Browser,
-    BusyLoop,
     Component,
     CpuRequest,
     Guest,
     HypervPartition,
-    Interference,
     Measured,
     PartitionRequest,
     Policy,

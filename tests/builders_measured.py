@@ -3,9 +3,10 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.loads import BusyLoop, Interference
 from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.system import BusyLoop, Component, Interference, TaskRequest
+from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
 from tests.builders import a_component, memory

@@ -18,10 +18,11 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from rarms_iac.model.loads import Browser, BusyLoop, CommandLoad, Interference
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, Periodic
 from rarms_iac.model.series import Sample, Series
-from rarms_iac.model.system import AtMost, Browser, BusyLoop, CommandLoad, Component, Interference, run_of
+from rarms_iac.model.system import AtMost, Component, run_of
 from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.running.component import ComponentRun

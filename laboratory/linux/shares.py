@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from rarms_iac.model.system import BusyLoop
+from rarms_iac.model.loads import BusyLoop
 from rarms_iac.providers.cgroups.find_tree import find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.running.loads import InterferingLoad

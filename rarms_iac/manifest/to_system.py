@@ -31,6 +31,7 @@ from rarms_iac.manifest.document.hosts import (
 from rarms_iac.manifest.document.manifest import (
     ApplicationBlock,
     BrowserBlock,
+    BurstsBlock,
     BusyLoopBlock,
     CommandLoadBlock,
     GuestBlock,
@@ -44,6 +45,7 @@ from rarms_iac.manifest.document.manifest import (
 )
 from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.model.host import Connect, Fault, Host, HypervHost, KeepForHost, LinuxHost, ProviderKind, SimulatedHost
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Stress
 from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.model.run import (
     Call,
@@ -61,9 +63,6 @@ from rarms_iac.model.run import (
 from rarms_iac.model.system import (
     Acceptance,
     Application,
-    Browser,
-    BusyLoop,
-    CommandLoad,
     Component,
     CpuRequest,
     Guest,
@@ -74,7 +73,6 @@ from rarms_iac.model.system import (
     Policy,
     RunsOn,
     Simulation,
-    Stress,
     System,
     TaskRequest,
 )
@@ -85,7 +83,7 @@ Converter = Callable[[Any], Any]
 
 def to_system(document: ManifestDocument) -> System:
     """Turn a document into a `System` with every default filled in; names are not resolved yet."""
-    interference = {"busy-loop": BusyLoop(), **_converted(document.interference or {})}
+    interference = {**LOADS_WITHOUT_ENTRY, **_converted(document.interference or {})}
     return _value(
         System,
         document,
@@ -231,6 +229,7 @@ _CONVERTERS: Mapping[type, Converter] = {
     dict: lambda values: {name: _converted(value) for name, value in values.items()},
     ApplicationBlock: _to(Application),
     BrowserBlock: _to(Browser),
+    BurstsBlock: _to(Bursts),
     BusyLoopBlock: _to(BusyLoop),
     CommandLoadBlock: _to(CommandLoad),
     ConnectBlock: _to(Connect),

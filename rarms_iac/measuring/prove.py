@@ -18,6 +18,7 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.sampling import watch
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
+from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import P2, SettingEvidence
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -33,7 +34,7 @@ from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds
 from rarms_iac.model.run import Elapsed, Run, SampleCount
 from rarms_iac.model.series import Series
-from rarms_iac.model.system import Component, Interference, TaskRequest, run_of
+from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.error_probability import ERROR, shared_error

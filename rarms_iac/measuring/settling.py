@@ -9,7 +9,7 @@ its reserve gets just its reserve. So samples count once enough time has passed 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.model.system import BusyLoop, Interference
+from rarms_iac.model.loads import BusyLoop, Interference
 from rarms_iac.providers.measuring import RunningWork
 
 MEMORY_FACTOR = 30

@@ -11,6 +11,7 @@ from enum import StrEnum
 from fractions import Fraction
 
 from rarms_iac.model.host import Connect, Host, Mechanism
+from rarms_iac.model.loads import Interference
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
 from rarms_iac.model.run import SIMULATED_ONLY, Run
@@ -195,39 +196,6 @@ class PartitionRequest:
     hyperv: HypervPartition = field(default_factory=HypervPartition)
     guest: Guest = field(default_factory=Guest)
     mechanism: Mechanism | None = None  # on a Linux host; None: as the host's own `linux` block says
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BusyLoop:
-    """Threads that never wait (BLP); None: one a logical processor."""
-
-    threads: int | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Browser:
-    """Browsers that stream video: their interrupts run above every thread."""
-
-    instances: int = 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommandLoad:
-    """Any other program, so often at once."""
-
-    command: tuple[str, ...]
-    instances: int = 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stress:
-    """Workers of a stressor of stress-ng: timers, disk, memory, context switches; None: one a logical processor."""
-
-    stressor: str
-    workers: int | None = None
-
-
-Interference = BusyLoop | Browser | CommandLoad | Stress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.commands import Wording
+from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Component, Interference
+from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.interface import ScriptedHost, StepwiseHost
 
@@ -36,7 +37,7 @@ class PartitionWork:
 
     partition: str  # as its mark calls it (P1, P2, vision); empty: the host's own operating system
     components: tuple[Component, ...] = ()
-    load: Interference | None = None
+    load: Interference | None = None  # bursts that say no duty take what the partition reserves
     classes: tuple[ClassValues, ...] = ()  # of the components' tasks, where they go with the processes
     deadline_period_us: int | None = None  # Linux: its component's first thread gets the reservation in each (deadline)
 

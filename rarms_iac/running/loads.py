@@ -1,4 +1,4 @@
-"""Interfering loads as real processes: busy loops, browsers that stream video, stress-ng, any other program."""
+"""Interfering loads as real processes: busy loops, bursts, browsers that stream video, stress-ng, any other program."""
 
 import os
 import shutil
@@ -10,8 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, assert_never
 
+from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.running.start import CannotStart, RunningError, StartContext, order_of_words
 from rarms_iac.running.supervisor import OutputLine, ProcessEnded, Supervisor
 
@@ -66,12 +66,28 @@ class InterferingLoad:
         CannotStart: a program is not there, or it does not get to run.
     """
 
-    def __init__(self, name: str, load: Interference, context: StartContext, *, processors: int | None = None) -> None:
-        """`processors`: the LPs to keep busy, where the load does not say how many; None: this machine's."""
+    def __init__(
+        self,
+        name: str,
+        load: Interference,
+        context: StartContext,
+        *,
+        processors: int | None = None,
+        reserve: float | None = None,
+    ) -> None:
+        """Start it, and wait until it runs.
+
+        Args:
+            name: what messages call it.
+            load: as the manifest has it.
+            context: where its processes belong.
+            processors: the LPs to keep busy, where the load does not say how many; None: this machine's.
+            reserve: per cent of each processor that its partition reserves; None: it has no partition.
+        """
         self.name = name
         self._scratch = Path(tempfile.mkdtemp(prefix="rarms-load-"))
         try:
-            words = load_words(name, load, self._scratch, processors or logical_processors())
+            words = load_words(name, load, self._scratch, processors or logical_processors(), reserve)
             self._supervisor = Supervisor(order_of_words(name, words, context))
             try:
                 self._wait()
@@ -130,17 +146,24 @@ class InterferingLoad:
         return "; ".join(lines[-2:]) or "it ended"
 
 
-def load_words(name: str, load: Interference, scratch: Path, processors: int) -> tuple[str, ...]:
+def load_words(name: str, load: Interference, scratch: Path, processors: int, reserve: float | None) -> tuple[str, ...]:
     """The program that is the load, as words.
 
     Raises:
-        CannotStart: there is no browser, or no stress-ng, on this machine.
+        CannotStart: there is no browser, or no stress-ng, on this machine; or bursts are to take what a partition
+            reserves, and there is none.
     """
     python = (sys.executable, "-I", "-S")
     several = (*python, str(HERE / "instances.py"))
     match load:
         case BusyLoop(threads=threads):
             return (*several, str(threads or processors), "", *python, "-c", BUSY_LOOP)
+        case Bursts(duty=None) if reserve is None:
+            raise CannotStart(name, "it takes what its partition reserves, and here is none: name one with a `duty`")
+        case Bursts(threads=threads):
+            cycle = load.cycle(reserve or 0.0)
+            times = (str(round(1e6 * cycle.burst_ms)), str(round(1e6 * cycle.gap_ms)))
+            return (*python, str(HERE / "bursts.py"), str(threads or processors), *times)
         case Browser(instances=instances):
             profile = f"--user-data-dir={scratch / 'profile-{n}'}"
             page = (HERE / "stream.html").as_uri()
@@ -166,7 +189,7 @@ def check_load(name: str, load: Interference, context: StartContext) -> None:
     if isinstance(load, CommandLoad):
         order_of_words(name, load.command, context)
     else:
-        load_words(name, load, context.base, 1)
+        load_words(name, load, context.base, 1, 0.0)
 
 
 def find_program(name: str, kind: str, programs: Sequence[str]) -> str:

@@ -18,10 +18,11 @@ from rarms_iac.measuring.partitions import (
     shapes_of_test_partitions,
 )
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.run import Elapsed, Field, Run, SampleCount, Samples
 from rarms_iac.model.series import Sample
-from rarms_iac.model.system import BusyLoop, CommandLoad, Component, Stress
+from rarms_iac.model.system import Component
 from rarms_iac.providers.cgroups.measuring import LinuxMeasuringHost
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import MeasuringHost, Obstacle, PartitionWork, Work
@@ -90,10 +91,12 @@ def ready(host: MeasuringHost, reserve: int = 60) -> Iterator[None]:
         yield
 
 
-def some_work(*components: Component, seed: int = 7, **until: SampleCount | Elapsed) -> Work:
+def some_work(
+    *components: Component, seed: int = 7, load: Interference = BusyLoop(), **until: SampleCount | Elapsed
+) -> Work:
     return Work(
         application="robot",
-        partitions=(PartitionWork(partition=P1, components=components), PartitionWork(partition=P2, load=BusyLoop())),
+        partitions=(PartitionWork(partition=P1, components=components), PartitionWork(partition=P2, load=load)),
         until=until,
         seed=seed,
     )
@@ -170,6 +173,18 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
 
     assert means[0] > 1.3 * means[1]
     assert means[1] >= 0.8 * means[2], "a real machine is noisy"
+
+
+@pytest.mark.parametrize("load", ["bursts-20", "bursts-100-half"])
+def test_beside_bursts_who_asks_for_more_gets_what_they_leave(host: MeasuringHost, load: str) -> None:
+    """P1 reserves 20 %: beside bursts of P2's own 80 % it has hardly more, beside half of the time about half."""
+    greedy = a_component("eyes", run=program(0.004, processes=2), simulation=a_simulation(work="4 ms", threads=2))
+    work = some_work(greedy, load=LOADS_WITHOUT_ENTRY[load], eyes=Elapsed(time=milliseconds("3000 ms")))
+    with ready(host, 20), host.run(work) as running:
+        assert list(running.samples())
+        share = (running.cpu_ms("eyes") or 0.0) / running.elapsed_ms() / 2
+
+    assert 0.3 < share < 0.75 if load.endswith("half") else 0.12 < share < 0.4
 
 
 @pytest.mark.parametrize(("reserve", "threads"), [(10, 1), (10, 2), (60, 1), (60, 2)])

@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Finding
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
@@ -24,8 +25,6 @@ UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
 
 MOST_SUGGESTIONS = 20
 """Unknown names for which a similar one is looked for: a file full of wrong names is refused at once all the same."""
-
-BUILT_IN_INTERFERENCE = "busy-loop"  # always there, whether or not the manifest describes it
 
 
 def unknown_name(system: System) -> Iterator[Violation]:
@@ -231,7 +230,7 @@ def unused_interference(system: System) -> Iterator[Violation]:
     """Interference that neither the policy nor a component names."""
     used = {system.policy.interference, *(component.interference for component in system.components.values())}
     for name in system.interference:
-        if name not in used and name != BUILT_IN_INTERFERENCE:
+        if name not in used and name not in LOADS_WITHOUT_ENTRY:
             yield Violation(
                 path=("interference", name),
                 at_key=True,

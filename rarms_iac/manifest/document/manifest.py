@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
 from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
-from rarms_iac.manifest.document.quantities import PositiveMemory, PositiveTime, Wait
+from rarms_iac.manifest.document.quantities import Duty, PositiveMemory, PositiveTime, Wait
 from rarms_iac.manifest.document.texts import CODE_PATTERN, Code, Day, Filled, LeastVersion, Name, Stressor, TaskName
 from rarms_iac.model.names import TASK_PATTERN
 from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
@@ -73,6 +73,15 @@ class BusyLoopBlock(Block):
     threads: Maybe[Annotated[int, Field(ge=1, le=4096)]] = optional("How many; absent: one a logical processor.")
 
 
+class BurstsBlock(Block):
+    """Threads that sleep, wake at the same moment, and take in one piece what their partition saved meanwhile."""
+
+    kind: Literal["bursts"] = needed("Threads that pause.")
+    every: PositiveTime = needed("From burst to burst, on average, while nothing delays them: `50 ms`.")
+    duty: Maybe[Duty] = optional("Which part of it each thread takes as processor time; absent: what P2 reserves.")
+    threads: Maybe[Annotated[int, Field(ge=1, le=4096)]] = optional("How many; absent: one a logical processor.")
+
+
 class BrowserBlock(Block):
     """Browsers that stream video: their interrupts run above every thread."""
 
@@ -100,7 +109,7 @@ class StressBlock(Block):
 
 
 InterferenceBlock = Annotated[
-    BusyLoopBlock | CommandLoadBlock | StressBlock | BrowserBlock, Field(discriminator="kind")
+    BusyLoopBlock | BurstsBlock | CommandLoadBlock | StressBlock | BrowserBlock, Field(discriminator="kind")
 ]
 
 
@@ -186,7 +195,8 @@ class ManifestDocument(Block):
         "What is fixed of partitions; without an entry each component has one of its own name."
     )
     interference: Maybe[Annotated[dict[Name, InterferenceBlock], by_name]] = optional(
-        "Loads against which reservations are measured; `busy-loop` exists without an entry."
+        "Loads against which reservations are measured. `busy-loop`, `bursts-5` to `bursts-200` and `bursts-5-half` to "
+        "`bursts-200-half` (by `every`: 5, 10, 20, 50, 100 or 200 ms) exist without an entry."
     )
     tasks: Maybe[Annotated[dict[TaskName, TaskBlock], KeysLike(TASK_PATTERN)]] = optional(
         "What is fixed of robotic task classes, by name."

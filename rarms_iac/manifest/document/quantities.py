@@ -160,6 +160,15 @@ def _at_most_one_hour(value: Milliseconds) -> Milliseconds:
 Wait = Annotated[Time, AfterValidator(_at_most_one_hour)]
 
 
+def _at_most_whole(value: Percent) -> Percent:
+    if value > 100:
+        raise PydanticCustomError("rarms_too_much", "more than 100 %")
+    return value
+
+
+Duty = Annotated[Percent, Quantity(Unit.SHARE, make=_same, positive=True), AfterValidator(_at_most_whole)]
+
+
 _DIRECTIONS = ("at_most", "at_least")
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.host import Host, SchedulerType
+from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import PlatformFacts, SettingEvidence
 from rarms_iac.model.operations import Operation, WriteTaskClass
 from rarms_iac.model.plan import Scope
@@ -20,7 +21,7 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Elapsed, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
-from rarms_iac.model.system import Component, Interference, run_of
+from rarms_iac.model.system import Component, run_of
 from rarms_iac.planner.task_classes import ClassValues
 from rarms_iac.providers.cgroups.effects import kernel_text
 from rarms_iac.providers.cgroups.groups import GroupTree
@@ -114,7 +115,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
             with self.reported():
                 ends.enter_context(_real_time_priority(self.name))
                 loads = [
-                    ends.enter_context(InterferingLoad(INTERFERENCE, part.load, self._start_context(part, groups)))
+                    ends.enter_context(self._interfering_load(part.load, part, groups))
                     for part in work.partitions
                     if part.load is not None
                 ]
@@ -122,6 +123,11 @@ class LinuxMeasuringHost(LinuxHostProvider):
             started = time.perf_counter()
             read = ends.enter_context(run_in_parallel(runs))
             yield RealWork(host=self, work=work, groups=groups, runs=runs, loads=loads, read=read, started=started)
+
+    def _interfering_load(self, load: Interference, part: PartitionWork, groups: Mapping[str, str]) -> InterferingLoad:
+        group = groups.get(part.partition)
+        reserve = None if group is None else self.tree.read(group).shares_percent / self._processors
+        return InterferingLoad(INTERFERENCE, load, self._start_context(part, groups), reserve=reserve)
 
     @contextmanager
     def reported(self) -> Iterator[None]:

@@ -14,10 +14,11 @@ from typing import assert_never
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, HypervHost
+from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.run import Call, Command, FromEnvironment, Periodic, Run
 from rarms_iac.model.state import HostFacts
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, run_of
+from rarms_iac.model.system import Component, run_of
 from rarms_iac.planner.sizes import suggested_secure_boot
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.measuring import GuestWork, TestMachine, render_measuring, script_name
@@ -123,6 +124,8 @@ class HypervMeasuringHost(LiveHypervHost):
         """Say why it cannot run in a guest that has its task class."""
         if isinstance(subject, Stress):
             return Obstacle("stress-ng is no program of Windows", "Name another load as its `interference`.")
+        if isinstance(subject, Bursts):
+            return Obstacle("bursts run in no guest yet", "Name another load as its `interference`.")
         if not isinstance(subject, Component):
             return None
         return NO_RUN if subject.run is None else self._obstacle_of_run(subject.run)
@@ -355,7 +358,7 @@ def load_works(partition: str, credential: str, load: Interference, processors: 
             page = {"stream.html": _base64(HERE / "stream.html")}
             for number in range(instances):
                 yield program((EDGE, *FLAGS, f"--user-data-dir=profile-{number}", "stream.html"), files=page)
-        case Stress():
+        case Stress() | Bursts():
             raise ValueError("an obstacle says that it cannot run there")
         case _:
             assert_never(load)

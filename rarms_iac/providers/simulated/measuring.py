@@ -12,13 +12,14 @@ from typing import assert_never
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import PLAN, command, prose
 from rarms_iac.model.host import Host
+from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.measurement import PlatformFacts
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.run import Elapsed, Periodic, SampleCount
 from rarms_iac.model.series import Sample
 from rarms_iac.model.state import RegistryValue, State, ValueKind
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Stress, TaskCategory, run_of
+from rarms_iac.model.system import Component, TaskCategory, run_of
 from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import Obstacle, PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
@@ -30,6 +31,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     WINDOW_MS,
     Arrival,
     Browsers,
+    BurstLoads,
     BusyLoops,
     Every,
     JobDemand,
@@ -78,9 +80,15 @@ def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
     )
 
 
-def load_of(interference: Interference) -> ModelLoad:
-    """The load that interferes. Of another program nothing is known, so it is taken for one that never waits."""
+def load_of(interference: Interference, reserve: int = 0) -> ModelLoad:
+    """The load that interferes, where its partition reserves so many per cent of each of its processors.
+
+    Of another program nothing is known, so it is taken for one that never waits.
+    """
     match interference:
+        case Bursts(threads=threads):
+            cycle = interference.cycle(reserve)
+            return BurstLoads(burst_ms=cycle.burst_ms, gap_ms=cycle.gap_ms, threads=threads)
         case BusyLoop(threads=threads):
             return BusyLoops(threads=threads)
         case Browser(instances=instances):
@@ -158,16 +166,17 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     def _machine(self, content: Content, partition_work: PartitionWork, application: str) -> VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
-        loads = () if partition_work.load is None else (load_of(partition_work.load),)
+        load = partition_work.load
         if not partition_work.partition:
             return VirtualMachine(
                 name=self.name,
                 vps=self._host.logical_processors,
                 components=tuple(self._demand(component, content, "") for component in partition_work.components),
-                loads=loads,
+                loads=() if load is None else (load_of(load),),
                 partitioned=False,
             )
         machine = self._running(content, partition_work.partition, application)
+        loads = () if load is None else (load_of(load, machine.settings.reserve),)
         demands = tuple(self._demand(component, content, machine.id) for component in partition_work.components)
         return _partition(machine, partition_work.partition, components=demands, loads=loads)
 

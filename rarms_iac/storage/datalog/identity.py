@@ -16,10 +16,11 @@ from glob import glob
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from rarms_iac.model.loads import CommandLoad, Interference
 from rarms_iac.model.measurement import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
 from rarms_iac.model.run import Call, Command, Run
-from rarms_iac.model.system import CommandLoad, Component, Interference, TaskRequest
+from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
 from rarms_iac.storage.digest import digest, short
 from rarms_iac.storage.json_text import canonical

@@ -93,6 +93,8 @@ partitions:
     guest: { connect: { ssh: robot@senses }, credential: senses-admin }
 interference:
   busy: { kind: busy_loop, threads: 2 }
+  pulses: { kind: bursts, every: 40 ms, duty: 30 %, threads: 2 }
+  frames: { kind: bursts, every: 33 ms }
   browsers: { kind: browser, instances: 5 }
   disk: { kind: command, command: [fio, disk.fio], instances: 2 }
   memory: { kind: stress, stressor: stream, workers: 2 }

@@ -6,6 +6,7 @@ from fractions import Fraction
 from rarms_iac.manifest.document.manifest import ManifestDocument
 from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.to_system import to_system
+from rarms_iac.model import loads
 from rarms_iac.model import system as m
 from rarms_iac.model.host import (
     Connect,
@@ -179,13 +180,24 @@ def test_a_partition_holds_the_component_of_its_name() -> None:
     assert system_of(text).partitions["senses"].components == ("senses",)
 
 
+def test_loads_exist_without_an_entry_and_an_entry_stands_instead() -> None:
+    own = system_of(EVERYTHING.replace("  busy: {", "  bursts-50: { kind: bursts, every: 60 ms }\n  busy: {"))
+
+    assert SYSTEM.interference["busy-loop"] == loads.BusyLoop()
+    assert SYSTEM.interference["bursts-50"] == loads.Bursts(every=ms("50"))
+    assert SYSTEM.interference["bursts-200-half"] == loads.Bursts(every=ms("200"), duty=Percent(Fraction(50)))
+    assert own.interference["bursts-50"] == loads.Bursts(every=ms("60"))
+
+
 def test_the_rest() -> None:
-    assert SYSTEM.interference == {
-        "busy-loop": m.BusyLoop(),
-        "busy": m.BusyLoop(threads=2),
-        "browsers": m.Browser(instances=5),
-        "disk": m.CommandLoad(command=("fio", "disk.fio"), instances=2),
-        "memory": m.Stress(stressor="stream", workers=2),
+    described = {name: load for name, load in SYSTEM.interference.items() if name not in loads.LOADS_WITHOUT_ENTRY}
+    assert described == {
+        "busy": loads.BusyLoop(threads=2),
+        "pulses": loads.Bursts(every=ms("40"), duty=Percent(Fraction(30)), threads=2),
+        "frames": loads.Bursts(every=ms("33")),
+        "browsers": loads.Browser(instances=5),
+        "disk": loads.CommandLoad(command=("fio", "disk.fio"), instances=2),
+        "memory": loads.Stress(stressor="stream", workers=2),
     }
     assert SYSTEM.tasks == {
         "ObjectIdentification": m.TaskRequest(name="ObjectIdentification", category=m.TaskCategory.MEDIUM, priority=6),

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import pytest
 
 from rarms_iac.measuring.settling import MEMORY_FACTOR, PATIENCE_FACTOR, Contender, Settling, wants_all_processors
+from rarms_iac.model.loads import Browser, BusyLoop, Interference
 from rarms_iac.model.series import Sample
-from rarms_iac.model.system import Browser, BusyLoop, Interference
 
 LEAST = 100.0 * MEMORY_FACTOR
 P1 = Contender(components=("quick",), processors=0.5, excess_forbids_verdict=True)

@@ -1,27 +1,32 @@
 """Interfering loads are real processes that never stop by themselves, and several components run at once."""
 
+import os
 import shutil
+import signal
 import sys
 import time
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Stress
+from rarms_iac.model.loads import Browser, Bursts, BusyLoop, CommandLoad, Stress
+from rarms_iac.model.quantities import Percent
 from rarms_iac.running.component import run_in_parallel
 from rarms_iac.running.loads import BROWSERS, STREAMS, InterferingLoad, LoadEnded, load_words
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, StartContext
 from tests.effort import LONG
-from tests.unit.running.programs import a_run, component, same_everywhere
+from tests.unit.running.programs import a_run, component, ms, same_everywhere
 
 
-def processes_with(word: str) -> int:
-    """How many processes have this in their command line."""
-    found = 0
+def processes_with(*words: str) -> list[int]:
+    """Which processes have these in their command line, one after the other."""
+    found = []
     for file in Path("/proc").glob("[0-9]*/cmdline"):
         try:
-            found += word.encode() in file.read_bytes()
+            if "\0".join(words).encode() in file.read_bytes():
+                found.append(int(file.parent.name))
         except OSError:
             continue
     return found
@@ -37,6 +42,44 @@ def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
 
     assert used is not None
     assert used > 20
+
+
+@pytest.mark.needs("linux")
+def test_bursts_take_their_duty_of_processor_time_and_pause(tmp_path: Path) -> None:
+    half = Bursts(every=ms(40), duty=Percent(Fraction(50)), threads=1)
+    with InterferingLoad("pulses", half, StartContext(base=tmp_path)) as load:
+        time.sleep(2.0)
+        load.check()
+        load.close()
+        used = load.cpu_ms
+
+    assert used is not None
+    assert 500 < used < 1600, "half of two seconds, with the starts of two Pythons, on a machine that others use too"
+
+
+def test_bursts_without_a_duty_take_what_their_partition_reserves(tmp_path: Path) -> None:
+    frames = Bursts(every=ms(50))
+
+    assert load_words("frames", frames, tmp_path, 3, 40.0)[-3:] == ("3", "20000000", "30000000")
+    with pytest.raises(CannotStart, match="name one with a `duty`"):
+        load_words("frames", frames, tmp_path, 3, None)
+
+
+@pytest.mark.needs("linux")
+def test_bursts_that_lose_a_process_end(tmp_path: Path) -> None:
+    half = Bursts(every=ms(20), duty=Percent(Fraction(10)), threads=2)
+    with InterferingLoad("pulses", half, StartContext(base=tmp_path)) as load:
+        (inner,) = processes_with("bursts.py", "one", "1")
+        os.kill(inner, signal.SIGKILL)
+        until = time.perf_counter() + 20
+
+        def watch() -> None:
+            while time.perf_counter() < until:
+                load.check()
+                time.sleep(0.02)
+
+        with pytest.raises(LoadEnded, match="a process of the bursts ended"):
+            watch()
 
 
 def test_a_command_runs_so_often_at_once(tmp_path: Path) -> None:
@@ -75,10 +118,10 @@ def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
 def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) -> None:
     if not any(map(shutil.which, BROWSERS)):
         with pytest.raises(CannotStart, match="there is no browser"):
-            load_words("browsers", Browser(instances=2), tmp_path, 1)
+            load_words("browsers", Browser(instances=2), tmp_path, 1, None)
         return
 
-    words = load_words("browsers", Browser(instances=2), tmp_path, 1)
+    words = load_words("browsers", Browser(instances=2), tmp_path, 1, None)
 
     page = Path(words[-1].removeprefix("file://"))
     assert f"--user-data-dir={tmp_path / 'profile-{n}'}" in words
@@ -91,12 +134,12 @@ def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) ->
 def test_stress_workers_run_until_they_are_ended_and_nothing_of_them_stays(tmp_path: Path, stressor: str) -> None:
     with InterferingLoad("stress", Stress(stressor=stressor, workers=2), StartContext(base=tmp_path)) as load:
         until = time.perf_counter() + 20
-        while processes_with(f"stress-ng-{stressor}") < 2 and time.perf_counter() < until:
+        while len(processes_with(f"stress-ng-{stressor}")) < 2 and time.perf_counter() < until:
             time.sleep(0.02)
-        assert processes_with(f"stress-ng-{stressor}") >= 2, "stress-ng names its workers so"
+        assert len(processes_with(f"stress-ng-{stressor}")) >= 2, "stress-ng names its workers so"
         load.check()
 
-    assert processes_with(f"stress-ng-{stressor}") == 0
+    assert processes_with(f"stress-ng-{stressor}") == []
 
 
 @pytest.mark.needs("linux", "stress-ng")
@@ -109,7 +152,7 @@ def test_without_stress_ng_the_load_cannot_start(tmp_path: Path, monkeypatch: py
     monkeypatch.setenv("PATH", str(tmp_path))
 
     with pytest.raises(CannotStart, match="there is no stress-ng on the PATH"):
-        load_words("stress", Stress(stressor="timer"), tmp_path, 2)
+        load_words("stress", Stress(stressor="timer"), tmp_path, 2, None)
 
 
 if LONG:  # a browser takes its time to start
@@ -118,9 +161,9 @@ if LONG:  # a browser takes its time to start
     def test_browsers_stream_and_nothing_of_them_stays(tmp_path: Path) -> None:
         with InterferingLoad("browsers", Browser(instances=1), StartContext(base=tmp_path)) as load:
             load.check()
-            assert processes_with("stream.html") > 0
+            assert processes_with("stream.html")
 
-        assert processes_with("stream.html") == 0
+        assert processes_with("stream.html") == []
 
 
 def test_several_components_run_at_once(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from rarms_iac.manifest.text.reading import read_text
 from scripts.manifest_reference import examples, reference_markdown
 
 _NAMED = {"HostBlock", "ComponentBlock", "PartitionBlock", "TaskBlock", "AcceptanceBlock"}
-_NAMED |= {"BusyLoopBlock", "BrowserBlock", "CommandLoadBlock", "StressBlock"}
+_NAMED |= {"BusyLoopBlock", "BurstsBlock", "BrowserBlock", "CommandLoadBlock", "StressBlock"}
 
 
 def test_the_page_is_the_generated_one() -> None:

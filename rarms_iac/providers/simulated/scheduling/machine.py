@@ -66,7 +66,16 @@ class Programs:
     instances: int
 
 
-ModelLoad = BusyLoops | Browsers | Programs
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstLoads:
+    """Threads that wake at the same moment, take a burst of processor time each, and sleep (`programs.py`)."""
+
+    burst_ms: float
+    gap_ms: float  # between bursts, on average
+    threads: int | None = None  # None: one a VP
+
+
+ModelLoad = BusyLoops | BurstLoads | Browsers | Programs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,9 +5,18 @@ from collections.abc import Callable
 from math import ceil, inf, log, sqrt
 from random import Random
 
+from rarms_iac.model.loads import LONGEST_GAP, SHORTEST_GAP
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
-from rarms_iac.providers.simulated.scheduling.machine import INTERRUPT, ORDINARY, PARENT, Every, JobDemand, JobDone
+from rarms_iac.providers.simulated.scheduling.machine import (
+    INTERRUPT,
+    ORDINARY,
+    PARENT,
+    BurstLoads,
+    Every,
+    JobDemand,
+    JobDone,
+)
 from rarms_iac.providers.simulated.scheduling.processors import (
     INSTANT,
     Account,
@@ -272,6 +281,36 @@ class BrowserProgram(Owner):
         now = self._agenda.now
         self._due = max(now, self._due + FRAME_MS)
         self._agenda.at(self._due, self, self._frame)
+
+
+class BurstProgram(Owner):
+    """Threads that wake together; the gap to their next burst begins when the last of them is done."""
+
+    def __init__(self, load: BurstLoads, threads: int, system: OperatingSystem, agenda: Agenda, random: Random) -> None:
+        super().__init__()
+        self._load = load
+        self._system = system
+        self._agenda = agenda
+        self._random = random
+        self._threads = [Thread(ORDINARY, Account(), self._thread_done) for _ in range(threads)]
+        self._busy = 0
+
+    def start(self) -> None:
+        """Waits for the next burst."""
+        gap = self._load.gap_ms * self._random.uniform(SHORTEST_GAP, LONGEST_GAP)
+        self._agenda.after(gap, self, self._burst)
+
+    def _burst(self) -> None:
+        self._busy = len(self._threads)
+        for thread in self._threads:
+            thread.remaining = max(LEAST_WORK_MS, self._load.burst_ms)
+        for thread in self._threads:
+            self._system.ready(thread)
+
+    def _thread_done(self) -> None:
+        self._busy -= 1
+        if not self._busy:
+            self.start()
 
 
 class InterruptSource(Owner):

@@ -10,6 +10,7 @@ from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
 from rarms_iac.providers.simulated.scheduling.machine import (
     Browsers,
+    BurstLoads,
     BusyLoops,
     JobDone,
     ModelLoad,
@@ -21,6 +22,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
 from rarms_iac.providers.simulated.scheduling.processors import Agenda
 from rarms_iac.providers.simulated.scheduling.programs import (
     BrowserProgram,
+    BurstProgram,
     ComponentProgram,
     Devices,
     GuestScreen,
@@ -107,6 +109,9 @@ class SchedulerSimulation:
             case BusyLoops(threads=threads):
                 for _ in range(machine.vps if threads is None else threads):
                     busy_loop(system)
+            case BurstLoads(threads=threads):
+                count = machine.vps if threads is None else threads
+                BurstProgram(load, count, system, self._agenda, self._random(f"bursts/{name}")).start()
             case Programs(instances=instances):
                 for _ in range(instances):
                     busy_loop(system)

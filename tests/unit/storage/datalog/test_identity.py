@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.loads import Browser, CommandLoad
 from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, Samples, Stop
-from rarms_iac.model.system import Browser, CommandLoad, Component, RunsOn, Simulation, TaskCategory, TaskRequest
+from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import Files, LogSubject, file_digest, identity_of
 from rarms_iac.storage.datalog.log import Identity
 from rarms_iac.storage.datalog.staleness import ObservedPlatform, compare, known

@@ -2,9 +2,9 @@
 
 import pytest
 
-from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, CommandLoad
 from rarms_iac.providers.simulated.measuring import NoDemand, demand_of, load_of
-from rarms_iac.providers.simulated.scheduling.machine import Browsers, BusyLoops, Every, JobDemand, Programs
+from rarms_iac.providers.simulated.scheduling.machine import Browsers, BurstLoads, BusyLoops, Every, JobDemand, Programs
 from tests.builders import a_component, a_run, a_simulation
 
 
@@ -37,6 +37,11 @@ def test_without_a_simulation_nobody_knows_the_demand() -> None:
 
 def test_a_busy_loop_is_one() -> None:
     assert load_of(BusyLoop()) == BusyLoops()
+
+
+def test_bursts_without_a_duty_take_what_their_partition_reserves() -> None:
+    assert load_of(LOADS_WITHOUT_ENTRY["bursts-50"], 80) == BurstLoads(burst_ms=40.0, gap_ms=10.0)
+    assert load_of(LOADS_WITHOUT_ENTRY["bursts-50-half"], 80) == BurstLoads(burst_ms=25.0, gap_ms=25.0)
 
 
 def test_browsers_are_browsers() -> None:

@@ -1,14 +1,17 @@
 """The scheduler model against schedules worked out by hand."""
 
-from itertools import islice
+from itertools import islice, pairwise
 
 from rarms_iac.providers.simulated.scheduling.machine import (
+    IDLE,
+    BurstLoads,
     BusyLoops,
     Every,
     JobDemand,
     JobDone,
     ModelMachine,
     OneAfterAnother,
+    TracePiece,
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
@@ -129,3 +132,45 @@ def test_it_ends_when_asked_and_tells_what_was_consumed() -> None:
 
     assert jobs
     assert 490 < simulation.consumed_ms("face-detection") < 510
+
+
+def bursts(lps: int = 2) -> ModelMachine:
+    """A load that wakes on every VP for 20 ms, with 30 ms between, and nothing beside it."""
+    load = BurstLoads(burst_ms=20.0, gap_ms=30.0)
+    return ModelMachine(lps=lps, machines=(VirtualMachine(name="P2", vps=lps, loads=(load,)),))
+
+
+def busy_pieces(machine: ModelMachine, lp: int, until_ms: float = 5000.0) -> list[TracePiece]:
+    """When the LP ran something."""
+    pieces: list[TracePiece] = []
+    list(simulate(machine, 1, until_ms=until_ms, trace=pieces.append))
+    return [piece for piece in pieces if piece.lp == lp and piece.ran != IDLE]
+
+
+def test_threads_of_bursts_wake_at_the_same_moment_for_so_much_processor_time() -> None:
+    first_lp, second_lp = busy_pieces(bursts(), 0), busy_pieces(bursts(), 1)
+
+    assert [piece.began for piece in first_lp] == [piece.began for piece in second_lp]
+    assert {round(piece.ended - piece.began, 6) for piece in first_lp[:-1]} == {20.0}
+
+
+def test_gaps_between_bursts_are_drawn_so_that_no_phase_lasts() -> None:
+    pieces = busy_pieces(bursts(), 0, until_ms=60_000.0)
+    gaps = [later.began - earlier.ended for earlier, later in pairwise(pieces)]
+
+    assert 15.0 <= min(gaps) < 16.0
+    assert 44.0 < max(gaps) <= 45.0
+    assert abs(sum(gaps) / len(gaps) - 30.0) < 1.0
+    assert len({round(gap, 6) for gap in gaps}) == len(gaps)
+
+
+def test_a_burst_is_processor_time_however_long_that_takes() -> None:
+    """Beside a partition that takes half of the LP, 20 ms last longer, and the gap is none the shorter."""
+    load = BurstLoads(burst_ms=20.0, gap_ms=30.0)
+    other = VirtualMachine(name="P1", vps=1, reserve=70, loads=(BusyLoops(),))
+    machine = ModelMachine(lps=1, machines=(other, VirtualMachine(name="P2", vps=1, reserve=30, loads=(load,))))
+    pieces: list[TracePiece] = []
+    list(simulate(machine, 1, until_ms=30_000.0, trace=pieces.append))
+
+    consumed = sum(piece.ended - piece.began for piece in pieces if piece.ran == "P2.0")
+    assert 0.27 < consumed / 30_000.0 < 0.31, "20 ms at 30 % take up to 67 ms, less what was saved in the gap"

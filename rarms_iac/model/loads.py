@@ -1,0 +1,100 @@
+"""Interfering loads: what runs in P2 while a component is measured in P1, and those that need no entry."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.quantities import Milliseconds, Percent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusyLoop:
+    """Threads that never wait (BLP); None: one a logical processor."""
+
+    threads: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Browser:
+    """Browsers that stream video: their interrupts run above every thread."""
+
+    instances: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandLoad:
+    """Any other program, so often at once."""
+
+    command: tuple[str, ...]
+    instances: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stress:
+    """Workers of a stressor of stress-ng: timers, disk, memory, context switches; None: one a logical processor."""
+
+    stressor: str
+    workers: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bursts:
+    """Threads that sleep, wake at the same moment, and take in one piece the claim that they saved.
+
+    A burst is `every` x `duty` of processor time on each thread. The gap to the next one is drawn from 0.5 to 1.5 of
+    `every` x (1 - `duty`), however long the burst took, so that no phase lasts.
+    """
+
+    every: Milliseconds
+    duty: Percent | None = None  # None: what its partition reserves of each of its processors
+    threads: int | None = None  # None: one a logical processor
+
+    def cycle(self, reserve_percent: float) -> "Cycle":
+        """Return burst and gap for what its partition reserves.
+
+        Args:
+            reserve_percent: of each processor of its partition; below 1 counts as 1, since a burst takes some time.
+
+        Returns:
+            Both in ms.
+        """
+        duty = Fraction(max(1.0, reserve_percent) if self.duty is None else self.duty) / 100
+        return Cycle(burst_ms=float(self.every * duty), gap_ms=float(self.every * max(Fraction(0), 1 - duty)))
+
+
+SHORTEST_GAP, LONGEST_GAP = 0.5, 1.5
+"""Between these multiples of a cycle's gap the gaps between bursts are drawn, evenly."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycle:
+    """What each thread of a load that bursts does, on average."""
+
+    burst_ms: float  # of processor time
+    gap_ms: float  # between the end of a burst and the next one
+
+
+Interference = BusyLoop | Bursts | Browser | CommandLoad | Stress
+
+BUSY_LOOP = "busy-loop"
+
+PERIODS_MS = (5, 10, 20, 50, 100, 200)
+"""Of the bursts that need no entry."""
+
+HALF = Percent(Fraction(50))
+
+
+def _loads_without_entry() -> dict[str, Interference]:
+    loads: dict[str, Interference] = {BUSY_LOOP: BusyLoop()}
+    for period in PERIODS_MS:
+        every = Milliseconds(Fraction(period))
+        loads[f"bursts-{period}"] = Bursts(every=every)
+        loads[f"bursts-{period}-half"] = Bursts(every=every, duty=HALF)
+    return loads
+
+
+LOADS_WITHOUT_ENTRY: Mapping[str, Interference] = _loads_without_entry()
+"""What a manifest may name without describing it; an entry of the same name stands instead."""
+
+DEFAULT_LOADS = (BUSY_LOOP,)
+"""What a reservation must stand up to where the manifest names nothing (docs/measuring.md says how it was chosen)."""
