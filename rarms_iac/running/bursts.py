@@ -54,15 +54,15 @@ def all_answer(threads: "list[subprocess.Popen[bytes]]") -> bool:
 
 
 def burst_when_told(number: int, burst_ns: int) -> int:
-    """Wake when told, and use so much processor time, whatever else uses the processor meanwhile."""
+    """Wake when told, and use so much processor time, also where others use the processor meanwhile."""
     if hasattr(os, "sched_setaffinity"):
         processors = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, [processors[number % len(processors)]])
     os.write(1, b".")
-    while len(told := os.read(0, MOMENT.size)) == MOMENT.size:
-        (wake,) = MOMENT.unpack(told)
-        while (left := wake - time.perf_counter_ns()) > 0:
-            time.sleep(left / 1e9)
+    while len(moment := os.read(0, MOMENT.size)) == MOMENT.size:
+        (wake,) = MOMENT.unpack(moment)
+        while (remaining := wake - time.perf_counter_ns()) > 0:
+            time.sleep(remaining / 1e9)
         end = time.thread_time_ns() + burst_ns
         while time.thread_time_ns() < end:
             pass

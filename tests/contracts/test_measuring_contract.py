@@ -70,6 +70,7 @@ def program(work_s: float, sleep_s: float = 0.0, processes: int = 1) -> Run:
     return a_run(command=words, samples=Samples(source="json_lines", response_time=Field(name="ms")))
 
 
+BUSY = BusyLoop()
 EYES = a_component(
     "eyes", run=program(0.004, 0.002), simulation=a_simulation(work="4 ms", blocked="2 ms", varies="10 %")
 )
@@ -91,9 +92,7 @@ def ready(host: MeasuringHost, reserve: int = 60) -> Iterator[None]:
         yield
 
 
-def some_work(
-    *components: Component, seed: int = 7, load: Interference = BusyLoop(), **until: SampleCount | Elapsed
-) -> Work:
+def some_work(*components: Component, seed: int = 7, load: Interference = BUSY, **until: SampleCount | Elapsed) -> Work:
     return Work(
         application="robot",
         partitions=(PartitionWork(partition=P1, components=components), PartitionWork(partition=P2, load=load)),

@@ -7,6 +7,7 @@ from pathlib import Path
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
 from rarms_iac.model.run import SampleCount
 from rarms_iac.model.system import AtMost, Measured
 from tests.unit.manifest.examples import no_checks
@@ -47,7 +48,7 @@ def test_a_small_manifest_becomes_a_system_with_every_default(tmp_path: Path) ->
     assert vision.cpu.reserve is Measured.MEASURED
     assert vision.run is not None
     assert vision.run.until == SampleCount(samples=200)
-    assert list(system.interference) == ["busy-loop"]
+    assert system.interference == LOADS_WITHOUT_ENTRY
 
 
 def test_a_folder_means_the_manifest_in_it(tmp_path: Path) -> None:
