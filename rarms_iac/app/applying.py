@@ -59,7 +59,10 @@ def apply(
     if folder is None:
         _refuse_elsewhere(plan)
     below = folder_of(plan.manifest) if folder is None else folder
-    hosts = {part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name)) for part in plan.hosts}
+    hosts = {
+        part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
+        for part in plan.hosts
+    }
     with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
         return apply_plan(plan, hosts, run_origin(), reporter.steps, stop.should_stop, waits)
 

@@ -26,7 +26,6 @@ from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, Recor
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.snapshot_file import write_snapshot
 
-
 NO_CHANNELS: Mapping[str, CommandChannel] = MappingProxyType({})
 
 
@@ -122,7 +121,7 @@ def load(
         overlays: files that are laid over it; a later one wins.
         hosts: names of those that are meant; none: all. They are not looked at yet.
         today: the day by which acceptances expire; None: today in UTC.
-        channels: by host, what runs commands there in place of what `connect` says; an engine such as Ansible has its own.
+        channels: by host, what runs commands there in place of `connect`; an engine such as Ansible has its own.
 
     Returns:
         What `measure`, `tune`, `plan` and `prove` take.
