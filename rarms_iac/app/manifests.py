@@ -9,7 +9,7 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.manifest.text.reading import read
-from rarms_iac.model.diagnostics import Places, has_errors
+from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
 
@@ -21,6 +21,7 @@ class Manifest:
     source: ManifestSource
     system: System
     loaded: Loaded
+    findings: tuple[Diagnostic, ...] = ()  # warnings and notes that its policy does not accept
 
     @property
     def places(self) -> Places:
@@ -45,7 +46,7 @@ def load_manifest(source: ManifestSource) -> Manifest:
         source: the manifest, its overlays in order, and the day by which acceptances expire.
 
     Returns:
-        The manifest; its warnings and notes are in `loaded.diagnostics`.
+        The manifest; with its warnings and notes.
 
     Raises:
         UseCaseError: it has errors (negative); they are its diagnostics.
@@ -56,7 +57,7 @@ def load_manifest(source: ManifestSource) -> Manifest:
     remaining, _ = apply_acceptances(loaded.diagnostics, loaded.system.policy, loaded.places, source.today, codes=CODES)
     if has_errors(remaining):
         raise UseCaseError(Outcome.NEGATIVE, remaining, loaded.sources)
-    return Manifest(source=source, system=loaded.system, loaded=loaded)
+    return Manifest(source=source, system=loaded.system, loaded=loaded, findings=remaining)
 
 
 def declared_names(manifest: str, section: str) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.commands import command, prose
-from rarms_iac.model.diagnostics import Diagnostic, Finding, has_errors
+from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
@@ -71,7 +71,9 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = (), *, wi
         UseCaseError: A log cannot be read, or there is none (negative).
     """
     logs = _logs_of(manifest, components)  # as long as they are in use, nothing below reads them again
-    report = replace(_report(manifest, components, logs), statuses=_statuses(manifest))
+    statuses, problems = _statuses(manifest)
+    findings = first_of_each_kind(in_order((*manifest.findings, *problems)))
+    report = replace(_report(manifest, components, logs), statuses=statuses, findings=findings)
     return replace(report, candidates=_candidates(manifest)) if with_candidates else report
 
 
@@ -224,32 +226,37 @@ def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> Com
     )
 
 
-def _statuses(manifest: Manifest) -> tuple[HostStatus, ...]:
-    """One a simulated host, by name. NOTE: a report needs no host, and waits for none: others are not asked."""
+def _statuses(manifest: Manifest) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...]]:
+    """One a simulated host, by name, and why there is no layout."""
+    # NOTE: a report needs no host, and waits for none: others are not asked.
     hosts = manifest.system.hosts
     names = tuple(sorted(name for name, host in hosts.items() if host.provider is ProviderKind.SIMULATED))
     if not names:
-        return ()
+        return (), ()
     try:
-        return tuple(_status_of(select_hosts(manifest, HostSelection(hosts=names))))
+        return _statuses_of(select_hosts(manifest, HostSelection(hosts=names)))
     except UseCaseError:  # a host's file is damaged, or held: every command that is about hosts says so
-        return ()
+        return (), ()
 
 
-def _status_of(hosts: Hosts) -> Iterator[HostStatus]:
+def _statuses_of(hosts: Hosts) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic, ...]]:
     application = hosts.system.application.name
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
     present = {name: partitions_after_last_run(journal, application) for name, journal in last_runs(hosts)}
     request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present)
     drifts, problems = drift_of_hosts(request, states)
     if has_errors(problems):
-        yield from (HostStatus(host=name, is_planned=False) for name in hosts.chosen)
-        return
-    for name, drifted in drifts.items():
-        if name in hosts.chosen:
-            differs = (
+        return tuple(HostStatus(host=name, is_planned=False) for name in hosts.chosen), problems
+    compared = (
+        HostStatus(
+            host=name,
+            differs=tuple(
                 HostDifference(address=drift.address, message=DRIFTS[drift.drift])
                 for drift in drifted
                 if drift.drift in DRIFTS
-            )
-            yield HostStatus(host=name, differs=tuple(differs))
+            ),
+        )
+        for name, drifted in drifts.items()
+        if name in hosts.chosen
+    )
+    return tuple(compared), problems

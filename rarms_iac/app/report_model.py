@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import VerdictWord
@@ -232,5 +233,6 @@ class Report:
     unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
     proofs: tuple[ComponentProof, ...] = ()
     statuses: tuple[HostStatus, ...] = ()  # by host
+    findings: tuple[Diagnostic, ...] = ()  # of the manifest, and why it has no layout, where hosts were looked at
     tunings: tuple[PlatformTuning, ...] = ()  # by platform
     candidates: Internal[tuple[Node, ...]] = ()  # the graph; empty: nothing can be combined, or not all is measured

@@ -77,6 +77,7 @@ def as_html(report: Report) -> bytes:
             statuses=[
                 (bool(status.differs), status.host, plain_text(status_text(status))) for status in report.statuses
             ],
+            findings=[_finding(diagnostic) for diagnostic in report.findings],
             reserves=RESERVES,
             errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte
@@ -98,6 +99,21 @@ def _bar(fit: PlatformCapacity) -> dict[str, str]:
         "room": f"{float(100 * fit.capacity_lp / processors):.3f}",
         "used": f"{float(min(100 * fit.reserved_lp / processors, Fraction(100))):.3f}",
         "kind": "used" if fit.fits else "used over",
+    }
+
+
+def _finding(diagnostic: Diagnostic) -> dict[str, object]:
+    return {
+        "kind": f"{diagnostic.severity}[{diagnostic.code}]",
+        "summary": diagnostic.summary,
+        "detail": diagnostic.detail,
+        "advice": plain_text(diagnostic.advice),
+        "where": str(diagnostic.place or diagnostic.address),
+        "values": {
+            name: ", ".join(value) if isinstance(value, tuple) else str(value)
+            for name, value in diagnostic.values.items()
+        },
+        "commands": [recommended.text for recommended in diagnostic.commands],
     }
 
 

@@ -183,6 +183,23 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     ]
 
 
+def test_the_page_has_findings_as_fields(robot: Path) -> None:
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(text.replace("at_most: 100 ms", "at_most: 1 ms"), encoding="utf-8")
+
+    document = json.loads(rarms("report", "-f", str(robot), "--json").out)
+    page = rarms("report", "-f", str(robot), "-o", "-").out
+
+    assert [status["is_planned"] for status in document["statuses"]] == [False]
+    [finding] = document["findings"]
+    assert finding["values"]["components"] == ["vision"]
+    assert f"error[{finding['code']}]" in page
+    for name in finding["values"]:
+        assert f"<dt>{name}</dt>" in page
+    for command in finding["commands"]:
+        assert f"<dd><code>{command['text']}</code></dd>" in page
+
+
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     path = configuration_path(robot.parent, "onboard", "vision")
     for value in (98.7, 113.0):
