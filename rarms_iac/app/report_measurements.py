@@ -22,6 +22,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Met,
     Missed,
+    Overload,
     TooFewSamples,
     TooManyFailures,
     Unsteady,
@@ -56,6 +57,7 @@ from rarms_iac.planner.reservations import (
 from rarms_iac.planner.totals import PlannedTotals, planned_totals
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.statistics.error_probability import ERROR, describe_extreme
+from rarms_iac.statistics.overload import describe_overload
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.verdicts import judge_look
 from rarms_iac.storage.datalog.log import DataLog, Recorded
@@ -294,6 +296,8 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
 def _remark(verdict: Verdict) -> str:
     """What else is to be said of a verdict."""
     match verdict:
+        case Missed(overload=Overload() as overload):
+            return describe_overload(overload)
         case Met(warm_up=warm_up) | Missed(warm_up=warm_up) | WithinNoise(warm_up=warm_up):
             return f"{warm_up} samples of warm-up left out" if warm_up else ""
         case Unsteady(reason=reason) | TooFewSamples(reason=reason):

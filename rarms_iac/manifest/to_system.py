@@ -174,6 +174,7 @@ def _run(block: RunBlock) -> Run:
         arrival=arrival,
         samples=_converted(block.samples) or _PER_RUN,
         deadline=deadline,
+        success_within=None,  # `run_of` takes it from `simulation`
     )
 
 

@@ -25,7 +25,8 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import show_amount, show_processors
 from rarms_iac.model.system import AtMost, Measured
 from rarms_iac.model.wording import in_a_row
-from rarms_iac.statistics.error_probability import describe_extreme
+from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
+from rarms_iac.statistics.overload import find_overload, more_processors_help
 from rarms_iac.statistics.samples import usable_processors
 
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
@@ -48,6 +49,12 @@ FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that w
 LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
 UNUSABLE_PROCESSORS = Finding.note("RARMS268", "Fewer virtual processors may be enough")
 
+
+NO_MORE_CPU = (
+    "More CPU does not help: its jobs wait for something else than a processor, and end further apart than they are "
+    "due. Give them a longer period, or shorten what they wait for."
+)
+"""The advice to a component that falls behind on all processors."""
 
 LONG = 2000
 """Samples of a series that is to show a steady state which a shorter one did not."""
@@ -103,6 +110,8 @@ def show_index(measured: MeasuredIndex) -> str:
     Returns:
         Words for a message; without an estimate the reason.
     """
+    if measured.overload is not None:
+        return f"{measured.index} grows without an end ({measured.reason})"
     if measured.estimate is None:
         return f"{measured.index} cannot be told: {measured.reason}"
     index = index_named(measured.index)
@@ -143,6 +152,7 @@ def _not_achievable(
     if most:
         first = "Free the host, where something else holds its processors; else relax the threshold ("
     for setting in last:
+        waiting = _waits_elsewhere(setting, experiment)
         indexes = measured_indexes(setting, experiment)
         # What is on the right side, and not for sure, is not met either.
         for measured in [index for index in indexes if index.misses] or indexes:
@@ -150,7 +160,9 @@ def _not_achievable(
                 places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
                 f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
-                prose(
+                NO_MORE_CPU
+                if measured.component in waiting
+                else prose(
                     first,
                     command("select", measured.component, at="LEVEL"),
                     f" says which level holds){'.' if most else f', {last_resort}'}",
@@ -158,6 +170,18 @@ def _not_achievable(
                 address=f"component/{measured.component}",
                 values={**index_facts(measured), "reserve_percent": reserve},
             )
+
+
+def _waits_elsewhere(setting: Setting, experiment: Experiment) -> list[str]:
+    """The component, alone in its partition, that falls behind and would with all processors, too."""
+    if len(experiment.members) > 1:
+        return []
+    return [
+        series.component
+        for series in setting.series
+        if (overload := find_overload(series, experiment.runs[series.component], error=LOOK_ERROR))
+        and not more_processors_help(overload, setting.reserve / 100, experiment.setup.processors)
+    ]
 
 
 def _not_resolved(

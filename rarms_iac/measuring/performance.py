@@ -1,16 +1,16 @@
 """What a setting shows: every index that a threshold names, with its bounds. Pure."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady, Verdict
+from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Overload, Unsteady, Verdict
 from rarms_iac.model.output import output
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
-from rarms_iac.statistics.estimates import estimate_steady
+from rarms_iac.statistics.overload import estimate_of_setting
 from rarms_iac.statistics.steady_state import find_steady_series
 from rarms_iac.statistics.verdicts import judge_look
 
@@ -24,6 +24,7 @@ class MeasuredIndex:
     threshold: Threshold
     estimate: Estimate | None
     reason: str = ""  # why there is no estimate
+    overload: Overload | None = None  # where the component falls behind, so that the index grows without an end
 
     @property
     @output
@@ -114,7 +115,8 @@ def why_unsteady(series: Series) -> str:
 
 
 def _measured_index(component: Component, index: str, threshold: Threshold, series: Series) -> MeasuredIndex:
-    estimate = estimate_steady(index, series, run_of(component))
-    known = None if isinstance(estimate, NoEstimate) else estimate
-    reason = estimate.reason if isinstance(estimate, NoEstimate) else ""
-    return MeasuredIndex(component=component.name, index=index, threshold=threshold, estimate=known, reason=reason)
+    estimate = estimate_of_setting(index, series, run_of(component))
+    measured = MeasuredIndex(component=component.name, index=index, threshold=threshold, estimate=None)
+    if isinstance(estimate, NoEstimate):
+        return replace(measured, reason=estimate.reason, overload=estimate.overload)
+    return replace(measured, estimate=estimate)

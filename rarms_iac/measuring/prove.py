@@ -24,6 +24,7 @@ from rarms_iac.model.outcomes import (
     Estimate,
     Met,
     Missed,
+    Overload,
     TooFewSamples,
     TooManyFailures,
     Unsteady,
@@ -38,6 +39,7 @@ from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.error_probability import ERROR, shared_error
+from rarms_iac.statistics.overload import describe_overload
 from rarms_iac.statistics.verdicts import judge_each
 
 LONGER = 4
@@ -320,7 +322,12 @@ def judge_layout(
 def _judge_index(component: Component, index: str, verdict: Verdict) -> IndexVerdict:
     estimate, reason = _estimate_of(verdict)
     measured = MeasuredIndex(
-        component=component.name, index=index, threshold=component.apt[index], estimate=estimate, reason=reason
+        component=component.name,
+        index=index,
+        threshold=component.apt[index],
+        estimate=estimate,
+        reason=reason,
+        overload=verdict.overload if isinstance(verdict, Missed) else None,
     )
     return IndexVerdict(measured=measured, verdict=verdict)
 
@@ -328,6 +335,8 @@ def _judge_index(component: Component, index: str, verdict: Verdict) -> IndexVer
 def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
     """What the verdict on a single index rests on, or why there is nothing."""
     match verdict:
+        case Missed(overload=Overload() as overload):
+            return None, describe_overload(overload)
         case Met(judged=(only,)) | Missed(judged=(only,)) | WithinNoise(judged=(only,)):
             return only.estimate, ""
         case Unsteady(reason=reason) | TooFewSamples(reason=reason):

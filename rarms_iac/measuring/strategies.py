@@ -9,6 +9,7 @@ from rarms_iac.measuring.search.trials import (
     Member,
     NextStep,
     SearchTrial,
+    below_demand,
     is_finished,
     not_sufficient,
     sufficient,
@@ -163,16 +164,20 @@ class Agreeing:
         verified = self.verifying.step(settings)
         if not isinstance(verified, Sufficient):
             return verified
-        known = {setting.reserve for setting in settings}
-        return step if verified.reserve == step.reserve else _certify(verified, known)
+        if verified.reserve == step.reserve:
+            return step
+        goal = self.search.goal
+        below = below_demand([trial_of(setting, goal) for setting in settings], goal)
+        return _certify(verified, {setting.reserve for setting in settings}, below)
 
 
-def _certify(planned: Sufficient, known: Collection[int]) -> SearchStep:
+def _certify(planned: Sufficient, known: Collection[int], below: int) -> SearchStep:
     """Ask for a measured fail close below, as a search has it: what its verdict leaves open may do on the curve.
 
-    What is known and is no fail has no steady state, or passes and is not believed: it is not measured once more.
+    What is below the demand fails by arithmetic. What is known and is no fail has no steady state, or passes and is not
+    believed: it is not measured once more.
     """
-    if planned.reserve == 1 or planned.reserve - (planned.failed or 0) <= WIDTH:
+    if planned.reserve == 1 or planned.reserve - max(planned.failed or 0, below) <= WIDTH:
         return planned
     near = (planned.reserve - WIDTH + 1, planned.reserve - 1, planned.reserve - WIDTH)
     return next((Measure(reserve=reserve) for reserve in near if reserve >= 1 and reserve not in known), planned)

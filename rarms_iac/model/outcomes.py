@@ -7,7 +7,7 @@ conclusion, and views and program output show all of them.
 from dataclasses import dataclass
 from typing import Literal, assert_never, cast
 
-from rarms_iac.model.output import OpenBound, OutputText
+from rarms_iac.model.output import OpenBound, OutputText, output
 from rarms_iac.model.system import Threshold
 
 
@@ -29,10 +29,32 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Overload:
+    """A periodic component falls behind its jobs: the queue grows, and with it every response time, without an end."""
+
+    period_ms: float
+    between_ms: float  # from the end of one job to the end of the next, on average: more than the period
+    job_cpu_ms: float | None  # processor time of a job; None: cannot be told
+
+    @property
+    @output
+    def needed_lp(self) -> float | None:
+        """LPs that the jobs need which are due: processor time of a job by the period."""
+        return None if self.job_cpu_ms is None else self.job_cpu_ms / self.period_ms
+
+    @property
+    @output
+    def received_lp(self) -> float | None:
+        """LPs that the component was seen to get."""
+        return None if self.job_cpu_ms is None else self.job_cpu_ms / self.between_ms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NoEstimate:
     """The samples say nothing about the index."""
 
     reason: str
+    overload: Overload | None = None  # where that is the reason
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,8 +87,9 @@ class Met(_Judgement):
 class Missed(_Judgement):
     """At least one index misses its threshold."""
 
-    judged: tuple[JudgedIndex, ...]
+    judged: tuple[JudgedIndex, ...]  # none where an overload decides
     warm_up: int
+    overload: Overload | None = None  # the reason, where an index misses by arithmetic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -97,6 +97,7 @@ class Run:
     samples: Samples
     deadline: Milliseconds | None  # None: no deadline
     failures: int  # failed samples a setting may have
+    success_within: Milliseconds | None = None  # on a simulated host, a job that answers later does not succeed
 
 
 SIMULATED_ONLY = Run(

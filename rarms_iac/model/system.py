@@ -5,7 +5,7 @@ its own (`MEASURED`, `None` said to mean "open"), never a guess.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
 from enum import StrEnum
 from fractions import Fraction
@@ -155,7 +155,9 @@ class Component:
 
 def run_of(component: Component) -> Run:
     """How a component is run; on a simulated host it needs no `run`, and what that would say has its usual value."""
-    return SIMULATED_ONLY if component.run is None else component.run
+    run = SIMULATED_ONLY if component.run is None else component.run
+    within = None if component.simulation is None else component.simulation.success_within
+    return run if within == run.success_within else replace(run, success_within=within)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,7 +19,7 @@ from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.error_probability import LOOK_ERROR
-from rarms_iac.statistics.estimates import estimate_steady
+from rarms_iac.statistics.overload import estimate_of_setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,7 +269,7 @@ def _misses(point: Point, curve: Curve, threshold: Threshold) -> bool:
 
 
 def _estimate(series: Series, index: str, run: Run, error: float) -> Estimate | NoEstimate:
-    estimate = estimate_steady(index, series, run, error=error)
+    estimate = estimate_of_setting(index, series, run, error=error)
     if isinstance(estimate, Estimate) and estimate.beyond is not None:
         # An extreme has no bound of its own: the curve shows what was seen.
         return replace(estimate, lower=estimate.value, upper=estimate.value)

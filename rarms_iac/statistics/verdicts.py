@@ -17,11 +17,11 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
-from rarms_iac.model.run import Elapsed, Run, SampleCount
+from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
-from rarms_iac.statistics.estimates import estimate_steady
+from rarms_iac.statistics.overload import estimate_of_setting, find_overload, grows_without_end
 from rarms_iac.statistics.samples import failures
 from rarms_iac.statistics.steady_state import find_steady_series
 
@@ -45,16 +45,20 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
         error: The probability, 0..1, with which `Met`, and with which `Missed`, may be wrong.
 
     Returns:
-        `TooManyFailures` before `Unsteady` before what the indexes say: `Met`, `Missed`, or inconclusive between
-            them.
+        `TooManyFailures` before `Missed` for an overload before `Unsteady` before what the indexes say: `Met`,
+            `Missed`, or inconclusive between them.
     """
     failed = failures(series)
     if len(failed) > run.failures:
         return TooManyFailures(component=series.component, failures=failed, allowed=run.failures)
+    overload = find_overload(series, run, error=error)
+    if overload and any(grows_without_end(index, series, run) for index in apt):
+        return Missed(judged=(), warm_up=0, overload=overload)
     first = find_steady_series(series)
-    if isinstance(first, Unsteady) and not series.wanders:
+    if isinstance(first, Unsteady) and not series.wanders and not overload:
         return first
-    return _judge_indexes(series, first, apt, run, error)
+    halves = 2 if isinstance(run.arrival, Periodic) else 1  # the other half is spent on an overload
+    return _judge_indexes(series, first, apt, run, error, shared_error(halves * len(apt), error))
 
 
 def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR) -> dict[str, Verdict]:
@@ -141,8 +145,8 @@ def _may_turn(verdict: Met | Missed) -> bool:
     match verdict:
         case Met(judged=judged):
             return any(index.index == _MAXIMUM for index in judged)
-        case Missed(judged=judged):
-            return all(index.index == _MINIMUM for index in judged if _misses(index))
+        case Missed(judged=judged, overload=overload):
+            return overload is None and all(index.index == _MINIMUM for index in judged if _misses(index))
 
 
 def done_share(series: Series, run: Run) -> float:
@@ -163,18 +167,18 @@ def done_share(series: Series, run: Run) -> float:
 
 
 def _judge_indexes(
-    series: Series, first: int | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float
+    series: Series, first: int | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float, missing_error: float
 ) -> Verdict:
     judged: list[JudgedIndex] = []
     for index, threshold in apt.items():
-        estimated = estimate_steady(index, series, run, error=error)
+        estimated = estimate_of_setting(index, series, run, error=error)
         if isinstance(estimated, NoEstimate):
             return first if isinstance(first, Unsteady) else TooFewSamples(reason=estimated.reason)
         judged.append(JudgedIndex(index=index, threshold=threshold, estimate=estimated))
     warm_up = 0 if isinstance(first, Unsteady) else first
     if all(map(_meets, judged)):
         return Met(judged=tuple(judged), warm_up=warm_up)
-    if any(_misses_for(index, series, run, shared_error(len(apt), error)) for index in judged):
+    if any(_misses_for(index, series, run, missing_error) for index in judged):
         return Missed(judged=tuple(judged), warm_up=warm_up)
     return WithinNoise(judged=tuple(judged), warm_up=warm_up)
 
@@ -183,7 +187,7 @@ def _misses_for(judged: JudgedIndex, series: Series, run: Run, error: float) -> 
     """Whether an index misses its threshold but for this error, its share of the error of all."""
     if not _misses(judged):
         return False
-    closer = estimate_steady(judged.index, series, run, error=error)
+    closer = estimate_of_setting(judged.index, series, run, error=error)
     return isinstance(closer, Estimate) and _misses(
         JudgedIndex(index=judged.index, threshold=judged.threshold, estimate=closer)
     )

@@ -33,7 +33,8 @@ def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
     measured, index = verdict.measured, index_named(verdict.measured.index)
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
     threshold = f"{index.name} {show_bound(index, measured.threshold)}"
-    return measured.component, threshold, value, describe_verdict(index, verdict_word(verdict.verdict))
+    word = describe_verdict(index, verdict_word(verdict.verdict))
+    return measured.component, threshold, value, f"{word}, {measured.reason}" if measured.overload else word
 
 
 def describe_proof_setting(proof: ComponentProof) -> str:

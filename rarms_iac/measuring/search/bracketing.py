@@ -41,7 +41,7 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
     """
     if not history:
         return Measure(reserve=FIRST, until_clear=True, precision=PRECISION)
-    bracket = bracket_of(history)
+    bracket = bracket_of(history, goal)
     if not isinstance(bracket, Bracket):
         return bracket
     if bracket.inconclusive or len(history) >= MOST:
@@ -64,16 +64,17 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
 WALK_STEP = 10
 
 
-def bisect(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
+def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
     """Halve what is left down to one point: the least passing whole per cent.
 
     Args:
         history: the settings so far, in the order in which they were run.
+        goal: what is searched.
 
     Returns:
         The next setting, or how the search ends.
     """
-    bracket = bracket_of(history)
+    bracket = bracket_of(history, goal)
     match bracket:
         case NotAchievable() | NotResolved():
             return bracket

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import ceil
 
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
@@ -19,10 +20,11 @@ from rarms_iac.model.outcomes import (
     Verdict,
     WithinNoise,
 )
-from rarms_iac.model.run import Run
+from rarms_iac.model.run import Periodic, Run
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.overload import grows_without_end
 from rarms_iac.statistics.verdicts import judge_early, judge_look
 
 NOTHING_PASSED = 101
@@ -127,13 +129,15 @@ def is_clear(
     Returns:
         Whether it may end.
     """
+    verdicts = [
+        judge_early(series[member.name], member.apt, member.run, members=len(goal.members)) for member in goal.members
+    ]
+    if any(isinstance(verdict, Missed) and verdict.overload for verdict in verdicts):
+        return True
     if precision is not None and not all(
         _is_precise(series[member.name], member, precision) for member in goal.members
     ):
         return False
-    verdicts = [
-        judge_early(series[member.name], member.apt, member.run, members=len(goal.members)) for member in goal.members
-    ]
     if any(isinstance(verdict, Missed) for verdict in verdicts):
         return True
     return not any(verdict is None or (patient and isinstance(verdict, WithinNoise)) for verdict in verdicts)
@@ -168,9 +172,9 @@ def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bracket:
-    """The highest setting that failed (0: none did, and none can lie below) and the lowest that passed above it."""
+    """The highest setting that failed, or is below the demand, and the lowest that passed above it."""
 
-    failed: int
+    failed: int  # 0: none did
     passed: int | None
     inconclusive: tuple[int, ...] = ()  # measured between the two, and without a steady state; in their order
 
@@ -201,25 +205,58 @@ class Bracket:
         return max(pairwise(ends), key=lambda pair: (pair[1] - pair[0], pair))
 
 
-def bracket_of(history: Sequence[SearchTrial]) -> Bracket | NotAchievable | NotResolved:
-    """Find between which settings the least sufficient CR lies.
+def below_demand(history: Sequence[SearchTrial], goal: Goal) -> int:
+    """Find the highest CR that is overloaded by arithmetic: the members' jobs that are due need more than it gives.
+
+    Args:
+        history: the settings so far; each shows what a job consumes.
+        goal: what is searched.
+
+    Returns:
+        Per cent; 0 where nothing is known, or a member that falls behind may meet its thresholds all the same. The
+        least demand that was seen counts.
+    """
+    demands = [
+        sum(_demand_lp(member, series) for member in goal.members for series in trial.setting.series)
+        for trial in history
+    ]
+    per_cent = 100 * min(demands, default=0.0) / goal.processors
+    return min(99, max(0, ceil(per_cent) - 1))
+
+
+def _demand_lp(member: Member, series: Series) -> float:
+    """LPs that the jobs of a member need which are due; 0 where they are not due at certain times."""
+    if series.component != member.name or not isinstance(member.run.arrival, Periodic):
+        return 0.0
+    if not series.cpu_ms or not any(grows_without_end(index, series, member.run) for index in member.apt):
+        return 0.0
+    return series.cpu_ms / len(series.samples) / float(member.run.arrival.period)
+
+
+def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchievable | NotResolved:
+    """Find between which settings the least sufficient CR lies; what is below the demand is no setting to measure.
 
     A setting that fails above one that passed (noise, near the threshold) counts against the one below: the safe side.
     One without a steady state counts for nothing: it is no verdict.
 
     Args:
         history: the settings so far, in any order.
+        goal: what is searched.
 
     Returns:
         The bracket; or, where 100 % was measured and nothing passed, that there is no answer.
     """
+    below = below_demand(history, goal)
     failed = max((trial.reserve for trial in history if trial.failed), default=0)
     passed = min((trial.reserve for trial in history if trial.passed and trial.reserve > failed), default=None)
+    if passed is None or below < passed:  # else the samples know better
+        failed = max(failed, below)
     highest = [trial for trial in history if trial.reserve == 100 and not trial.passed]
     if highest and passed is None:
         return not_sufficient(highest[-1])
     _, inconclusive = settings_below(history, NOTHING_PASSED if passed is None else passed)
-    return Bracket(failed=failed, passed=passed, inconclusive=inconclusive)
+    above = tuple(reserve for reserve in inconclusive if reserve > failed)
+    return Bracket(failed=failed, passed=passed, inconclusive=above)
 
 
 def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | None, tuple[int, ...]]:

@@ -1,6 +1,7 @@
 """What an end is told as: an end that is a no always has a finding that says so."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 
@@ -9,7 +10,10 @@ from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
-from tests.builders import a_component, a_simulation, a_system, at_most
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.run import Periodic
+from rarms_iac.model.series import Sample, Series
+from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
 APT = {"mean_response_time": at_most(84), "maximum_response_time": at_most(90)}
@@ -50,6 +54,28 @@ def test_a_series_without_a_steady_state_is_told_as_such() -> None:
     message = " ".join(told([40.0 + number for number in range(100)]))
 
     assert "cannot be told: its response times still changed within 100 samples" in message
+
+
+@pytest.mark.parametrize(("cpu_ms", "helps"), [(60.0, True), (10.0, False)])
+def test_who_waits_for_something_else_is_told_that_more_cpu_does_not_help(cpu_ms: float, helps: bool) -> None:
+    """Of 60 ms that lie between the ends of two jobs, which are due every 50 ms."""
+    run = replace(a_run(), arrival=Periodic(period=Milliseconds(Fraction(50))))
+    member = replace(EXPERIMENT.members[0], run=run)
+    samples = [Sample(began_ms=50.0 * at, response_ms=60.0 + 10.0 * at + at % 3, successful=True) for at in range(100)]
+    series = Series(component="vision", samples=samples, elapsed_ms=6000.0, cpu_ms=cpu_ms * len(samples))
+
+    found = list(
+        findings_of(
+            replace(EXPERIMENT, members=(member,)),
+            NotAchievable(reserve=100),
+            (a_setting(100, series),),
+            FirstLine(""),
+        )
+    )
+
+    assert found
+    assert all(f"grows without an end (overloaded: needs {cpu_ms / 50:.3g} LP" in each.detail for each in found)
+    assert all(str(each.advice).startswith("More CPU does not help") is not helps for each in found)
 
 
 def drifting(reserve: int) -> Setting:

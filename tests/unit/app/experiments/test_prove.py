@@ -138,20 +138,23 @@ def test_real_processes_run_once_more_and_longer_where_a_proof_decides_nothing(
     assert (after, longer["vision mean_response_time"]["verdict"]) == (0, "met")
 
 
-def test_a_series_without_a_steady_state_gets_no_verdict_however_good_its_mean(here: Path) -> None:
+def test_a_component_that_is_overloaded_misses_a_threshold_that_no_job_has_passed_yet(here: Path) -> None:
     """Jobs come quicker than they are served: each waits longer than the one before."""
     change(here, "at_most: 50 ms", "at_most: 100 s")
     change(here, "command: [vision], until: { samples: 60 }", "command: [vision], arrival: { every: 15 ms }")
     code, indexes, found = proven("--interference", "busy-loop", "--samples", "200")
 
-    assert (code, found) == (4, ["RARMS112"])
+    assert (code, found) == (4, ["RARMS118"])
     mean = indexes["vision mean_response_time"]
-    assert (mean["verdict"], mean["estimate"], mean["verdict_error"]) == ("no steady state", None, None)
-    assert "still changed within" in str(mean["reason"])
+    assert (mean["verdict"], mean["estimate"], mean["verdict_error"]) == ("missed", None, 0.01)
+    assert isinstance(mean["overload"], dict)
+    assert mean["overload"]["period_ms"] == 15
+    assert 1.3 < float(mean["overload"]["needed_lp"]) < 1.36
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
-    assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "no steady state", None)]
-    assert "1 without a steady state" in rarms("prove", "--interference", "busy-loop", "--samples", "200").out
+    assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "missed", None)]
+    text = rarms("prove", "--interference", "busy-loop", "--samples", "200").out
+    assert "missed, overloaded: needs 1.3" in " ".join(text.split())
 
 
 def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:

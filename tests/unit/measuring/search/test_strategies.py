@@ -1,6 +1,7 @@
 """Strategies on components without noise: what they measure, and what they find."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 
@@ -12,13 +13,15 @@ from rarms_iac.measuring.search.trials import (
     Goal,
     Member,
     SearchTrial,
+    below_demand,
     bracket_of,
     settings_below,
     trial_of,
 )
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
-from rarms_iac.model.run import SampleCount
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.run import Periodic, SampleCount
 from rarms_iac.statistics.error_probability import ERROR
 from tests.builders import a_run, at_most
 from tests.effort import examples
@@ -154,9 +157,26 @@ def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -
 
     assert silent.inconclusive
     assert not silent.failed
-    assert bracket_of([passing, silent]) == Bracket(failed=0, passed=20)
-    assert bracket_of([silent]) == Bracket(failed=0, passed=None, inconclusive=(45,))
+    assert bracket_of([passing, silent], GOAL) == Bracket(failed=0, passed=20)
+    assert bracket_of([silent], GOAL) == Bracket(failed=0, passed=None, inconclusive=(45,))
     assert settings_below([passing, silent], 60) == (None, (45,))
+
+
+@pytest.mark.parametrize("strategy", ["default", "bisection"])
+def test_after_the_first_setting_nothing_below_the_demand_is_asked_for(strategy: str) -> None:
+    run = replace(RUN, arrival=Periodic(period=Milliseconds(Fraction(100))))
+    goal = replace(GOAL, members=(Member(name="coi", apt={"mean_response_time": at_most(90)}, run=run),))
+    history: list[SearchTrial] = []
+    while isinstance(step := STRATEGIES[strategy](history, goal), Measure):
+        level, demand_lp = (80.0 if step.reserve >= 68 else 95.0), 1.3
+        times = noisy(step.reserve, level, variation=0.01, count=100)
+        series = replace(a_series(times), cpu_ms=demand_lp * 100 * len(times))
+        history.append(trial_of(Setting(reserve=step.reserve, series=(series,)), goal))
+
+    assert isinstance(step, Sufficient)
+    assert 68 <= step.reserve <= 69
+    assert all(trial.reserve > 64 for trial in history[1:]), "1.3 LP of two processors are 65 %"
+    assert below_demand(history, goal) == 64
 
 
 def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
