@@ -118,6 +118,7 @@ def budget_of(request: PlanRequest, desired: Desired, context: HostContext) -> S
         criticality=context.criticality,
         max_disruption=request.limit,
         graces=context.graces,
+        forces=context.forces,
     )
 
 

@@ -165,7 +165,7 @@ class RunListener:
         """Tell a step; keep what ends the run."""
         self._total = max(self._total, event.total)
         match event.kind:
-            case EventKind.STEP if event.status is EventStatus.READING:
+            case EventKind.STEP if event.status in {EventStatus.READING, EventStatus.WAITED}:
                 self._reporter.host_output(self._host, f"{event.address}: {event.detail}")
             case EventKind.STEP:
                 self._step(event)

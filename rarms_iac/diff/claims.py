@@ -55,6 +55,7 @@ class StepBudget:
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition
     max_disruption: Disruption = Disruption.HOST_RESTART
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
+    forces: bool = True  # the host can force a guest to shut down
 
     def holds(self, claims: Iterable[Claim]) -> bool:
         """Whether these claims of managed partitions fit the host beside the foreign ones.

@@ -27,6 +27,11 @@ class HostContext:
     attached: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: how many disks it has
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
 
+    @property
+    def forces(self) -> bool:
+        """Whether the host can force a guest to shut down that was asked to."""
+        return self.facts.provider is not ProviderKind.LINUX
+
 
 def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
     """Return how long a partition's guest may take to shut down.

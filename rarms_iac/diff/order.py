@@ -164,7 +164,9 @@ class _Walk:
         others = [name for name in names if name != partition]
         beside = f" beside {', '.join(others)}" if others else ""
         why = f"no order of the steps{beside} keeps within the host, and it is the least critical of them"
-        stop_and_start = stop_and_restart(self.queue[at], why, grace_ms(self.budget.graces, partition))
+        stop_and_start = stop_and_restart(
+            self.queue[at], why, grace_ms(self.budget.graces, partition), forces=self.budget.forces
+        )
         self._do(stop_and_start.stop)
         self.queue[at] = list(stop_and_start.between)
         self.restarts += [stop_and_start.start] if stop_and_start.start else []
@@ -232,13 +234,14 @@ class StopAndRestart:
     start: Step | None
 
 
-def stop_and_restart(remaining: Sequence[Step], why: str, grace: int) -> StopAndRestart:
+def stop_and_restart(remaining: Sequence[Step], why: str, grace: int, *, forces: bool) -> StopAndRestart:
     """Put a stop before the remaining steps of a running partition, so that they claim nothing while they are done.
 
     Args:
         remaining: at least one step, all of one partition.
         why: told to the reviewer of the stop.
         grace: milliseconds that its guest may take to shut down.
+        forces: whether its host can force it to.
 
     Returns:
         The stop, the steps with no claim on the host while they are done, and the start that takes their claim; no
@@ -250,7 +253,7 @@ def stop_and_restart(remaining: Sequence[Step], why: str, grace: int) -> StopAnd
     start_it = StartPartition(partition=address.partition, machine=address.machine)
     stop = Step(
         address=address,
-        title=f"stop it, to make room ({describe_stop(grace)})",
+        title=f"stop it, to make room ({describe_stop(grace, forces=forces)})",
         operation=stop_it,
         before={"exists": True, "running": True, "state": RunState.RUNNING.value},
         after={"exists": True, "running": False, "state": RunState.OFF.value},

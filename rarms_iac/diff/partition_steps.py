@@ -59,7 +59,14 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     yield _creation_step(address, wanted, making, reason)
     pending = replace(after, settings=replace(wanted, running=False), state=RunState.OFF)
     grace = grace_ms(context.graces, address.partition)
-    builder = StepBuilder(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
+    builder = StepBuilder(
+        address=replace(address, machine=""),
+        now=pending,
+        reason=reason,
+        grace_ms=grace,
+        forces=context.forces,
+        new=True,
+    )
     name = address.partition
     assert after.mark is not None, "what rarms makes, it marks"
     yield mark_step(builder, after.mark, "from now on it is known as ours, also after a kill")
@@ -132,7 +139,7 @@ def update_partition(
         yield from create_partition(replace(address, machine=""), after, reason, context)
         return
     grace = grace_ms(context.graces, address.partition)
-    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
+    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace, forces=context.forces)
     off = needs_off(before, after.settings, context)
     # First, and alone: order.py takes this step out and does all renames of marks before anything else.
     yield from rename_mark(builder.address, before, reason)
@@ -203,7 +210,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         The stop where it is needed, the removal, and a step for each disk that goes too.
     """
     grace = grace_ms(context.graces, address.partition)
-    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
+    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace, forces=context.forces)
     if before.state in {RunState.RUNNING, RunState.PAUSED}:
         yield stop_step(builder, f"a {before.state.value} machine cannot be removed")
     going = context.disks.get(before.id, ())

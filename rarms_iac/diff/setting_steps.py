@@ -17,6 +17,7 @@ from rarms_iac.model.operations import (
     SetSecureBoot,
     StartPartition,
     StopPartition,
+    forced_after_ms,
     mark_operation,
     partition_after,
     reverse,
@@ -48,6 +49,7 @@ class StepBuilder:
     now: Partition
     reason: Reason
     grace_ms: int = ceil(GRACE)  # for its guest to shut down
+    forces: bool = True  # the host can force it to, before it turns the machine off
     new: bool = False  # made by this plan: its own undo removes it, and its first values are the host's affair
 
     def step(self, operation: MachineOperation, names: tuple[str, ...], why: str, *, title: str = "") -> Step:
@@ -248,22 +250,30 @@ def stop_step(builder: StepBuilder, why: str) -> Step:
         StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
         ("running", "state"),
         why,
-        title=f"stop it ({describe_stop(builder.grace_ms)})" if was_running else "turn it off",
+        title=f"stop it ({describe_stop(builder.grace_ms, forces=builder.forces)})" if was_running else "turn it off",
     )
     undo = replace(stop.undo, level=UndoLevel.PARTIAL, message=STARTS_ANEW) if was_running else _NOT_PAUSED_AGAIN
     return replace(stop, disruption=Disruption.PARTITION_STOP, undo=undo)
 
 
-def describe_stop(grace: int) -> str:
+def describe_stop(grace: int, *, forces: bool) -> str:
     """Describe how a guest is stopped.
 
     Args:
         grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
+        forces: whether its host can force it to shut down.
 
     Returns:
-        Words for the title of a step, with the grace period in seconds.
+        Words for the title of a step, with the times in seconds after it was asked.
     """
-    return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
+    if not grace:
+        return "turned off, not asked"
+    forced = f"after {_seconds(forced_after_ms(grace))} s forced, " if forces else ""
+    return f"asked, {forced}after {_seconds(grace)} s turned off"
+
+
+def _seconds(milliseconds: int) -> str:
+    return plain(Fraction(milliseconds, 1000))
 
 
 def start_step(builder: StepBuilder, why: str = "after all that it is to have is set") -> Step:

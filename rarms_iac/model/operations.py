@@ -233,6 +233,22 @@ class StopPartition:
         return "stop it"
 
 
+FORCED_MS = 300_000
+"""What `Stop-VM -Force` gives the programs of a guest, and no more (windows.md 3)."""
+
+
+def forced_after_ms(grace_ms: int) -> int:
+    """When a guest on Hyper-V that was asked to shut down is forced to.
+
+    Args:
+        grace_ms: milliseconds until its machine is turned off.
+
+    Returns:
+        Milliseconds after it was asked: half of the grace, or five minutes before its end where that is later.
+    """
+    return max(grace_ms // 2, grace_ms - FORCED_MS)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WriteTaskClass:
     """Make the task class, or SystemResponsiveness, exactly these values, with their types."""

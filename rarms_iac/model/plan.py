@@ -19,6 +19,7 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     WriteMark,
+    forced_after_ms,
 )
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.state import HostFacts, RegistryValue
@@ -256,7 +257,11 @@ def describe_stop(step: Step) -> str:
     grace = _seconds(step)
     if grace == 0:
         return "Turned off at once."
-    return f"Asks the guest to shut down, and turns it off after {grace} s: takes at least 0 s, at most {grace} s."
+    forced = ceil(forced_after_ms(step.operation.grace_ms) / 1000)
+    return (
+        f"Asks the guest to shut down, forces it after {forced} s, and turns it off after {grace} s: takes at least "
+        f"0 s, at most {grace} s."
+    )
 
 
 def _describe_downtime(stop: Step, started: bool) -> str:

@@ -176,6 +176,7 @@ class EventStatus(StrEnum):
     """The outcome of the event's subject."""
 
     READING = "reading"
+    WAITED = "waited"
     BEGUN = "begun"
     CHANGED = "changed"
     UNCHANGED = "unchanged"

@@ -401,7 +401,6 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "new-pssession": guests.new_session,
     "remove-pssession": guests.remove_session,
     "invoke-command": guests.invoke_command,
-    "remove-job": guests.remove_job,
     "convertto-securestring": lambda scope, given: Record(Secret=text(given["string"])),
     **hyperv.CMDLETS,
 }

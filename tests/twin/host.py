@@ -50,6 +50,9 @@ class Vm:
     checkpoint_disks: list[str] = field(default_factory=list)  # what its checkpoints rest on
     adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch
     obeys: bool = True  # its guest shuts down when asked
+    unsaved: bool = False  # a program holds the shutdown up, until it is forced
+    locked: bool = False  # its session refuses a plain request
+    was_forced: bool = False
     stopping: int | None = None  # ms of the clock at which it will be off
     asked_at: int | None = None  # ms of the clock
     secure_boot: str = "On"

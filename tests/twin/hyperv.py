@@ -268,28 +268,50 @@ def stop_vm(scope: Scope, given: Given) -> Value:
     if vm.state == "Off":
         return EMPTY
     if given.get("turnoff"):
-        _set(scope, vm, "Stop-VM", {"state": "Off", "stopping": None})
+        _set(scope, vm, "Stop-VM", {"state": "Off", "stopping": None, "was_cut": vm.stopping is not None or vm.was_cut})
         for process in host.processes:
             process.alive &= process.vm != vm.id
     elif vm.state != "Running":
         raise refuse(f"'{vm.name}' cannot shut down: it is {vm.state}.", "StopVM")
     elif not given.get("asjob"):
         raise AssertionError("a shutdown that waits for ever")
-    elif vm.stop_fails or not vm.shutdown_service:
-        return Record(Id=1, State=Enumerated("Failed"))
     else:
-        allowed = FIVE_MINUTES if given.get("force") else vm.needs_ms
-        off = min(host.clock + min(vm.needs_ms, allowed), vm.stopping or 2**63)
-        cut = vm.was_cut or off < (vm.asked_at or host.clock) + vm.needs_ms
-        asked = {"stopping": off, "was_cut": cut, "asked_at": vm.asked_at or host.clock}
-        _set(scope, vm, "Stop-VM", asked if vm.obeys else {})
-        return Record(Id=1, State=Enumerated("Running"))
+        force = bool(given.get("force"))
+        refuses = vm.stop_fails or not vm.shutdown_service or (vm.locked and not force) or vm.stopping is not None
+        if not refuses:
+            allowed = FIVE_MINUTES if force else vm.needs_ms
+            off = host.clock + min(vm.needs_ms, allowed)
+            cut = vm.was_cut or off < (vm.asked_at or host.clock) + vm.needs_ms
+            asked: dict[str, Value] = {"asked_at": vm.asked_at or host.clock, "was_forced": force}
+            goes = vm.obeys and (force or not vm.unsaved)
+            _set(scope, vm, "Stop-VM", asked | ({"stopping": off, "was_cut": cut} if goes else {}))
+        return StopJob(scope, failed=refuses)
+    return EMPTY
+
+
+class StopJob(Thing):
+    """What Stop-VM -AsJob gives."""
+
+    type_name = "Microsoft.HyperV.PowerShell.VMJob"
+
+    def __init__(self, scope: Scope, *, failed: bool) -> None:
+        super().__init__(State=Enumerated("Failed" if failed else "Running"))
+        scope.session.jobs.append(self)
+
+
+def remove_job(scope: Scope, given: Given) -> Value:
+    job = given["job"]
+    if not isinstance(job, StopJob):
+        return guests.remove_job(scope, given)
+    scope.session.jobs.remove(job)
     return EMPTY
 
 
 def receive_job(scope: Scope, given: Given) -> Value:
     if isinstance(given["job"], guests.Job):
         return guests.receive(scope, given["job"])
+    if text(given["job"].get("State")) == "Running":
+        return EMPTY
     raise ScriptError("The guest refused to shut down. (0x80070015)", error_id="OperationFailed")
 
 
@@ -415,6 +437,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     ],
     "get-vmintegrationservice": get_services,
     "receive-job": receive_job,
+    "remove-job": remove_job,
     "get-vmsnapshot": _each(get_snapshots),
     "get-vmswitch": lambda scope, given: [Record(Name=switch) for switch in scope.session.host.switches],
     "get-vmhostnumanode": lambda scope, given: [

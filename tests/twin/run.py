@@ -140,6 +140,7 @@ def run(
         drop_sessions(session)
         host.mutex = "abandoned" if host.mutex == "ours" else host.mutex
     assert host.mutex != "ours", "a process that ends gives the mutex back"
+    assert code is None or not session.jobs, "jobs are removed"
     return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk))
 
 

@@ -74,6 +74,7 @@ class Session:
     process: int = 4711
     runner: Runner | None = None  # where the script runs inside a guest
     runners: list[Runner] = field(default_factory=list)  # what it started inside guests
+    jobs: list[Value] = field(default_factory=list)  # that were started, and not removed
     functions: dict[str, Function] = field(default_factory=dict)
     output: list[Value] = field(default_factory=list)  # the end of the pipeline: lines on standard output
     talk: list[str] = field(default_factory=list)  # lines of the information stream

@@ -51,11 +51,13 @@ def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: i
 
     assert ran.code == 0, ran.says
     assert grace_s * 1000 <= host.clock - begun < (grace_s + 15) * 1000
-    assert (f"asked; after {grace_s} s turned off" if grace_s else "turned off, not asked") in script
+    forced = {7: "3.5", 300: "150"}.get(grace_s)
+    words = f"asked, after {forced} s forced, after {grace_s} s turned off" if forced else "turned off, not asked"
+    assert words in script
     assert the_machine(host).state == "Running"
 
 
-@pytest.mark.parametrize(("grace_s", "needs_s", "stops_s"), [(600, 400, 400), (600, 30, 30), (200, 150, 150)])
+@pytest.mark.parametrize(("grace_s", "needs_s", "stops_s"), [(1200, 700, 700), (600, 30, 30), (200, 150, 150)])
 def test_no_guest_is_cut_off_within_its_grace_whatever_the_cmdlet_does_after_five_minutes(
     grace_s: int, needs_s: int, stops_s: int
 ) -> None:
@@ -82,15 +84,54 @@ def test_a_guest_that_needs_longer_is_off_when_its_grace_ends() -> None:
     assert the_machine(host).was_cut
 
 
-def test_a_guest_that_refuses_to_be_asked_ends_the_run_with_the_reason() -> None:
+def test_a_guest_that_refuses_to_be_asked_is_waited_for_with_the_reason() -> None:
     host = running()
     the_machine(host).stop_fails = True
+    begun = host.clock
 
     ran = apply(host, cell(2, host).plan())
 
-    assert ran.code == 1, ran.says
+    assert ran.code == 0, ran.says
+    assert "waited" in ran.status_of("partition/vision")
     assert "The guest refused to shut down" in ran.says
-    assert the_machine(host).state == "Running"
+    assert 120_000 <= host.clock - begun < 140_000
+
+
+@pytest.mark.parametrize("fault", ["unsaved", "locked"])
+def test_a_guest_is_asked_plainly_first_and_forced_from_half_of_its_grace_on(fault: str) -> None:
+    host = running()
+    machine = the_machine(host)
+    setattr(machine, fault, True)
+    machine.needs_ms = 10_000
+    begun = host.clock
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert machine.was_forced
+    assert 70_000 <= host.clock - begun < 85_000
+    assert ("could not be asked" in ran.says) is (fault == "locked")
+
+
+def test_a_guest_that_shuts_down_when_asked_is_never_forced() -> None:
+    host = running()
+    the_machine(host).needs_ms = 50_000
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert not the_machine(host).was_forced
+
+
+def test_a_guest_on_its_way_to_be_off_refuses_a_second_request_and_is_waited_for() -> None:
+    host = running()
+    the_machine(host).needs_ms = 100_000
+
+    ran = apply(host, cell(2, host).plan())
+
+    assert ran.code == 0, ran.says
+    assert not the_machine(host).was_cut
+    assert "could not be forced, and is waited for" in ran.says
 
 
 def test_a_guest_that_cannot_be_asked_is_turned_off_at_once_and_the_plan_says_so() -> None:

@@ -140,10 +140,12 @@ class GuestBlock(Block):
 
 
 class PartitionStopBlock(Block):
-    """How a partition is stopped, where a change needs it off: its guest is asked, then it is turned off."""
+    """How a partition is stopped, where a change needs it off: its guest is asked, forced, then it is turned off."""
 
     grace: Wait = optional(
-        "How long its guest may take to shut down before it is turned off: `90 s`; at most 1 h.", "120 s"
+        "How long its guest may take to shut down before it is turned off: `90 s`; at most 1 h. A guest on Hyper-V is "
+        "forced to from half of it on, in the last five minutes at most.",
+        "120 s",
     )
 
 

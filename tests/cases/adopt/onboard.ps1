@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e84d236f450c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f87860bb8c61fb0ccf9870190a8b3e4962268d29cbb334767a49e6965ea0bfaf'
+        UndoDigest = '989ffd08d7c922e6744194c4b2e505fd14d09178492d0333608d96d928cc034a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -66,6 +66,7 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -269,6 +270,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
+    foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
+    $script:Messages = @()
     $script:Known.Clear()
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '217e3aa918af'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e1d2220c9cca46494d68c8bdefc432c918bec32eeced09919a64e646104e664d'
+        UndoDigest = 'a1545a43c5222c50e6565824c688569fb4b7ecac2c8043844bbea67568264fbc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -94,6 +94,7 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -297,6 +298,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
+    foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
+    $script:Messages = @()
     $script:Known.Clear()
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }

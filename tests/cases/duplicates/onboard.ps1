@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '0b894d6da32e'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9ae8a325b6065145c0116c55e110a15b59ac16264af1743de224af41a8d68dd7'
+        UndoDigest = '1887eb8d77bb052ae4dc7de7030e0bea33f8d11744c02d0a726a373225229fd8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -83,6 +83,7 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -286,6 +287,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
+    foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
+    $script:Messages = @()
     $script:Known.Clear()
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }

@@ -50,21 +50,21 @@ function Add-Plan {
 
     # === mapping: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/mapping' -Read { Read-NewPartition -Name 'mapping' }
-    # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
+    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 8 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/speech' -Read { Read-NewPartition -Name 'speech' }
-    # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
+    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 7 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:11:3)
     Use-Target -Address 'partition/vision' -Read { Read-NewPartition -Name 'vision' }
-    # Asks the guest to shut down, and turns it off after 120 s: takes at least 0 s, at most 120 s.
+    # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 6 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
@@ -97,6 +97,7 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -300,6 +301,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
+    foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
+    $script:Messages = @()
     $script:Known.Clear()
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
@@ -898,27 +901,43 @@ function Clear-NetworkAdapter {
 # How a virtual machine is stopped.
 
 function Invoke-PartitionStop {
-    # Asks a guest to shut down as soon as it can be asked; at the end of the grace the machine is turned off.
+    # Asks a guest to shut down as soon as it can be asked, forces it from half of the grace on, and turns the machine off
+    # at its end. What refuses to be asked is told and waited out: a shutdown may be on its way already.
     param([long] $GraceMs)
     $vm = $script:Vm
     $begun = [DateTime]::UtcNow
     $until = $begun.AddMilliseconds($GraceMs)
-    # -Force gives programs five minutes and no more: a longer grace begins without it.
-    $force = $begun.AddMilliseconds($GraceMs - 300000)
-    $asked = $null
-    $forced = $null
+    $force = $begun.AddMilliseconds($GraceMs / 2)
+    # -Force gives programs five minutes and no more: a longer grace is not cut short by it.
+    $last = $begun.AddMilliseconds($GraceMs - 300000)
+    if ($last -gt $force) { $force = $last }
+    $asked = ''
+    $jobs = @()
     $now = $vm
-    while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains (ConvertTo-RunState -State $now.State)) {
-        if ($null -ne $forced -and [string] $forced.State -ceq 'Failed') {
-            Receive-Job -Job $forced
-            throw 'its guest could not be asked to shut down'
+    try {
+        while ([DateTime]::UtcNow -lt $until -and @('running', 'busy') -ccontains (ConvertTo-RunState -State $now.State)) {
+            $how = if ([DateTime]::UtcNow -lt $force) { 'asked' } else { 'forced' }
+            if ($asked -cne $how -and [string] $now.State -ceq 'Running' -and (Test-ShutdownService -Vm $now)) {
+                $asked = $how
+                $jobs += @(if ($how -ceq 'forced') { Hyper-V\Stop-VM -VM $vm -Force -AsJob }
+                    else { Hyper-V\Stop-VM -VM $vm -AsJob })
+            }
+            $jobs = @(foreach ($job in $jobs) {
+                if ([string] $job.State -cne 'Failed') {
+                    $job
+                    continue
+                }
+                try { [void] (Receive-Job -Job $job) } catch {
+                    $message = 'its guest could not be {0}, and is waited for: {1}' -f $asked, $_.Exception.Message
+                    $script:Messages += $message
+                }
+                Remove-Job -Job $job -Force
+            })
+            Start-Sleep -Milliseconds 500
+            $now = Hyper-V\Get-VM -Id $vm.Id
         }
-        if ($null -eq $forced -and [string] $now.State -ceq 'Running' -and (Test-ShutdownService -Vm $now)) {
-            if (-not ([DateTime]::UtcNow -lt $force)) { $forced = Hyper-V\Stop-VM -VM $vm -Force -AsJob }
-            elseif ($null -eq $asked) { $asked = Hyper-V\Stop-VM -VM $vm -AsJob }
-        }
-        Start-Sleep -Milliseconds 500
-        $now = Hyper-V\Get-VM -Id $vm.Id
+    } finally {
+        foreach ($job in $jobs) { Remove-Job -Job $job -Force }
     }
     if ([string] $now.State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
 }

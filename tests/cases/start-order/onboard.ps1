@@ -40,7 +40,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '644d5ba1b048'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd8b7cb38baf3cb18cb80a0b2cbaf05df4ba5d6077f06832bf71b5f4cc0b69408'
+        UndoDigest = 'c5e69bdd5f9d03ae9b51c31fbbea186acfc70dc2d8c891de4eeb22988dd69a16'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -128,6 +128,7 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
 function Invoke-Run {
@@ -331,6 +332,8 @@ function Invoke-Step {
     $ConfirmPreference = 'None'
     Add-StepRecord -Step $Step -Status 'begun' -Detail $Step.Action
     [void] (& $set)
+    foreach ($message in $script:Messages) { Write-RunEvent -Kind 'step' -Step $Step -Status 'waited' -Detail $message }
+    $script:Messages = @()
     $script:Known.Clear()
     $missed = @(Compare-Reading -Live (Get-Reading -Step $Step) -Expected $Step.After)
     if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows otherwise: ' + ($missed -join ', ')) }
