@@ -160,7 +160,8 @@ def compare_log(log: DataLog, subject: LogSubject, files: Files, platform_facts:
     Returns:
         What changed, by which a log is stale, and what cannot be told from here.
     """
-    return compare(log.header, identity_of(subject, files.of(subject), {}), platform_facts)
+    identity = identity_of(subject, files.of(subject), {})
+    return compare(log.header, subject.setup.members, identity, platform_facts)
 
 
 def observed_platform(host: Host, facts: HostFacts | None = None) -> ObservedPlatform:

@@ -96,7 +96,7 @@ class JournaledHost:
             self._files.replace(self._journal_path, line_of(_encode(started)))
 
     def record(self, record: JournalRecord) -> None:
-        with self._report_failure(self._journal_path):
+        with self._report_damage(self._journal_path), self._report_failure(self._journal_path):
             self._files.append(self._journal_path, _encode(record))
 
     def _serials(self) -> Mapping[str, int]:
@@ -133,11 +133,12 @@ def journal_in(data: bytes | None, path: Path) -> Journal | None:
     """The last run in the bytes of a journal, None where there was none; `path` is for messages.
 
     Raises:
-        Damaged: an earlier record is damaged.
+        Damaged: a record is not as it was written.
         NotDecodable: the records are whole, and do not tell a run.
     """
-    records = [_decode(number, record) for number, record in enumerate(records_in(data or b"", path))]
-    return run_of(records) if records else None
+    if data is None:
+        return None
+    return run_of([_decode(number, record) for number, record in enumerate(records_in(data, path))])
 
 
 def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
@@ -146,7 +147,7 @@ def unfinished_in(data: bytes | None, path: Path) -> Journal | None:
     Raises:
         Damaged, NotDecodable: as `journal_in`, where the last record closes no run.
     """
-    last = last_in(data or b"", path)
+    last = None if data is None else last_in(data, path)
     if last is not None and last.get("kind") == "run_closed":
         return None
     journal = journal_in(data, path)
@@ -181,10 +182,9 @@ def _serials_in(data: bytes | None, path: Path) -> Mapping[str, int]:
         Damaged: that record is damaged.
         NotDecodable: it does not start a run.
     """
-    first = first_in(data or b"", path)
-    if first is None:
+    if data is None:
         return {}
-    serials: Mapping[str, int] = decode_union(Mapping[str, int], first.get("serials"))
+    serials: Mapping[str, int] = decode_union(Mapping[str, int], first_in(data, path).get("serials"))
     return dict(sorted(serials.items()))
 
 

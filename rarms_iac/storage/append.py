@@ -1,8 +1,11 @@
 """The second of the two writers: one record more, for journals and data logs.
 
 A record is one JSON object on one line. Its last two fields, `length` and `checksum`, are over the object's text
-without them and without the line end, so that a carriage return added by git does no harm. The last record may be torn
-by a crash: it is dropped, and the next append takes its place. A damaged earlier one is an error.
+without them and without the line end, so that a carriage return added by git does no harm.
+
+The first record gets its name once it is whole on the disk, so no crash tears it. A crash can tear a later last one:
+it has no line end then, or holds NUL bytes where the disk had not yet got its text. It is dropped, and the next append
+takes its place. Anything else is damage, which is an error to read and to append to.
 """
 
 import hashlib
@@ -18,17 +21,18 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json
 from rarms_iac.storage.json_text import parse_json
 from rarms_iac.storage.reading import LOG_LIMIT, TooLarge, open_regular
+from rarms_iac.storage.replace import replace
 
 Record = Mapping[str, Json]
 
 LENGTH, CHECKSUM = "length", "checksum"
 _SEAL = re.compile(rb',"length":([0-9]{1,12}),"checksum":"([0-9a-f]{64})"\}\r?\n')
 _SEAL_SPACE = 128  # bytes that a seal takes at most
-_CHUNK = 4096
+_DAMAGE = "the record is damaged: its length or checksum does not fit its text"
 
 
 class Damaged(Exception):
-    """A record before the last one is not as it was written."""
+    """A record is not as it was written, and no crash while it was added can have done that."""
 
     def __init__(self, path: Path, line: int, message: str) -> None:
         super().__init__(f"{path}:{line}: {message}")
@@ -58,23 +62,27 @@ def line_of(record: Record) -> bytes:
 def append(path: Path, record: Record) -> None:
     """Add the record; it is on the disk when this returns. The folder must exist, the file need not.
 
+    The records that are there are looked at before the first one that a process adds.
+
     Args:
         path: the log; not a link.
         record: as of `line_of`.
 
     Raises:
+        Damaged: a record that is there is not as it was written; nothing was added.
         OSError: it cannot be written.
     """
-    effects = disk.current()
     line = line_of(record)
-    size = path.stat().st_size if path.exists() else 0
-    if size == 0:  # also one that a crash left empty: its name may not be on the disk
-        effects.write(path, b"")
-        effects.flush_folder(path.parent)
-    elif size != (sound := _sound_size(path, size)):
+    if not os.path.lexists(path):
+        replace(path, line)
+        return
+    effects = disk.current()
+    disk.check_target(path)
+    if (sound := _sound_size(path)) != path.stat().st_size:
         effects.cut(path, sound)
     effects.append(path, line)
     effects.flush(path)
+    _known_sound[path.absolute()] = _version_of(path)
 
 
 def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
@@ -88,7 +96,7 @@ def iterate_records(path: Path) -> Iterator[dict[str, Json]]:
 
     Raises:
         TooLarge: the file has more than `LOG_LIMIT` bytes.
-        Damaged: a record before the last is not as it was written; those before it came already.
+        Damaged: a record is not as it was written; those before it came already.
     """
     try:
         file = _open_log(path)
@@ -114,16 +122,16 @@ def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
         path: for messages.
 
     Returns:
-        The records, oldest first.
+        The records, oldest first; at least one.
 
     Raises:
-        Damaged: one before the last is not as it was written.
+        Damaged: one is not as it was written.
     """
     return tuple(_records(io.BytesIO(data), path))
 
 
-def first_in(data: bytes, path: Path) -> dict[str, Json] | None:
-    """The first record of these bytes alone, None where there is none or only a torn one.
+def first_in(data: bytes, path: Path) -> dict[str, Json]:
+    """The first record of these bytes alone.
 
     Args:
         data: the bytes of a log.
@@ -133,13 +141,13 @@ def first_in(data: bytes, path: Path) -> dict[str, Json] | None:
         The record without `length` and `checksum`.
 
     Raises:
-        Damaged: it is damaged, and others follow.
+        Damaged: it is not as it was written.
     """
-    return next(_records(io.BytesIO(data), path), None)
+    return next(_records(io.BytesIO(data), path))
 
 
 def last_in(data: bytes, path: Path) -> dict[str, Json] | None:
-    """The last record of these bytes alone, without a look at those before it; None where there is none or it is torn.
+    """The last record of these bytes alone, without a look at those before it; None where it is torn or damaged.
 
     Args:
         data: the bytes of a log.
@@ -147,21 +155,29 @@ def last_in(data: bytes, path: Path) -> dict[str, Json] | None:
 
     Returns:
         The record without `length` and `checksum`.
+
+    Raises:
+        Damaged: it is sealed and no object.
+        NotDecodable: it is sealed and no JSON.
     """
-    text = _text_of(data[last_line_at(data) :])
+    text = _text_of(data[data.rfind(b"\n", 0, max(0, len(data) - 1)) + 1 :])
     return None if text is None else _object(path, 1, text)
 
 
-def last_line_at(data: bytes) -> int:
-    """Where the last line of a log begins.
+def sound_size(data: bytes, path: Path) -> int:
+    """How many of these bytes are whole records: all, or those before a last one that a crash tore.
 
     Args:
-        data: the bytes of the log.
+        data: the bytes of a log.
+        path: for messages.
 
     Returns:
-        The number of bytes before it.
+        The number of bytes.
+
+    Raises:
+        Damaged: a record is not as it was written.
     """
-    return data.rfind(b"\n", 0, len(data) - 1) + 1 if data else 0
+    return _size_of_sound_lines(io.BytesIO(data), path)
 
 
 def _checksum(text: bytes) -> bytes:
@@ -170,16 +186,30 @@ def _checksum(text: bytes) -> bytes:
 
 def _records(lines: Iterable[bytes], path: Path) -> Iterator[dict[str, Json]]:
     """The records of these lines, each with its end, up to a last one that is torn."""
-    torn_at = 0
+    for number, text in _sound_lines(lines, path):
+        yield _object(path, number, text)
+
+
+def _sound_lines(lines: Iterable[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
+    """The number and the object's text of each line, up to a last one that is torn."""
+    number = torn_at = 0
     for number, line in enumerate(lines, start=1):
-        if torn_at:
-            raise Damaged(path, torn_at, "the record is damaged: its length or checksum does not fit its text")
-        text = _text_of(line)
+        text = None if torn_at else _text_of(line)
+        is_torn = text is None and not torn_at and number > 1 and _can_be_torn(line)
         del line  # a long one need not be in memory twice
-        if text is None:
+        if is_torn:
             torn_at = number
+        elif text is None:
+            raise Damaged(path, torn_at or number, _DAMAGE)
         else:
-            yield _object(path, number, text)
+            yield number, text
+    if not number:
+        raise Damaged(path, 1, "the file is empty, and was made with a first record")
+
+
+def _can_be_torn(line: bytes) -> bool:
+    """Whether a crash can have left the line so, where it is the last one."""
+    return not line.endswith(b"\n") or b"\0" in line
 
 
 def _text_of(line: bytes) -> bytes | None:
@@ -194,28 +224,42 @@ def _text_of(line: bytes) -> bytes | None:
 
 
 def _object(path: Path, number: int, text: bytes) -> dict[str, Json]:
-    data = parse_json(text.decode("ascii"))
+    try:
+        decoded = text.decode("ascii")
+    except UnicodeDecodeError:
+        raise Damaged(path, number, "the record is not ASCII, as rarms writes it") from None
+    data = parse_json(decoded)
     if not isinstance(data, dict):
         raise Damaged(path, number, "the record is no object")
     return data
 
 
-def _sound_size(path: Path, size: int) -> int:
-    """How many bytes the file has up to the end of its last whole record."""
-    begin, last = _last_line(path, size)
-    return begin if _text_of(last) is None else size
+_Version = tuple[int, int, int, int]
+_known_sound: dict[Path, _Version] = {}
+"""Logs that this process has looked at, or added to, as they were then."""
 
 
-def _last_line(path: Path, size: int) -> tuple[int, bytes]:
-    """Where the last line begins, and its bytes with the line end, if it has one; read from the end."""
-    if not size:
-        return 0, b""
+def _version_of(path: Path) -> _Version:
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _sound_size(path: Path) -> int:
+    if _known_sound.get(path.absolute()) == _version_of(path):
+        return path.stat().st_size
     with _open_log(path) as file:
-        start, tail = size, b""
-        while start and b"\n" not in tail[:-1]:
-            length = min(start, max(_CHUNK, len(tail)))
-            start -= length
-            file.seek(start, os.SEEK_SET)
-            tail = file.read(length) + tail
-    begin = tail[:-1].rfind(b"\n") + 1
-    return start + begin, tail[begin:]
+        return _size_of_sound_lines(file, path)
+
+
+def _size_of_sound_lines(lines: Iterable[bytes], path: Path) -> int:
+    sound = read = 0
+
+    def count() -> Iterator[bytes]:
+        nonlocal read
+        for line in lines:
+            read += len(line)
+            yield line
+
+    for _ in _sound_lines(count(), path):
+        sound = read
+    return sound

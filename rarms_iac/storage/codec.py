@@ -7,7 +7,7 @@ Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`
 guessed and nothing is executed.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from datetime import date
 from enum import Enum
@@ -19,6 +19,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, NewType, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from rarms_iac.model.output import OutputText, output_hints
+from rarms_iac.storage.ranges import ANY, Range, range_of
 
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
 Encode = Callable[[Any], Json]
@@ -123,19 +124,31 @@ def decode_union(hint: object, data: object) -> Any:
     return _decoder(hint)(data, "")
 
 
-def in_64_bits(number: int, path: str) -> int:
-    """Give the number back where 64 bits, with or without a sign, hold it: all that is computed from it stays finite.
+N = TypeVar("N", int, float)
+
+
+def in_range(number: N, allowed: Range, path: str) -> N:
+    """Give the number back where its range has it.
 
     Args:
         number: from outside.
+        allowed: as of `storage.ranges`.
         path: of its field, for the message.
 
     Returns:
         The same number.
 
     Raises:
-        NotDecodable: it is larger.
+        NotDecodable: it is smaller or larger.
     """
+    least, most = allowed
+    if not least <= number <= most:
+        raise NotDecodable(path, f"{_shortened(number)} is not between {least:,} and {most:,}")
+    return number
+
+
+def _in_64_bits(number: int, path: str) -> int:
+    """The number where 64 bits, with or without a sign, hold it: all that is computed from it stays finite."""
     if not -(2**63) <= number < 2**64:
         raise NotDecodable(path, "it is a whole number of more than 64 bits")
     return number
@@ -237,7 +250,7 @@ def _decode_dataclass(cls: type) -> Decode:
 
     def read(data: Any, path: str) -> Any:
         if not parts:
-            parts.update((field.name, _decoder(hint)) for field, hint in _hints(cls))
+            parts.update((field.name, decoder_of_field(cls.__name__, field.name, hint)) for field, hint in _hints(cls))
         given = _object(data, path)
         if unknown := given.keys() - parts.keys():
             raise NotDecodable(_below(path, min(unknown)), "there is no such field")
@@ -246,6 +259,59 @@ def _decode_dataclass(cls: type) -> Decode:
         return cls(**{name: parts[name](value, _below(path, name)) for name, value in given.items()})
 
     return read
+
+
+def decoder_of_field(record: str, name: str, hint: Any) -> Decode:
+    """The decoder of a field, which also holds its numbers to their range.
+
+    Args:
+        record: name of its class.
+        name: its own.
+        hint: its type.
+
+    Returns:
+        A function of JSON and the path to it, which gives the value or raises `NotDecodable`.
+    """
+    decode_field = _decoder(hint)
+    if not has_numbers(hint):
+        return decode_field
+    if (allowed := range_of(record, name)) == ANY:
+        return decode_field
+
+    def read(data: Any, path: str) -> Any:
+        value = decode_field(data, path)
+        for number in _numbers_in(value):
+            in_range(number, allowed, path)
+        return value
+
+    return read
+
+
+def has_numbers(hint: Any) -> bool:
+    """Whether values of a type are numbers, or collections that may hold some; those of records in it do not count.
+
+    Args:
+        hint: the type of a field.
+
+    Returns:
+        False also for exact fractions, which say where they are read what they may be.
+    """
+    bare = _bare(hint)
+    if get_origin(bare) is Literal:
+        return False
+    return bare in (int, float) or any(map(has_numbers, get_args(bare)))
+
+
+def _numbers_in(value: Any) -> Iterator[float]:
+    if isinstance(value, int | float):
+        if value is not True and value is not False:
+            yield value
+    elif isinstance(value, Mapping):
+        for item in value.values():
+            yield from _numbers_in(item)
+    elif isinstance(value, tuple | frozenset):
+        for item in value:
+            yield from _numbers_in(item)
 
 
 def _kind_of(cls: Any) -> str | None:
@@ -337,7 +403,7 @@ def _exactly(cls: Any) -> Decode:
     def read(data: Any, path: str) -> Any:
         if type(data) is not cls:  # so that true is no number
             raise NotDecodable(path, f"{_shortened(data)} is no {_NAMES[cls]}")
-        return in_64_bits(data, path) if cls is int else data
+        return _in_64_bits(data, path) if cls is int else data
 
     return read
 
@@ -357,7 +423,7 @@ def _one_of(members: dict[Any, Any]) -> Decode:
 def _decode_float(data: Any, path: str) -> float:
     if type(data) not in (int, float):
         raise NotDecodable(path, f"{_shortened(data)} is no number")
-    return float(in_64_bits(data, path) if type(data) is int else data)
+    return float(_in_64_bits(data, path) if type(data) is int else data)
 
 
 def _decode_fraction(data: Any, path: str) -> Fraction:

@@ -7,6 +7,8 @@ import os
 import stat
 import sys
 import time
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -52,18 +54,36 @@ def open_regular(path: Path | str) -> BinaryIO:
         The file at its first byte.
 
     Raises:
-        NotRegular: it is no regular file: a pipe would block, a device may be endless. Or a link leads out.
+        NotRegular: it is no regular file: a pipe would block, a device may be endless. Or it is a file of the kernel,
+            or a link that leads out.
         OSError: there is no such file, or the system does not let us read it.
         ValueError: no file can have this name (it holds a NUL).
     """
     if _leads_out(path):
         raise NotRegular(path, "a link that leads out of the repository")
     handle = _open(path)
-    mode = os.fstat(handle).st_mode
-    if not stat.S_ISREG(mode):
+    status = os.fstat(handle)
+    kind = "" if stat.S_ISREG(status.st_mode) else "a folder" if stat.S_ISDIR(status.st_mode) else _SPECIAL
+    if not kind and status.st_dev in _kernels_devices():
+        kind = "a file of the kernel"  # it calls it regular, and to read it may wait for ever or take what it shows
+    if kind:
         os.close(handle)
-        raise NotRegular(path, "a folder" if stat.S_ISDIR(mode) else "a device, a pipe or a socket")
+        raise NotRegular(path, kind)
     return os.fdopen(handle, "rb")
+
+
+_SPECIAL = "a device, a pipe or a socket"
+_OF_THE_KERNEL = ("/proc", "/sys", "/sys/kernel/debug", "/sys/kernel/tracing", "/sys/fs/cgroup", "/dev/mqueue")
+
+
+@cache
+def _kernels_devices() -> frozenset[int]:
+    """The devices of what the kernel makes up when it is read; a system without such has none."""
+    found = set()
+    for mount in filter(os.path.ismount, _OF_THE_KERNEL):
+        with suppress(OSError):
+            found.add(Path(mount).stat().st_dev)
+    return frozenset(found)
 
 
 def _leads_out(path: Path | str) -> bool:

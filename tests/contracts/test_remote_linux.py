@@ -13,7 +13,7 @@ import pytest
 
 from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.model.host import Connect, LinuxHost
-from rarms_iac.model.journal import Closing, RunClosed
+from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
 from rarms_iac.model.operations import (
     CreatePartition,
     RenamePartition,
@@ -209,13 +209,23 @@ def test_a_run_that_a_break_tore_in_the_journal_goes_on(host: LinuxHostProvider,
         host.start_run(a_run(host.observe()))
     (journal,) = tmp_path.rglob("journal.jsonl")
     whole = journal.read_bytes()
-    for torn in (whole + b'{"number":0,"sta', whole[:-1]):
-        journal.write_bytes(torn)
-        read = host.journal()
-        assert (read is None) == (torn == whole[:-1])
-        with host.lock("ann@lab"):
-            host.start_run(a_run(host.observe()))
-        assert journal.read_bytes() == whole
+    journal.write_bytes(whole + b'{"number":0,"sta')
+
+    assert host.journal() is not None
+    with host.lock("ann@lab"):
+        host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
+
+    assert journal.read_bytes().startswith(whole + b'{"number":0,"status":"begun"')
+
+
+def test_a_journal_whose_first_record_is_torn_is_damaged(host: LinuxHostProvider, tmp_path: Path) -> None:
+    with host.lock("ann@lab"):
+        host.start_run(a_run(host.observe()))
+    (journal,) = tmp_path.rglob("journal.jsonl")
+    journal.write_bytes(journal.read_bytes()[:-1])
+
+    with pytest.raises(HostDamaged, match="damaged in line 1"):
+        host.journal()
 
 
 def test_a_folder_that_others_may_write_to_is_not_trusted(host: LinuxHostProvider, tmp_path: Path) -> None:

@@ -55,7 +55,8 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     path, header = data_log_path(session.hosts, experiment), _header(session, experiment)
     with log_errors():
         log = read_log(path)
-    changed = () if log is None else compare(log.header, header.identity, known(header.platform_facts)).changed
+    now = known(header.platform_facts)
+    changed = () if log is None else compare(log.header, header.setup.members, header.identity, now).changed
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 
 

@@ -22,7 +22,7 @@ from rarms_iac.providers.cgroups.run import STATE_FOLDER, LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import UNITS, slice_unit
 from rarms_iac.providers.channel import SSH_FAILED, CommandChannel, CommandResult, ssh_channel
 from rarms_iac.providers.interface import HostError, HostFailed, HostLocked, HostTakenOver, HostUnreachable
-from rarms_iac.storage.append import Record, last_in, last_line_at, line_of
+from rarms_iac.storage.append import Record, line_of, sound_size
 from rarms_iac.storage.shipped import shipped_text
 
 COMMAND = (
@@ -151,12 +151,15 @@ class RemoteEffects:
 
     def append(self, path: Path, record: Record) -> None:
         """See `LinuxEffects.append`. A record that says that a step is done may wait for the next batch."""
-        before = self.content(path) or b""
-        if before and last_in(before, path) is None:
-            before = before[: last_line_at(before)]
-            self.replace(path, before)
         line = line_of(record)
-        self._view.files[path.as_posix()] = before + line
+        before = self.content(path)
+        if before is None:
+            self.replace(path, line)
+            return
+        sound = before[: sound_size(before, path)]
+        if sound != before:
+            self.replace(path, sound)
+        self._view.files[path.as_posix()] = sound + line
         self._do("append", path, line.decode("ascii"))
 
     def delete(self, path: Path) -> None:

@@ -44,17 +44,14 @@ def last_run(owner: str, text: str) -> LastRun:
     if owner not in TRUSTED:
         return JournalPlanted(owner=owner)
     try:
-        records = records_in(text.encode("utf-8", "surrogatepass"), PLACE)
-        return _run(records)
+        return _run(records_in(text.encode("utf-8", "surrogatepass"), PLACE))
     except Damaged as error:
         return JournalDamaged(message=f"line {error.line}: {error.message}")
     except NotDecodable as error:
         return JournalDamaged(message=str(error))
 
 
-def _run(records: tuple[dict[str, Json], ...]) -> ScriptRun | NoJournal:
-    if not records:
-        return NoJournal()
+def _run(records: tuple[dict[str, Json], ...]) -> ScriptRun:
     started = _started(records[0])
     steps: list[StepRecorded] = []
     closed: RunClosed | None = None

@@ -13,8 +13,9 @@ from typing import cast
 
 from rarms_iac.model.measurement import Setting, SettingEvidence
 from rarms_iac.model.series import LARGEST_SAMPLE, SampleColumns, Series, columns_of
-from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_64_bits
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_range
 from rarms_iac.storage.datalog.log import Provenance, Recorded
+from rarms_iac.storage.ranges import range_of
 
 DIGITS = 4
 """Decimals of a millisecond."""
@@ -84,8 +85,6 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
     if not isinstance(series, list):
         raise NotDecodable("series", "it is no array")
     reserve = _whole(line, "reserve")
-    if not 1 <= reserve <= 100:
-        raise NotDecodable("reserve", f"{reserve} is no per cent from 1 to 100")
     evidence = decode(SettingEvidence, line[_EVIDENCE]) if _EVIDENCE in line else None
     columns = (_series(column, f"series[{at}]") for at, column in enumerate(series))
     setting = Setting(
@@ -202,7 +201,7 @@ def _whole(data: Mapping[str, Json], name: str) -> int:
     value = data[name]
     if type(value) is not int:
         raise NotDecodable(name, "it is no whole number")
-    return in_64_bits(value, name)
+    return in_range(value, range_of("Setting", name), name)
 
 
 def _column(

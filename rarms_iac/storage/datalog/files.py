@@ -6,7 +6,7 @@ from typing import TypeVar
 from weakref import WeakValueDictionary
 
 from rarms_iac.model.wording import quoted
-from rarms_iac.storage.append import Damaged, append, iterate_records
+from rarms_iac.storage.append import Damaged, Record, append, iterate_records
 from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
@@ -20,7 +20,7 @@ REMEASUREMENT_FIELD = "pass"
 
 
 class LogUnreadable(Exception):
-    """The file is no whole data log; `says` tells why and where."""
+    """The file is no whole data log; `message` tells why, `line` where."""
 
     def __init__(self, path: Path, line: int, message: str) -> None:
         super().__init__(f"{path}:{line}: {message}")
@@ -53,9 +53,10 @@ def append_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
         remeasurement: its seed, and whether it has ended.
 
     Raises:
+        LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
-    append(path, {REMEASUREMENT_FIELD: encode(remeasurement)})
+    _append(path, {REMEASUREMENT_FIELD: encode(remeasurement)})
 
 
 def append_setting(path: Path, recorded: Recorded) -> None:
@@ -66,9 +67,10 @@ def append_setting(path: Path, recorded: Recorded) -> None:
         recorded: the setting, with all its samples.
 
     Raises:
+        LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
-    append(path, line_of(recorded))
+    _append(path, line_of(recorded))
 
 
 def append_to_log(path: Path, value: object) -> None:
@@ -79,12 +81,20 @@ def append_to_log(path: Path, value: object) -> None:
         value: a frozen value that `encode` turns into an object.
 
     Raises:
+        LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     record = encode(value)
     assert isinstance(record, dict)
-    append(path, record)
+    _append(path, record)
+
+
+def _append(path: Path, record: Record) -> None:
+    try:
+        append(path, record)
+    except Damaged as damage:
+        raise LogUnreadable(path, damage.line, damage.message) from None
 
 
 def _numbered_records(path: Path) -> Iterator[tuple[int, dict[str, Json]]]:
@@ -128,7 +138,7 @@ def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -
 
 
 def read_log(path: Path) -> DataLog | None:
-    """The log, without a last line that a crash tore; None where there is no file, or one without a whole header.
+    """The log, without a last line that a crash tore; None where there is no file.
 
     As long as a process has the log, and the file is the same, it is not read again: a long one takes a second.
 
@@ -177,10 +187,18 @@ def _read_log(path: Path) -> DataLog | None:
                 remeasurement = _remeasurement_in(record)
                 remeasurements[remeasurement.seed] = remeasurement
             else:
-                recorded.append(setting_in(record))
+                recorded.append(_setting(record, header))
         except NotDecodable as problem:
             raise LogUnreadable(path, line, str(problem)) from None
     return DataLog(header=header, recorded=tuple(recorded), remeasurements=tuple(remeasurements.values()))
+
+
+def _setting(record: Mapping[str, Json], header: Header) -> Recorded:
+    recorded = setting_in(record)
+    if (components := sorted(series.component for series in recorded.setting.series)) != sorted(header.setup.members):
+        message = f"it is of {', '.join(components) or 'nothing'}, not of {', '.join(sorted(header.setup.members))}"
+        raise NotDecodable("series", message)
+    return recorded
 
 
 def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:

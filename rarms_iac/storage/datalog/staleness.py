@@ -1,6 +1,6 @@
 """Whether a data log still holds: what changed since, what only warns, and what cannot be looked at here."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
@@ -48,11 +48,12 @@ class Comparison:
     unverified: tuple[str, ...]  # files that are not here, so that it cannot be told
 
 
-def compare(header: Header, identity: Identity, platform_facts: ObservedPlatform) -> Comparison:
+def compare(header: Header, members: Sequence[str], identity: Identity, platform_facts: ObservedPlatform) -> Comparison:
     """Compare a log with what would be measured now.
 
     Args:
         header: of the log.
+        members: the components that would be measured now, by name.
         identity: of what would be measured now.
         platform_facts: the host as it is now, as far as anybody looked.
 
@@ -60,7 +61,11 @@ def compare(header: Header, identity: Identity, platform_facts: ObservedPlatform
         What makes the log stale, what only warns, and what could not be verified.
     """
     return Comparison(
-        changed=(*_parts(header, identity), *_platform_changes(header.platform_facts, platform_facts)),
+        changed=(
+            *_members(header, members),
+            *_parts(header, identity),
+            *_platform_changes(header.platform_facts, platform_facts),
+        ),
         warns=(*_interpreters(header.identity, identity), *_build(header.platform_facts, platform_facts)),
         unverified=tuple(
             part.removeprefix(FILE)
@@ -88,6 +93,12 @@ def known(platform_facts: PlatformFacts) -> ObservedPlatform:
         scheduler=platform_facts.scheduler,
         os_build=platform_facts.os_build,
     )
+
+
+def _members(header: Header, members: Sequence[str]) -> Iterator[Changed]:
+    was, now = ("+".join(sorted(names)) for names in (header.setup.members, members))
+    if was != now:
+        yield Changed(part="components", before=was or ABSENT, after=now)
 
 
 def _parts(header: Header, now: Identity) -> Iterator[Changed]:

@@ -27,6 +27,17 @@ def test_standard_input_is_read_up_to_its_limit_and_no_further(monkeypatch: pyte
         read_input("-", 7)
 
 
+@pytest.mark.needs("linux")
+@pytest.mark.parametrize("name", ["/proc/kmsg", "/proc/self/environ", "/sys/kernel/mm/transparent_hugepage/enabled"])
+def test_a_file_that_the_kernel_makes_up_is_no_file_though_it_is_called_regular(name: str, tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(name)
+
+    for path in (Path(name), link):
+        with pytest.raises(NotRegular, match="a file of the kernel"):
+            read_file(path, 100)
+
+
 def test_a_link_counts_as_what_it_leads_to(tmp_path: Path) -> None:
     require("posix")
     (tmp_path / "file").write_bytes(b"text")

@@ -1,17 +1,29 @@
 """The two writers: whole or not at all, and torn records."""
 
+import hashlib
 import json
 import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from rarms_iac.storage import disk
-from rarms_iac.storage.append import Damaged, Record, append, first_in, iterate_records, last_in, line_of
+from rarms_iac.storage.append import (
+    Damaged,
+    Record,
+    append,
+    first_in,
+    iterate_records,
+    last_in,
+    line_of,
+    records_in,
+    sound_size,
+)
 from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.replace import remove_leftovers, remove_leftovers_of_ended, replace
 from tests.crashing import Crash, CrashingDisk, When
@@ -106,7 +118,6 @@ def test_length_and_checksum_are_fields_of_the_object() -> None:
 
 def test_no_file_has_no_records(tmp_path: Path) -> None:
     assert tuple(iterate_records(tmp_path / "journal.jsonl")) == ()
-    assert first_in(b"", tmp_path) is None
     assert last_in(b"", tmp_path) is None
 
 
@@ -159,6 +170,55 @@ def test_a_damaged_earlier_record_is_an_error(tmp_path: Path, at: int) -> None:
         first_in(journal.read_bytes(), journal)
 
 
+DAMAGED: list[Callable[[bytes, bytes], bytes]] = [
+    lambda first, last: b"",
+    lambda first, last: b"\0" * len(first),
+    lambda first, last: b"\0" * len(first) + b"\n" + last,
+    lambda first, last: first[:-9],
+    lambda first, last: first.replace(b"\n", b"\r") + last.replace(b"\n", b"\r"),
+    lambda first, last: first + last.replace(b"last", b"lost"),
+    lambda first, last: first + b"\n" + last,
+    lambda first, last: first + last[:-5] + b"\n" + last,
+]
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_what_no_crash_can_have_done_is_damage_to_read_and_to_append_to(
+    tmp_path: Path, damage: Callable[[bytes, bytes], bytes]
+) -> None:
+    journal = tmp_path / "journal.jsonl"
+    journal.write_bytes(data := damage(line_of({"a": "first"}), line_of({"b": "last"})))
+
+    for use in (lambda: tuple(iterate_records(journal)), lambda: append(journal, {"c": 3}), lambda: sound(data)):
+        with pytest.raises(Damaged):
+            use()
+    assert journal.read_bytes() == data
+
+
+def sound(data: bytes) -> int:
+    return sound_size(data, Path("journal.jsonl"))
+
+
+def test_a_log_that_is_damaged_after_a_record_was_added_is_looked_at_again(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    for number in range(3):
+        append(journal, {"number": number})
+    journal.write_bytes(journal.read_bytes().replace(b'"number":1', b'"number":7'))
+
+    with pytest.raises(Damaged) as damaged:
+        append(journal, {"number": 3})
+
+    assert damaged.value.line == 2
+
+
+def test_a_sealed_record_that_is_not_ascii_is_damaged() -> None:
+    text = '{"name":"\xe9"}'.encode()
+    seal = b'%s,"length":%d,"checksum":"%s"}\n'
+
+    with pytest.raises(Damaged, match="not ASCII"):
+        records_in(seal % (text[:-1], len(text), hashlib.sha256(text).hexdigest().encode()), Path("journal.jsonl"))
+
+
 @pytest.mark.parametrize("record", [{}, {"length": 1}, {"checksum": ""}])
 def test_fields_that_the_line_needs_are_refused(record: dict[str, int | str]) -> None:
     with pytest.raises(ValueError, match="at least one field"):
@@ -167,7 +227,7 @@ def test_fields_that_the_line_needs_are_refused(record: dict[str, int | str]) ->
 
 @pytest.mark.parametrize("when", When)
 @pytest.mark.parametrize("at", [1, 2, 3, 4])
-def test_a_crash_while_a_first_record_is_added_loses_at_most_that(tmp_path: Path, at: int, when: When) -> None:
+def test_a_crash_while_a_first_record_is_added_tears_nothing(tmp_path: Path, at: int, when: When) -> None:
     journal = tmp_path / "journal.jsonl"
     with disk.use(CrashingDisk(at, when)), pytest.raises(Crash):
         append(journal, {"a": 1})

@@ -148,7 +148,8 @@ def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
     assert isinstance(last_run("S-1-5-18", text.replace("begun", "other", 1)), JournalDamaged)
     assert isinstance(last_run("S-1-5-18", text + extra), JournalDamaged)
     assert isinstance(last_run("S-1-5-18", line_of({"kind": "step_recorded"}).decode()), JournalDamaged)
-    assert isinstance(last_run("S-1-5-18", ""), NoJournal)
+    assert isinstance(last_run("S-1-5-18", ""), JournalDamaged)
+    assert isinstance(last_run("S-1-5-18", text.replace("\n", "\r")), JournalDamaged)
 
 
 def test_a_reserve_that_no_cmdlet_shows_is_told() -> None:

@@ -47,9 +47,9 @@ def test_line_ends_of_git_do_no_harm() -> None:
 @pytest.mark.parametrize(
     ("impossible", "message"),
     [
-        (replace(SETTINGS, reserve=101), "reserve and limit are 0 to 100"),
+        (replace(SETTINGS, reserve=101), "101 is not between 0 and 100"),
         (replace(SETTINGS, reserve=50, limit=40), "above the limit"),
-        (replace(SETTINGS, generation=7), "no generation 7"),
+        (replace(SETTINGS, generation=7), "7 is not between 0 and 2"),
         (replace(SETTINGS, running=False), "running and not running"),
         (replace(SETTINGS, name="x" * 101), "1 to 100 characters"),
     ],
@@ -63,7 +63,7 @@ def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSetti
     ("content", "message"),
     [
         (replace(CONTENT, made=0), "a count is too small"),
-        (replace(CONTENT, struck={"f": -1}), "a count is too small"),
+        (replace(CONTENT, struck={"f": -1}), "not between 0 and"),
         (replace(CONTENT, id="x"), '"x" is no id'),
         (CONTENT.with_registry("ghost", Registry()), "there is no such machine"),
         (replace(CONTENT, machines={ID.upper(): MACHINE}), "filed under another id"),

@@ -74,11 +74,12 @@ def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Pat
     assert error.value.line == 2
 
 
-def test_where_nothing_is_there_is_no_log(tmp_path: Path) -> None:
+def test_where_no_file_is_there_is_no_log_and_an_empty_one_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "none.jsonl"
     assert read_log(path) is None
     path.write_bytes(b"")
-    assert read_log(path) is None
+    with pytest.raises(LogUnreadable, match="empty"):
+        read_log(path)
 
 
 def test_a_log_that_is_begun_anew_has_no_settings(tmp_path: Path) -> None:
@@ -91,10 +92,19 @@ def test_a_log_that_is_begun_anew_has_no_settings(tmp_path: Path) -> None:
     assert log.settings == ()
 
 
+def test_a_sealed_setting_without_a_members_series_is_no_setting_of_the_log(tmp_path: Path) -> None:
+    path = a_file(tmp_path, 10)
+    line = line_of(Recorded(setting=replace(a_setting(), series=()), provenance=TAKEN))
+    append(path, line)
+
+    with pytest.raises(LogUnreadable, match="series: it is of nothing, not of"):
+        read_log(path)
+
+
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("reserve", 0, "no per cent"),
+        ("reserve", 0, "0 is not between 1 and 100"),
         ("reserve", "70", "no whole number"),
         ("colour", "red", "no such field"),
         ("series", [{"component": "vision"}], "the field is missing"),

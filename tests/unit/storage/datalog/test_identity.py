@@ -29,9 +29,8 @@ def vision(**changes: Any) -> Component:
 
 
 def changed(now: LogSubject, was: LogSubject | None = None) -> list[str]:
-    return [
-        str(change) for change in compare(a_header(was or a_subject(vision())), identity(now), known(a_bench())).changed
-    ]
+    header = a_header(was or a_subject(vision()))
+    return list(map(str, compare(header, header.setup.members, identity(now), known(a_bench())).changed))
 
 
 def test_nothing_changed_is_not_stale() -> None:
@@ -182,7 +181,9 @@ def test_a_changed_file_makes_stale_a_missing_one_only_unverified(files: Files) 
     (files.folder / "components" / "model.bin").unlink()
     (files.folder / "components" / "new.py").write_bytes(b"")
 
-    now = compare(header, identity_of(subject, Files(files.folder).of(subject), {}), known(a_bench()))
+    now = compare(
+        header, header.setup.members, identity_of(subject, Files(files.folder).of(subject), {}), known(a_bench())
+    )
 
     assert list(map(str, now.changed)) == ["file components/new.py is new", "file components/vision.py changed"]
     assert now.unverified == ("components/model.bin",)
@@ -193,7 +194,7 @@ def test_an_interpreter_and_a_build_only_warn() -> None:
     was = replace(header, identity=replace(header.identity, interpreters={"python3": "aa", "perl": "cc"}))
     now = replace(identity(a_subject(vision())), interpreters={"python3": "bb"})
 
-    found = compare(was, now, replace(known(a_bench()), os_build=26200))
+    found = compare(was, was.setup.members, now, replace(known(a_bench()), os_build=26200))
 
     assert found.changed == ()
     assert [warn.part for warn in found.warns] == ["program python3", "build of the operating system"]
@@ -203,6 +204,14 @@ def test_interpreters_are_found_where_programs_are(files: Files) -> None:
     found = files.interpreters(running(Command(words=("python3" if os.name == "posix" else "cmd", "x.py"))))
 
     assert len(found) == 1
+
+
+def test_the_log_of_other_components_is_stale() -> None:
+    header = a_header(a_subject(vision()))
+
+    found = compare(header, ("speech",), header.identity, known(a_bench())).changed
+
+    assert list(map(str, found)) == ["components: vision -> speech"]
 
 
 def test_the_bench_must_match_as_far_as_it_is_known() -> None:
@@ -217,7 +226,7 @@ def test_the_bench_must_match_as_far_as_it_is_known() -> None:
     )
     unseen = ObservedPlatform(provider=ProviderKind.SIMULATED, logical_processors=2, scheduler=SchedulerType.UNKNOWN)
 
-    assert list(map(str, compare(header, now, other).changed)) == [
+    assert list(map(str, compare(header, header.setup.members, now, other).changed)) == [
         "provider: simulated -> hyperv",
         "processor model: simulated -> another",
         "logical processors: 2 -> 4",
@@ -225,4 +234,4 @@ def test_the_bench_must_match_as_far_as_it_is_known() -> None:
         "scheduler: classic -> core",
         "guest image: nothing -> guest.vhdx",
     ]
-    assert compare(header, now, unseen).changed == ()
+    assert compare(header, header.setup.members, now, unseen).changed == ()

@@ -1,0 +1,60 @@
+"""The least and the greatest value of every number that rarms reads from files and hosts.
+
+A number counts or measures something, so it is not negative; fields of which more is known are in `RANGES`, by name, or
+where classes differ by class and name.
+"""
+
+from collections.abc import Mapping
+from math import inf
+
+Range = tuple[float, float]
+
+ANY: Range = (-inf, inf)
+COUNT: Range = (0, 2**64 - 1)
+AT_LEAST_ONE: Range = (1, 2**64 - 1)
+PERCENT: Range = (0, 100)
+PROCESSORS: Range = (1, 2048)
+"""As many as a manifest can give to a host."""
+
+RANGES: Mapping[str, Range] = {
+    "beside": PERCENT,
+    "bits": (1, 128),
+    "Claim.processors": (0, 2**20),
+    "cores": PROCESSORS,
+    "deadline_percent": PERCENT,
+    "Diagnostic.values": ANY,
+    "error": (0, 1),
+    "generation": (0, 2),
+    "limit": PERCENT,
+    "logical": PROCESSORS,
+    "logical_processors": PROCESSORS,
+    "lower": ANY,
+    "NamedValue.data": ANY,
+    "processors": PROCESSORS,
+    "quota_period_us": AT_LEAST_ONE,
+    "RegistryValue.data": ANY,
+    "reserve": PERCENT,
+    "Setting.reserve": (1, 100),
+    "Step.after": ANY,
+    "Step.before": ANY,
+    "thread_priority": (0, 31),
+    "threads": (1, 2048),
+    "times": AT_LEAST_ONE,
+    "upper": ANY,
+    "used": (1, 2048),
+    "value": ANY,
+    "weight": (0, 10_000),
+}
+
+
+def range_of(record: str, field: str) -> Range:
+    """The range of a number.
+
+    Args:
+        record: name of the class that holds it.
+        field: name of the field; numbers that it holds in a collection have the same range.
+
+    Returns:
+        The least and the greatest value.
+    """
+    return RANGES.get(f"{record}.{field}") or RANGES.get(field, COUNT)
