@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from enum import Enum
 
-from rarms_iac.model.commands import PLAN, Wording, plain_text, prose
+from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources, first_of_each_kind
 
 IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
@@ -52,11 +52,13 @@ class RequestError(ValueError):
 
     Attributes:
         message: a whole sentence for people.
+        advice: what to do instead, with the commands that help; empty: the message says enough.
     """
 
-    def __init__(self, message: Wording) -> None:
-        super().__init__(plain_text(message))
+    def __init__(self, message: str, advice: Wording = "") -> None:
+        super().__init__(message)
         self.message = message
+        self.advice = advice
 
 
 def bug_finding(error: BaseException) -> Diagnostic:
@@ -77,18 +79,21 @@ def bug_finding(error: BaseException) -> Diagnostic:
     )
 
 
-def usage_finding(message: str, command: str) -> Diagnostic:
+def usage_finding(message: str, advice: Wording, verb: str) -> Diagnostic:
     """Make the finding for words that do not fit a command, for a program that reads findings.
 
     Args:
         message: what is wrong, as a sentence.
-        command: the command whose `--help` is advised, with the program's name.
+        advice: what to do instead; empty: the command's help says it.
+        verb: the command whose `--help` is advised; empty: none was named.
 
     Returns:
         A finding without a place.
     """
+    takes = prose(command(verb, help=True), " lists what it takes.")
+    commands = prose(command("", help=True), " lists the commands.")
     return USAGE.at(
-        None, message, f"`{command} --help` lists what it takes.", values={"command": command, "reason": message}
+        None, message, sentences(advice, takes if verb else commands), values={"command": verb, "reason": message}
     )
 
 
@@ -146,7 +151,7 @@ def write_finding(path: str, error: OSError) -> Diagnostic:
     )
 
 
-def read_finding(path: str, message: str, advice: str) -> Diagnostic:
+def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
     """The finding for a file that could not be read.
 
     Args:

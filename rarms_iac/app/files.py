@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import Outcome, UseCaseError, read_finding, write_finding
 from rarms_iac.manifest.load import manifest_path
+from rarms_iac.model.commands import PLAN_OUT, RecommendedCommand, prose
 from rarms_iac.storage.reading import STANDARD_INPUT, read_input
 from rarms_iac.storage.replace import remove_leftovers_of_ended, replace
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from rarms_iac.model.plan import Plan
 
 
-def read_input_file(path: str, limit: int, origin: str) -> bytes:
+def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
     """Read what a user named, with `storage.reading`.
 
     Args:
@@ -31,7 +32,7 @@ def read_input_file(path: str, limit: int, origin: str) -> bytes:
         return read_input(path, limit)
     except (OSError, ValueError) as error:
         message = (error.strerror if isinstance(error, OSError) else "") or str(error)
-        advice = f"Look at the path and its rights; `{origin}` writes such a file."
+        advice = prose("Look at the path and its rights; ", origin, " writes such a file.")
         raise UseCaseError(Outcome.FAILED, [read_finding(path, message, advice)]) from error
 
 
@@ -107,7 +108,7 @@ def read_plan_file(path: str) -> "Plan":
     """
     from rarms_iac.storage.plan_file import MAX_BYTES
 
-    return plan_in(path, read_input_file(path, MAX_BYTES, "rarms plan --out FILE"))
+    return plan_in(path, read_input_file(path, MAX_BYTES, PLAN_OUT))
 
 
 def plan_in(path: str, data: bytes) -> "Plan":

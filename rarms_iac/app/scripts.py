@@ -23,7 +23,7 @@ from rarms_iac.powershell.templates import ENTRY, MEASURING_ENTRY, without_signa
 from rarms_iac.storage.plan_file import MAX_BYTES
 
 OBSERVE_NAME = "observe.ps1"
-SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
+SCRIPT_ORIGIN = command("show", "PLAN", script=True, out="FOLDER")
 
 NO_SCRIPT = Finding.error("RARMS164", "This is not a script of rarms")
 

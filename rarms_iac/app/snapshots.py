@@ -70,7 +70,7 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
     snapshots: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
     for option in options:
-        data = read_input_file(option.file, MAX_BYTES, "rarms snapshot --out FILE")
+        data = read_input_file(option.file, MAX_BYTES, command("snapshot", out="FILE"))
         try:
             observation = read_script_output(data, option.host)
             if option.guest:

@@ -52,14 +52,14 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
         return report_end(session, finished)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
+            "There is no terminal to ask at.",
             prose(
-                "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and "
-                "apply that: ",
+                "Give --auto-approve, or write the plan down, have it reviewed, and apply that: ",
                 command("plan" if request.purpose is Purpose.APPLY else request.purpose.value, out="FILE"),
                 ", then ",
                 command("apply", "FILE"),
                 ".",
-            )
+            ),
         )
     plan = make_plan(hosts, request)
     text = plan_text(plan, sources=hosts.manifest.sources)

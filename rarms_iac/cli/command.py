@@ -15,10 +15,9 @@ from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import Option, Reader
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.completion import completer_of
-from rarms_iac.cli.ending import ExitCode
+from rarms_iac.cli.ending import ExitCode, WrongRequest
 from rarms_iac.cli.session import Session, common_options, session_flag
 from rarms_iac.cli.table import COMMANDS
-from rarms_iac.model.commands import plain_text
 
 T = TypeVar("T")
 
@@ -61,7 +60,7 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
                         _repeat_in_advice(context, session, source)
                 return function(session, **given)
             except RequestError as error:
-                raise click.UsageError(plain_text(error.message, session.terminal.manifest_options), context) from error
+                raise WrongRequest(error, context) from error
 
         parameters = [parameter for kind in requests.values() for parameter in parameters_of(kind)]
         if json:

@@ -13,7 +13,10 @@ from enum import IntEnum
 from types import FrameType
 from typing import TextIO
 
-from rarms_iac.app.errors import Outcome
+import click
+
+from rarms_iac.app.errors import Outcome, RequestError
+from rarms_iac.model.commands import Wording
 
 
 class ExitCode(IntEnum):
@@ -40,6 +43,14 @@ CODES = {
 
 
 SIGNALS = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINATED}
+
+
+class WrongRequest(click.UsageError):
+    """A request that cannot be done as it was given, with what to do instead."""
+
+    def __init__(self, error: RequestError, context: click.Context) -> None:
+        super().__init__(error.message, context)
+        self.advice: Wording = error.advice
 
 
 class Interrupted(KeyboardInterrupt):

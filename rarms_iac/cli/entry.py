@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rarms_iac.app.errors import Outcome, UseCaseError, bug_finding, system_finding, usage_finding
-from rarms_iac.cli.ending import CODES, ExitCode, Interrupted, Interrupts, confirm_signal
+from rarms_iac.cli.ending import CODES, ExitCode, Interrupted, Interrupts, WrongRequest, confirm_signal
 from rarms_iac.cli.group import root_group
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic
@@ -44,7 +44,7 @@ def run_guarded(
         return ExitCode(ending.exit_code)
     except click.UsageError as error:
         terminal.talk(usage_text(error))
-        _tell_programs(session, [usage_finding(_usage_message(error), _path(error))])
+        _tell_programs(session, [_usage_finding(error)])
         return ExitCode.USAGE
     except UseCaseError as problem:
         _trace(terminal)
@@ -75,7 +75,8 @@ def usage_text(error: click.UsageError) -> "RenderableType":
     from rarms_iac.views.console import paragraph, stack
 
     usage = paragraph(error.ctx.get_usage()) if error.ctx else None
-    return stack(usage, paragraph(_usage_message(error)), paragraph(f"`{_path(error)} --help` lists what it takes."))
+    finding = _usage_finding(error)
+    return stack(usage, paragraph(finding.detail), paragraph(finding.advice))
 
 
 def _code_of(session: Session, outcome: Outcome) -> ExitCode:
@@ -83,12 +84,11 @@ def _code_of(session: Session, outcome: Outcome) -> ExitCode:
     return (session.interrupts.exit_code if outcome is Outcome.INTERRUPTED else None) or CODES[outcome]
 
 
-def _usage_message(error: click.UsageError) -> str:
-    return error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
-
-
-def _path(error: click.UsageError) -> str:
-    return error.ctx.command_path if error.ctx else "rarms"
+def _usage_finding(error: click.UsageError) -> Diagnostic:
+    message = error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
+    advice = error.advice if isinstance(error, WrongRequest) else ""
+    is_named = error.ctx is not None and error.ctx.parent is not None
+    return usage_finding(message, advice, (error.ctx.info_name or "") if error.ctx and is_named else "")
 
 
 def _tell(

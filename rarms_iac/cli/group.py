@@ -6,8 +6,11 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
+from rarms_iac.app.errors import RequestError
+from rarms_iac.cli.ending import WrongRequest
 from rarms_iac.cli.session import common_options, session_flag
 from rarms_iac.cli.table import COMMANDS, load_command
+from rarms_iac.model.commands import INIT, prose
 
 HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
 
@@ -86,8 +89,7 @@ def _status_without_command(context: click.Context) -> int | None:
 
     manifest = Path(os.environ.get("RARMS_MANIFEST") or DEFAULT_MANIFEST)
     if not manifest.exists():
-        message = f"There is no {manifest} here: `rarms init` writes one, `rarms --help` lists the commands."
-        raise click.UsageError(message, context)
+        raise WrongRequest(RequestError(f"There is no {manifest} here.", prose(INIT, " writes one.")), context)
     command = load_command("status")
     with command.make_context("status", [], parent=context) as status:
         code: int = command.invoke(status)

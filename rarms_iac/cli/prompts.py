@@ -35,11 +35,12 @@ def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
     """
     if not session.terminal.answers:
         raise RequestError(
+            "There is no terminal to ask at.",
             prose(
-                "There is no terminal to ask at. Leave --interactive out, and choose with ",
+                "Leave --interactive out, and choose with ",
                 command("select", "COMPONENT", at="LEVEL"),
                 ".",
-            )
+            ),
         )
     refuse_standard_input(source)
 

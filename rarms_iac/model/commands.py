@@ -32,7 +32,7 @@ class RecommendedCommand:
     def text(self) -> str:
         """The words to type, quoted for a shell: `rarms measure vision --again`."""
         options = [word for option in self.options for word in (option.name, option.value) if word is not None]
-        return shlex.join(["rarms", self.verb, *self.arguments, *options])
+        return shlex.join(["rarms", *filter(None, [self.verb]), *self.arguments, *options])
 
     def also(self, **options: str | int | bool) -> "RecommendedCommand":
         """Return the command with more options behind its own, as `command` takes them."""
@@ -43,14 +43,15 @@ class RecommendedCommand:
         """Whether the command reads a manifest, and its options do not say which: a view then adds `-f`."""
         has_source = any(option.name in {"-f", "--boot"} for option in self.options)
         reads_plan = self.verb in {"apply", "show"} and bool(self.arguments)
-        return not has_source and not reads_plan and self.verb not in _WITHOUT_MANIFEST
+        asks_for_help = any(option.name == "--help" for option in self.options)
+        return not (has_source or reads_plan or asks_for_help or self.verb in _WITHOUT_MANIFEST)
 
 
 def command(verb: str, *arguments: str, **options: str | int | bool) -> RecommendedCommand:
     """Make a command: `command("measure", "vision", again=True, samples=200)`.
 
     Args:
-        verb: the command's name, such as `measure`.
+        verb: the command's name, such as `measure`; empty: `rarms` alone.
         arguments: the words behind it.
         options: values by name, with `_` for `-`, and `_` at the end of a keyword of Python (`from_`). True: an option
             without a value; False: the option is left out.

@@ -1,7 +1,7 @@
 """Every command that a message recommends works in the situation that the message is about.
 
-A situation is a folder, made by commands and files, and one command more, whose output recommends something. What
-stands there between backticks and begins with `rarms` is run as it is printed, each in a copy of that folder.
+A situation is a folder, made by commands and files, and one command more, whose findings recommend something. Each of
+their `commands` is run, in a copy of that folder.
 """
 
 import ast
@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import chdir
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 
 import pytest
@@ -146,188 +146,164 @@ def drifting(component: str, reserves: Iterable[int]) -> Callable[[], None]:
     return append
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Situation:
-    """How it comes about, the command whose message is read, and what that must recommend at least."""
+    """How it comes about, the command whose answer is read, and what that must recommend at least."""
 
     steps: tuple[Callable[[], None], ...]
-    words: tuple[str, ...]
+    words: str
     messages: tuple[str, ...]  # words of each message that recommends something
     recommends: tuple[str, ...]
+    _: KW_ONLY
+    printed: bool = False  # a view makes the sentence of facts: no finding has the command as a field
     first: tuple[Callable[[], None], ...] = ()  # what the message says is to be done before the command
     asked: bool = False  # the message comes from a question at a terminal
-    may_answer: ExitCode = (
-        ExitCode.DONE
-    )  # also what a command that is recommended may end with: a plan that says why not
+    may_answer: ExitCode = ExitCode.DONE  # also how a command that is recommended may end: a plan that says why not
 
 
 SITUATIONS = {
-    "nothing is measured": Situation(
-        steps=(write(MEASURED),), words=("plan",), messages=("Or fix it for now",), recommends=("rarms measure vision",)
-    ),
+    "nothing is measured": Situation((write(MEASURED),), "plan", ("Or fix it for now",), ("rarms measure vision",)),
     "nothing is measured that a page could show": Situation(
-        steps=(write(MEASURED),), words=("report",), messages=("Measure first: ",), recommends=("rarms measure",)
+        (write(MEASURED),), "report", ("Measure first: ",), ("rarms measure",)
     ),
     "partitions run where it is measured": Situation(
-        steps=(write(MANIFEST), APPLY),
-        words=("measure", "vision", "--from", "50%", "--to", "50%"),
-        messages=("stop them and start them again afterwards",),
-        recommends=("rarms measure --stop-partitions", "rarms stop", "rarms start"),
+        (write(MANIFEST), APPLY),
+        "measure vision --from 50% --to 50%",
+        ("stop them and start them again afterwards",),
+        ("rarms measure --stop-partitions", "rarms stop", "rarms start"),
     ),
     "a partition was stopped": Situation(
-        steps=(write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
-        words=("plan",),
-        messages=("stays stopped",),
-        recommends=("rarms start vision",),
+        (write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
+        "plan",
+        ("stays stopped",),
+        ("rarms start vision",),
+        printed=True,
     ),
     "a stopped partition would be proven": Situation(
-        steps=(write(MANIFEST), APPLY, do("stop", "--auto-approve")),
-        words=("prove",),
-        messages=("Start them, and prove again",),
-        recommends=("rarms start speech vision",),
+        (write(MANIFEST), APPLY, do("stop", "--auto-approve")),
+        "prove",
+        ("Start them, and prove again",),
+        ("rarms start speech vision",),
     ),
     "nothing is applied that could be proven": Situation(
-        steps=(write(MANIFEST),),
-        words=("prove",),
-        messages=("See what is missing with",),
-        recommends=("rarms plan", "rarms apply"),
+        (write(MANIFEST),), "prove", ("See what is missing with",), ("rarms plan", "rarms apply")
     ),
     "an APT is missed in the layout": Situation(
-        steps=(write(ALONE.replace("45 %", "10 %")), APPLY),
-        words=("prove", "--interference", "busy-loop"),
-        messages=("relax its APT, or measure it again",),
-        recommends=("rarms measure vision --again --stop-partitions",),
+        (write(ALONE.replace("45 %", "10 %")), APPLY),
+        "prove --interference busy-loop",
+        ("relax its APT, or measure it again",),
+        ("rarms measure vision --again --stop-partitions",),
     ),
     "an apply was killed": Situation(
-        steps=(write(MANIFEST), killed("apply", "--auto-approve", at=20)),
-        words=("plan",),
-        messages=("or `rarms apply --abandon` to leave it as it is",),
-        recommends=("rarms apply", "rarms undo", "rarms apply --abandon"),
+        (write(MANIFEST), killed("apply", "--auto-approve", at=20)),
+        "plan",
+        ("or `rarms apply --abandon` to leave it as it is",),
+        ("rarms apply", "rarms undo", "rarms apply --abandon"),
     ),
     "a measurement was killed that had stopped partitions": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
         ),
-        words=("drift",),
-        messages=("A run is unfinished on ",),
-        recommends=("rarms apply",),
+        "drift",
+        ("A run is unfinished on ",),
+        ("rarms apply",),
+        printed=True,
     ),
     "a plan was used": Situation(
-        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), APPLY, do("destroy", "--auto-approve")),
-        words=("apply", "a.plan"),
-        messages=("Make a new plan: `rarms plan --out FILE`",),
-        recommends=("rarms plan --out FILE",),
+        (write(MANIFEST), do("plan", "--out", "a.plan"), APPLY, do("destroy", "--auto-approve")),
+        "apply a.plan",
+        ("Make a new plan: `rarms plan --out FILE`",),
+        ("rarms plan --out FILE",),
     ),
     "a partition is no longer wanted": Situation(
-        steps=(write(MANIFEST), APPLY, write(ALONE), APPLY),
-        words=("plan",),
-        messages=("is unused and stopped",),
-        recommends=("rarms destroy --target partition/speech",),
+        (write(MANIFEST), APPLY, write(ALONE), APPLY),
+        "plan",
+        ("is unused and stopped",),
+        ("rarms destroy --target partition/speech",),
+        printed=True,
     ),
     "a machine that is not managed has a wanted name": Situation(
-        steps=(write(MANIFEST), APPLY, do("release", "vision", "--auto-approve")),
-        words=("plan",),
-        messages=(" to take it over, or give the partition another name",),
-        recommends=("rarms import vision --id",),
+        (write(MANIFEST), APPLY, do("release", "vision", "--auto-approve")),
+        "plan",
+        (" to take it over, or give the partition another name",),
+        ("rarms import vision --id",),
     ),
     "there is no terminal to ask at": Situation(
-        steps=(write(MANIFEST),),
-        words=("apply",),
-        messages=("no terminal",),
-        recommends=("rarms plan --out FILE", "rarms apply FILE"),
+        (write(MANIFEST),),
+        "apply",
+        ("or write the plan down, have it reviewed, and apply that",),
+        ("rarms plan --out FILE", "rarms apply FILE"),
     ),
     "a question was answered with no": Situation(
-        steps=(write(MANIFEST),),
-        words=("apply",),
-        messages=("Run it again to be asked again",),
-        recommends=("rarms plan",),
-        asked=True,
+        (write(MANIFEST),), "apply", ("Run it again to be asked again",), ("rarms plan",), asked=True
     ),
     "the host is not as the manifest wants it": Situation(
-        steps=(write(MANIFEST), APPLY, write(MANIFEST.replace("45 %", "40 %"))),
-        words=("drift",),
-        messages=("as the manifest wants",),
-        recommends=("rarms plan",),
+        (write(MANIFEST), APPLY, write(MANIFEST.replace("45 %", "40 %"))),
+        "drift",
+        ("as the manifest wants",),
+        ("rarms plan",),
+        printed=True,
     ),
     "no measured setting is enough": Situation(
-        steps=(write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
-        words=("plan",),
-        messages=("says which level holds), or measure higher settings",),
-        recommends=("rarms measure vision",),
+        (write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
+        "plan",
+        ("says which level holds), or measure higher settings",),
+        ("rarms measure vision",),
     ),
     "a level needs more than was measured": Situation(
-        steps=(write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
-        words=("select", "vision", "--at", "60 ms"),
-        messages=("measure higher settings",),
-        recommends=("rarms measure vision --from 21% --to 100%",),
+        (write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
+        "select vision --at '60 ms'",
+        ("measure higher settings",),
+        ("rarms measure vision --from 21% --to 100%",),
     ),
     "reservations exceed the host": Situation(
-        steps=(
-            write(MEASURED.replace("20 %", "30 %")),
-            logs(vision=85),
-        ),
-        words=("plan",),
-        messages=("RARMS014",),
-        recommends=("rarms measure",),
+        (write(MEASURED.replace("20 %", "30 %")), logs(vision=85)), "plan", ("RARMS014",), ("rarms measure",)
     ),
-    "a pair would fit": Situation(
-        steps=(write(PAIR), logs(vision=60, speech=60)),
-        words=("plan",),
-        messages=("RARMS014",),
-        recommends=("rarms tune",),
-    ),
+    "a pair would fit": Situation((write(PAIR), logs(vision=60, speech=60)), "plan", ("RARMS014",), ("rarms tune",)),
     "a component cannot use its processors": Situation(
-        steps=(write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
-        words=("measure", "vision"),
-        messages=("and measures again",),
-        recommends=("rarms measure vision --write-processors",),
+        (write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
+        "measure vision",
+        ("and measures again",),
+        ("rarms measure vision --write-processors",),
     ),
     "settings below have no steady state": Situation(
-        steps=(
+        (
             write(MEASURED),
             do("measure", "vision", "--from", "10%", "--to", "60%", "--step", "50%"),
             drifting("vision", range(11, 60)),
         ),
-        words=("measure", "vision"),
-        messages=("To find out whether less is enough, measure longer",),
-        recommends=("rarms measure vision --again --samples 2000",),
+        "measure vision",
+        ("To find out whether less is enough, measure longer",),
+        ("rarms measure vision --again --samples 2000",),
     ),
-    "there is no manifest": Situation(
-        steps=(), words=("plan",), messages=("with `-f PATH`",), recommends=("rarms init",)
-    ),
+    "there is no manifest": Situation((), "plan", ("with `-f PATH`",), ("rarms init",)),
     "the manifest is empty": Situation(
-        steps=(write("\n  \n"),),
-        words=("validate",),
-        messages=("Write a manifest, or let `rarms init` write one",),
-        recommends=("rarms init",),
+        (write("\n  \n"),), "validate", ("Write a manifest, or let `rarms init` write one",), ("rarms init",)
     ),
     "the manifest begins with a byte order mark": Situation(
-        steps=(write("\ufeff" + MANIFEST),),
-        words=("validate",),
-        messages=("or let `rarms fmt rarms.yaml` do it",),
-        recommends=("rarms fmt rarms.yaml",),
+        (write("\ufeff" + MANIFEST),), "validate", ("or let `rarms fmt rarms.yaml` do it",), ("rarms fmt rarms.yaml",)
     ),
     "an error is accepted that cannot be": Situation(
-        steps=(
+        (
             write(
                 MANIFEST
                 + "policy: { accept: { RARMS014: { at: [component/vision], reason: known, until: 2099-01-01 } } }\n"
             ),
         ),
-        words=("plan",),
-        messages=("acceptance",),
-        recommends=("rarms explain RARMS014",),
+        "plan",
+        ("acceptance",),
+        ("rarms explain RARMS014",),
     ),
-    "somebody changed a partition": Situation(
-        steps=(write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
-        words=("plan", "--verbose"),
-        messages=("Find out who did it",),
-        recommends=("rarms drift", "rarms history"),
+    "another tool changed a partition": Situation(
+        (write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
+        "plan --verbose",
+        ("Find out who did it",),
+        ("rarms drift", "rarms history"),
     ),
     "the host moved since the plan was made": Situation(
-        steps=(
+        (
             write(MANIFEST),
             do("plan", "--out", "a.plan"),
             APPLY,
@@ -335,408 +311,389 @@ SITUATIONS = {
             do("plan", "--out", "a.plan"),
             do("simulate", "change", "vision", "--reserve", "30"),
         ),
-        words=("apply", "a.plan"),
-        messages=("Nothing was changed. Look with `rarms drift`",),
-        recommends=("rarms drift",),
+        "apply a.plan",
+        ("Nothing was changed. Look with `rarms drift`",),
+        ("rarms drift",),
     ),
     "a plan was edited": Situation(
-        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), edit("a.plan", "vision", "Vision")),
-        words=("apply", "a.plan"),
-        messages=("Make the plan again: `rarms plan --out FILE`",),
-        recommends=("rarms plan --out FILE",),
+        (write(MANIFEST), do("plan", "--out", "a.plan"), edit("a.plan", "vision", "Vision")),
+        "apply a.plan",
+        ("Make the plan again: `rarms plan --out FILE`",),
+        ("rarms plan --out FILE",),
     ),
     "a file is no plan": Situation(
-        steps=(write(MANIFEST),),
-        words=("apply", "rarms.yaml"),
-        messages=("Give a file that `rarms plan --out FILE` wrote",),
-        recommends=("rarms plan --out FILE",),
+        (write(MANIFEST),),
+        "apply rarms.yaml",
+        ("Give a file that `rarms plan --out FILE` wrote",),
+        ("rarms plan --out FILE",),
     ),
     "the manifest changed since the plan was made": Situation(
-        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), write(MANIFEST.replace("45 %", "40 %"))),
-        words=("apply", "a.plan"),
-        messages=("has changed since plan",),
-        recommends=("rarms plan",),
+        (write(MANIFEST), do("plan", "--out", "a.plan"), write(MANIFEST.replace("45 %", "40 %"))),
+        "apply a.plan",
+        ("has changed since plan",),
+        ("rarms plan",),
+        printed=True,
     ),
     "a plan is applied elsewhere": Situation(
-        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), move("rarms.yaml", "robot")),
-        words=("apply", "a.plan"),
-        messages=("Apply the plan in the folder where it was made",),
-        recommends=("rarms apply PLAN -f MANIFEST",),
+        (write(MANIFEST), do("plan", "--out", "a.plan"), move("rarms.yaml", "robot")),
+        "apply a.plan",
+        ("Apply the plan in the folder where it was made",),
+        ("rarms apply PLAN -f MANIFEST",),
     ),
     "a target is not in the plan": Situation(
-        steps=(write(MANIFEST),),
-        words=("plan", "--target", "partition/sight"),
-        messages=("(`rarms plan --verbose` lists them)",),
-        recommends=("rarms plan --verbose",),
+        (write(MANIFEST),),
+        "plan --target partition/sight",
+        ("(`rarms plan --verbose` lists them)",),
+        ("rarms plan --verbose",),
     ),
     "a component cannot run on its host": Situation(
-        steps=(write(PROGRAM),),
-        words=("measure", "vision"),
-        messages=("on a real host: `rarms run COMPONENT` tries it",),
-        recommends=("rarms run",),
+        (write(PROGRAM),), "measure vision", ("on a real host: `rarms run COMPONENT` tries it",), ("rarms run",)
     ),
     "a snapshot cannot be read": Situation(
-        steps=(write(MANIFEST), lambda: put("host.json", "nothing")),
-        words=("plan", "--snapshot", "host.json"),
-        messages=("Make one with",),
-        recommends=("rarms snapshot --host NAME --out FILE", "rarms snapshot --script"),
+        (write(MANIFEST), lambda: put("host.json", "nothing")),
+        "plan --snapshot host.json",
+        ("Make one with",),
+        ("rarms snapshot --host NAME --out FILE", "rarms snapshot --script"),
     ),
     "late jobs may be later beside other partitions": Situation(
-        steps=(write(LATE),),
-        words=("plan",),
-        messages=("shows whether it holds",),
-        recommends=("rarms prove --interference busy-loop",),
+        (write(LATE),),
+        "plan",
+        ("shows whether it holds",),
+        ("rarms prove --interference busy-loop",),
         first=(
             write(f"{LATE}policy: {{ accept: {{ RARMS313: {{ at: [component/vision], reason: known }} }} }}\n"),
             APPLY,
         ),
     ),
     "nothing was tuned": Situation(
-        steps=(write(PAIR), logs(vision=30, speech=30)),
-        words=("explain", "vision"),
-        messages=("has measured nothing",),
-        recommends=("rarms tune",),
+        (write(PAIR), logs(vision=30, speech=30)),
+        "explain vision",
+        ("has measured nothing",),
+        ("rarms tune",),
+        printed=True,
     ),
     "fixed reserves exceed the host": Situation(
-        steps=(write(MANIFEST.replace("45 %", "90 %")),),
-        words=("tune",),
-        messages=("Lower a reserve (`rarms plan` names ways out)",),
-        recommends=("rarms plan",),
+        (write(MANIFEST.replace("45 %", "90 %")),),
+        "tune",
+        ("Lower a reserve (`rarms plan` names ways out)",),
+        ("rarms plan",),
         may_answer=ExitCode.NO,
     ),
     "no component is wanted any more": Situation(
-        steps=(write(MANIFEST), APPLY, write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
-        words=("plan",),
-        messages=("To remove everything, use",),
-        recommends=("rarms destroy",),
+        (write(MANIFEST), APPLY, write(MANIFEST[: MANIFEST.index("components")] + "components: {}\n")),
+        "plan",
+        ("To remove everything, use",),
+        ("rarms destroy",),
     ),
     "the application is looked at after a stop": Situation(
-        steps=(write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
-        words=("status",),
-        messages=("stopped by",),
-        recommends=("rarms stop", "rarms start vision"),
+        (write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
+        "status",
+        ("stopped by",),
+        ("rarms stop", "rarms start vision"),
+        printed=True,
     ),
     "both names of a move are on the host": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             write(MANIFEST.replace("  vision:", "  sight: { criticality: 1, cpu: { reserve: 1 % } }\n  vision:")),
             APPLY,
             write(MANIFEST.replace("  speech:", "  sight:") + "moved: { speech: sight }\n"),
         ),
-        words=("plan",),
-        messages=("Remove one of them (",),
-        recommends=("rarms destroy --target partition/speech",),
+        "plan",
+        ("Remove one of them (",),
+        ("rarms destroy --target partition/speech",),
     ),
     "a data log is damaged": Situation(
-        steps=(write(MEASURED), logs(vision=45), lambda: put(LOG, '{"a": 1}\n{"b": 1}\n')),
-        words=("plan",),
-        messages=("Bring it back from git, or remove it and measure again",),
-        recommends=("rarms measure vision",),
+        (write(MEASURED), logs(vision=45), lambda: put(LOG, '{"a": 1}\n{"b": 1}\n')),
+        "plan",
+        ("Bring it back from git, or remove it and measure again",),
+        ("rarms measure vision",),
         first=(Path(LOG).unlink,),
     ),
     "what was measured is not what the manifest says now": Situation(
-        steps=(write(MEASURED), logs(vision=45), edit("rarms.yaml", "work: 20 ms", "work: 21 ms")),
-        words=("plan",),
-        messages=("Or take the change back.",),
-        recommends=("rarms measure vision",),
+        (write(MEASURED), logs(vision=45), edit("rarms.yaml", "work: 20 ms", "work: 21 ms")),
+        "plan",
+        ("Or take the change back.",),
+        ("rarms measure vision",),
     ),
     "it was measured beside what runs on the host": Situation(
-        steps=(
+        (
             write(MANIFEST.replace("45 %", "10 %").replace("20 %", "10 %")),
             APPLY,
             write(MEASURED),
             do("measure", "vision", "--on-busy-host", "--from", "40%", "--to", "60%", "--step", "20%"),
         ),
-        words=("plan",),
-        messages=("Measure it once more with the host to itself",),
-        recommends=("rarms measure vision --again",),
+        "plan",
+        ("Measure it once more with the host to itself",),
+        ("rarms measure vision --again",),
         first=(do("stop", "--auto-approve"),),
     ),
     "fixed reserves exceed the host that is declared": Situation(
-        steps=(write(MANIFEST.replace("45 %", "90 %")),),
-        words=("validate",),
-        messages=("`rarms plan` tries which change would be enough",),
-        recommends=("rarms plan",),
+        (write(MANIFEST.replace("45 %", "90 %")),),
+        "validate",
+        ("`rarms plan` tries which change would be enough",),
+        ("rarms plan",),
         may_answer=ExitCode.NO,
     ),
     "nothing is measured, and the manifest is checked": Situation(
-        steps=(write(MEASURED),),
-        words=("validate",),
-        messages=("`rarms measure` finds what it needs",),
-        recommends=("rarms measure",),
+        (write(MEASURED),), "validate", ("`rarms measure` finds what it needs",), ("rarms measure",)
     ),
     "a component is not in the manifest": Situation(
-        steps=(write(MANIFEST),),
-        words=("measure", "nobody"),
-        messages=("--help` lists what it takes",),
-        recommends=("rarms measure --help",),
+        (write(MANIFEST),), "measure nobody", ("--help` lists what it takes",), ("rarms measure --help",)
     ),
     "an option does not exist": Situation(
-        steps=(write(MANIFEST),),
-        words=("plan", "--nothing"),
-        messages=("--help` lists what it takes",),
-        recommends=("rarms plan --help",),
+        (write(MANIFEST),), "plan --nothing", ("--help` lists what it takes",), ("rarms plan --help",), printed=True
     ),
     "a plan file is not there": Situation(
-        steps=(write(MANIFEST),),
-        words=("apply", "a.plan"),
-        messages=("Look at the path and its rights",),
-        recommends=("rarms plan --out FILE",),
+        (write(MANIFEST),), "apply a.plan", ("Look at the path and its rights",), ("rarms plan --out FILE",)
     ),
     "a script is none": Situation(
-        steps=(write(MANIFEST), lambda: put("a.ps1", "exit")),
-        words=("show", "--check", "a.ps1"),
-        messages=("Give a script that",),
-        recommends=("rarms show --script --out FOLDER", "rarms snapshot --script"),
+        (write(MANIFEST), lambda: put("a.ps1", "exit")),
+        "show --check a.ps1",
+        ("Give a script that",),
+        ("rarms show --script --out FOLDER", "rarms snapshot --script"),
     ),
     "no pair may be combined": Situation(
-        steps=(
+        (
             write(PAIR.replace("    memory", "    apart: [vision]\n    memory", 2).replace("    apart", "#", 1)),
             logs(vision=60, speech=60),
         ),
-        words=("tune",),
-        messages=("Relax an APT (",),
-        recommends=("rarms select COMPONENT --at LEVEL",),
+        "tune",
+        ("Relax an APT (",),
+        ("rarms select COMPONENT --at LEVEL",),
     ),
     "a log has no setting": Situation(
-        steps=(
+        (
             write(MEASURED),
             logs(vision=45),
             lambda: put(LOG, Path(LOG).read_text(encoding="utf-8").split("\n")[0] + "\n"),
         ),
-        words=("plan",),
-        messages=("Measure it: ",),
-        recommends=("rarms measure vision",),
+        "plan",
+        ("Measure it: ",),
+        ("rarms measure vision",),
     ),
     "a reservation is read off the curve": Situation(
-        steps=(
-            write(MEASURED),
-            do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"),
-            write(READ_OFF),
-        ),
-        words=("plan",),
-        messages=("Measure it: ",),
-        recommends=("rarms measure vision --verify",),
+        (write(MEASURED), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"), write(READ_OFF)),
+        "plan",
+        ("Measure it: ",),
+        ("rarms measure vision --verify",),
     ),
     "an explained reservation is read off the curve": Situation(
-        steps=(
-            write(MEASURED),
-            do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"),
-            write(READ_OFF),
-        ),
-        words=("explain", "vision"),
-        messages=("not measured itself: ",),
-        recommends=("rarms measure vision --verify",),
+        (write(MEASURED), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"), write(READ_OFF)),
+        "explain vision",
+        ("not measured itself: ",),
+        ("rarms measure vision --verify",),
+        printed=True,
     ),
     "a host is changed by another tool": Situation(
-        steps=(write(MANIFEST), APPLY),
-        words=("simulate", "change", "vision", "--reserve", "30"),
-        messages=("as another tool would",),
-        recommends=("rarms drift",),
+        (write(MANIFEST), APPLY),
+        "simulate change vision --reserve 30",
+        ("as another tool would",),
+        ("rarms drift",),
+        printed=True,
     ),
     "there is no manifest, and no command": Situation(
-        steps=(), words=(), messages=("`rarms --help` lists the commands",), recommends=("rarms init",)
+        (), "", ("`rarms init` writes one.", "`rarms --help` lists the commands."), ("rarms init",), printed=True
     ),
     "an interactive session has no terminal": Situation(
-        steps=(write(MEASURED), logs(vision=45)),
-        words=("measure", "--interactive"),
-        messages=("Leave --interactive out, and choose with",),
-        recommends=("rarms select COMPONENT --at LEVEL",),
+        (write(MEASURED), logs(vision=45)),
+        "measure --interactive",
+        ("Leave --interactive out, and choose with",),
+        ("rarms select COMPONENT --at LEVEL",),
     ),
     "the manifest has only comments": Situation(
-        steps=(write("# nothing\n"),),
-        words=("validate",),
-        messages=("Write a manifest, or move the file away",),
-        recommends=("rarms init",),
+        (write("# nothing\n"),),
+        "validate",
+        ("Write a manifest, or move the file away",),
+        ("rarms init",),
         first=(Path("rarms.yaml").unlink,),
     ),
     "what is formatted has only comments": Situation(
-        steps=(write("# nothing\n"),),
-        words=("fmt",),
-        messages=("Write a manifest, or move the file away",),
-        recommends=("rarms init",),
+        (write("# nothing\n"),),
+        "fmt",
+        ("Write a manifest, or move the file away",),
+        ("rarms init",),
         first=(Path("rarms.yaml").unlink,),
     ),
     "samples cannot tell whether a threshold is met": Situation(
-        steps=(write(ALONE.replace("45 %", "measured").replace("50 ms", "20.5 ms")),),
-        words=("measure", "vision"),
-        messages=("or allow more samples", " --again --samples "),
-        recommends=("rarms measure vision --again --samples 2000",),
+        (write(ALONE.replace("45 %", "measured").replace("50 ms", "20.5 ms")),),
+        "measure vision",
+        ("or allow more samples", " --again --samples "),
+        ("rarms measure vision --again --samples 2000",),
         may_answer=ExitCode.NO,
     ),
     "a component without a threshold is to be measured": Situation(
-        steps=(write(MANIFEST),),
-        words=("measure", "speech"),
-        messages=("Give it one, or measure chosen settings",),
-        recommends=("rarms measure speech --from 10% --to 100%",),
+        (write(MANIFEST),),
+        "measure speech",
+        ("Give it one, or measure chosen settings",),
+        ("rarms measure speech --from 10% --to 100%",),
     ),
     "no setting can be enough": Situation(
-        steps=(write(MEASURED.replace("50 ms", "5 ms")),),
-        words=("measure", "vision"),
-        messages=("says which level holds)",),
-        recommends=("rarms select vision --at LEVEL",),
+        (write(MEASURED.replace("50 ms", "5 ms")),),
+        "measure vision",
+        ("says which level holds)",),
+        ("rarms select vision --at LEVEL",),
     ),
     "a plan is of another format": Situation(
-        steps=(
+        (
             write(MANIFEST),
             do("plan", "--out", "a.plan"),
             edit("a.plan", '"format_version":', '"format_version": "of old", "was":'),
         ),
-        words=("apply", "a.plan"),
-        messages=("Make the plan again with this version of rarms",),
-        recommends=("rarms plan --out FILE",),
+        "apply a.plan",
+        ("Make the plan again with this version of rarms",),
+        ("rarms plan --out FILE",),
     ),
     "a file of another kind is no plan": Situation(
-        steps=(write(MANIFEST), lambda: put("a.plan", "{}")),
-        words=("apply", "a.plan"),
-        messages=("Give a file that `rarms plan --out FILE` wrote",),
-        recommends=("rarms plan --out FILE",),
+        (write(MANIFEST), lambda: put("a.plan", "{}")),
+        "apply a.plan",
+        ("Give a file that `rarms plan --out FILE` wrote",),
+        ("rarms plan --out FILE",),
     ),
     "drift is looked for, and the manifest has errors": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             write(MANIFEST.replace("45 %", "90 %")),
             do("simulate", "change", "vision", "--reserve", "30"),
         ),
-        words=("drift",),
-        messages=("The manifest was not compared",),
-        recommends=("rarms plan",),
+        "drift",
+        ("The manifest was not compared",),
+        ("rarms plan",),
         may_answer=ExitCode.NO,
+        printed=True,
     ),
     "a host moved while a run was unfinished": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             write(MANIFEST.replace("45 %", "40 %").replace("20 %", "10 %")),
             killed("apply", "--auto-approve", at=8),
             do("simulate", "change", "vision", "--reserve", "30"),
         ),
-        words=("apply",),
-        messages=("Nothing more was changed. Look with `rarms drift`.",),
-        recommends=("rarms drift", "rarms undo", "rarms apply --abandon"),
+        "apply",
+        ("Nothing more was changed. Look with `rarms drift`.",),
+        ("rarms drift", "rarms undo", "rarms apply --abandon"),
         may_answer=ExitCode.REFUSED,
+        printed=True,
     ),
     "an apply cannot be taken back wholly": Situation(
-        steps=(write(MANIFEST), APPLY, do("destroy", "--auto-approve")),
-        words=("undo", "--auto-approve"),
-        messages=("Look at it with `rarms drift` afterwards",),
-        recommends=("rarms drift",),
+        (write(MANIFEST), APPLY, do("destroy", "--auto-approve")),
+        "undo --auto-approve",
+        ("Look at it with `rarms drift` afterwards",),
+        ("rarms drift",),
     ),
     "one that is not managed gets less": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             do("release", "vision", "--auto-approve"),
             write(MANIFEST.replace("vision:", "sight:").replace("20 %", "30 %").replace("45 %", "20 %")),
         ),
-        words=("plan", "--verbose"),
-        messages=("or take it in: ",),
-        recommends=("rarms import PARTITION --id ID",),
+        "plan --verbose",
+        ("or take it in: ",),
+        ("rarms import PARTITION --id ID",),
         first=(edit("rarms.yaml", "sight", "vision"),),
     ),
     "a run is unfinished, and the status says so": Situation(
-        steps=(write(MANIFEST), killed("apply", "--auto-approve", at=20)),
-        words=("status",),
-        messages=("finishes the run on",),
-        recommends=("rarms apply",),
+        (write(MANIFEST), killed("apply", "--auto-approve", at=20)),
+        "status",
+        ("finishes the run on",),
+        ("rarms apply",),
+        printed=True,
     ),
     "nothing is measured, and the status says so": Situation(
-        steps=(write(MEASURED),),
-        words=("status",),
-        messages=("that are not measured yet",),
-        recommends=("rarms measure",),
+        (write(MEASURED),), "status", ("that are not measured yet",), ("rarms measure",), printed=True
     ),
-    "somebody changed a host, and the status says so": Situation(
-        steps=(write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
-        words=("status",),
-        messages=("tells what was changed on a host",),
-        recommends=("rarms drift",),
+    "another tool changed a host, and the status says so": Situation(
+        (write(MANIFEST), APPLY, do("simulate", "change", "vision", "--reserve", "30")),
+        "status",
+        ("tells what was changed on a host",),
+        ("rarms drift",),
+        printed=True,
     ),
     "nothing is applied, and the status says so": Situation(
-        steps=(write(MANIFEST),),
-        words=("status",),
-        messages=("shows what is not applied yet",),
-        recommends=("rarms plan",),
+        (write(MANIFEST),), "status", ("shows what is not applied yet",), ("rarms plan",), printed=True
     ),
     "nothing is proven, and the status says so": Situation(
-        steps=(write(MANIFEST), APPLY),
-        words=("status",),
-        messages=("beside their thresholds",),
-        recommends=("rarms prove",),
+        (write(MANIFEST), APPLY), "status", ("beside their thresholds",), ("rarms prove",), printed=True
     ),
     "a pair might be combined": Situation(
-        steps=(write(PAIR), logs(vision=40, speech=45)),
-        words=("explain", "vision"),
-        messages=("`rarms tune` measures it",),
-        recommends=("rarms tune",),
+        (write(PAIR), logs(vision=40, speech=45)),
+        "explain vision",
+        ("`rarms tune` measures it",),
+        ("rarms tune",),
+        printed=True,
     ),
     "the paper's procedure combined, and it is still too much": Situation(
-        steps=(write(PAIR.replace("reserve: measured", "reserve: 95 %", 1) + THIRD), logs(speech=60, video=60)),
-        words=("tune", "--strategy", "paper", "--auto-approve"),
-        messages=("`rarms plan` tells more", "Go on: "),
-        recommends=("rarms tune --strategy paper --repeat", "rarms tune", "rarms plan"),
+        (write(PAIR.replace("reserve: measured", "reserve: 95 %", 1) + THIRD), logs(speech=60, video=60)),
+        "tune --strategy paper --auto-approve",
+        ("`rarms plan` tells more", "Go on: "),
+        ("rarms tune --strategy paper --repeat", "rarms tune", "rarms plan"),
         may_answer=ExitCode.NO,
     ),
     "a component is not measured yet, and the report says so": Situation(
-        steps=(write(PAIR), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%")),
-        words=("report", "--text"),
-        messages=("not measured: run `rarms measure", "Nothing can be applied as it is"),
-        recommends=("rarms measure speech", "rarms plan"),
+        (write(PAIR), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%")),
+        "report --text",
+        ("not measured: run `rarms measure", "Nothing can be applied as it is"),
+        ("rarms measure speech", "rarms plan"),
         may_answer=ExitCode.NO,
+        printed=True,
     ),
     "what is measured is not applied yet, and the report says so": Situation(
-        steps=(write(MEASURED), logs(vision=45)),
-        words=("report", "--text"),
-        messages=("`rarms plan` shows what is to be done, `rarms apply` does it",),
-        recommends=("rarms plan", "rarms apply"),
+        (write(MEASURED), logs(vision=45)),
+        "report --text",
+        ("`rarms plan` shows what is to be done, `rarms apply` does it",),
+        ("rarms plan", "rarms apply"),
+        printed=True,
     ),
     "a component has a task class": Situation(
-        steps=(write(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),),
-        words=("explain", "drive"),
-        messages=("`rarms plan` shows its values",),
-        recommends=("rarms plan",),
+        (write(MANIFEST + "  drive: { criticality: 1, runs_on: host, task: Localization }\n"),),
+        "explain drive",
+        ("`rarms plan` shows its values",),
+        ("rarms plan",),
+        printed=True,
     ),
     "fewer virtual processors may be enough": Situation(
-        steps=(
+        (
             write(MEASURED.replace("50 ms", "26 ms").replace("20 %", "30 %").replace("varies: 2 %", "varies: 0 %")),
             do("measure", "vision"),
         ),
-        words=("plan",),
-        messages=(", and `rarms measure` tells: ",),
-        recommends=("rarms measure",),
+        "plan",
+        (", and `rarms measure` tells: ",),
+        ("rarms measure",),
         first=(edit("rarms.yaml", "    cpu: { reserve: measured", "    processors: 1\n    cpu: { reserve: measured"),),
     ),
     "more logical processors may be enough": Situation(
-        steps=(write(PAIR), logs(vision=60, speech=60)),
-        words=("plan",),
-        messages=("may be enough: what partitions need there has to be measured",),
-        recommends=("rarms measure",),
+        (write(PAIR), logs(vision=60, speech=60)),
+        "plan",
+        ("may be enough: what partitions need there has to be measured",),
+        ("rarms measure",),
         may_answer=ExitCode.NO,
     ),
     "what was stopped to measure cannot be started again": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
             do("simulate", "change", "speech", "--reserve", "90"),
         ),
-        words=("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions"),
-        messages=("Mend what keeps them from it, then start them",),
-        recommends=("rarms start speech vision",),
+        "measure vision --from 50% --to 50% --stop-partitions",
+        ("Mend what keeps them from it, then start them",),
+        ("rarms start speech vision",),
         first=(do("simulate", "change", "speech", "--reserve", "20"),),
     ),
     "what was stopped to measure is gone": Situation(
-        steps=(
+        (
             write(MANIFEST),
             APPLY,
             killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
             do("simulate", "change", "speech", "--remove"),
         ),
-        words=("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions"),
-        messages=("Something else changes it too",),
-        recommends=("rarms drift",),
+        "measure vision --from 50% --to 50% --stop-partitions",
+        ("Something else changes it too",),
+        ("rarms drift",),
     ),
 }
 
@@ -768,7 +725,7 @@ OTHER_TESTS = {
     "That takes more samples: ": "settings below have no steady state",
     "See what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
-    "Look at the host again: `rarms plan`": "somebody changed a partition",
+    "Look at the host again: `rarms plan`": "another tool changed a partition",
     "`rarms plan` shows what is wanted": "a stopped partition would be proven",
     "Measure the parts again (": "it was measured beside what runs on the host",
     "If it was changing a host, run": "an apply was killed",
@@ -781,6 +738,7 @@ NOT_RECOMMENDED = (
     "`rarms tune` measured no other compound with it",
     ", as `rarms tune` measured it: ",
     "`rarms tune` combined them at ",
+    "A proof (`rarms prove`), beside all of its loads together.",
     "what `rarms tune` measured cannot be told",
     "All together, as `rarms prove` measured them last:",
     "`rarms measure` stopped it and ended before it started it again",
@@ -882,13 +840,31 @@ def recommended(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(command for command in found if "..." not in command))
 
 
-def made(situation: Situation, folder: Path) -> str:
-    """Bring the situation about in this folder; what its command says."""
+def answered(situation: Situation, folder: Path) -> tuple[str, tuple[str, ...]]:
+    """Bring the situation about in this folder; what its command says, and the commands that this recommends."""
     with chdir(folder):
         for step in situation.steps:
             step()
-        ran = rarms(*situation.words, stdin="no\n", at_a_terminal=situation.asked)
-    return " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err).split())
+        json_too = () if situation.printed else ("--json",)
+        words = (*shlex.split(situation.words), *json_too)
+        ran = rarms(*words, stdin="no\n", at_a_terminal=situation.asked)
+    says = " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err).split())
+    return says, recommended(says) if situation.printed else tuple(dict.fromkeys(commands_in(json.loads(ran.out))))
+
+
+def commands_in(document: object) -> Iterator[str]:
+    """Every recommended command of a JSON document that has nothing in it that a person has to add."""
+    match document:
+        case {"verb": _, "text": str(text)}:
+            yield from () if "..." in text else (text,)
+        case dict():
+            for value in document.values():
+                yield from commands_in(value)
+        case list():
+            for value in document:
+                yield from commands_in(value)
+        case _:
+            pass
 
 
 def id_of_vision() -> str:
@@ -898,7 +874,7 @@ def id_of_vision() -> str:
     return str(found)
 
 
-def run_as_printed(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> None:
+def run_it(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> None:
     """Run it; what asks is told not to, and a FILE is one that is there where it is read."""
     words = [PLACEHOLDERS.get(word, word) for word in shlex.split(command)[1:]]
     with chdir(folder):
@@ -916,11 +892,10 @@ def test_what_is_recommended_works_where_it_is_recommended(situation: Situation,
     origin = tmp_path / "origin"
     origin.mkdir()
 
-    says = made(situation, origin)
+    says, commands = answered(situation, origin)
 
     for message in situation.messages:
         assert message in says
-    commands = recommended(says)
     for wanted in situation.recommends:
         assert any(command.startswith(wanted) for command in commands), (wanted, commands, says)
     for number, command in enumerate(commands):
@@ -929,7 +904,7 @@ def test_what_is_recommended_works_where_it_is_recommended(situation: Situation,
         with chdir(folder):
             for step in situation.first:
                 step()
-        run_as_printed(command, folder, situation.may_answer)
+        run_it(command, folder, situation.may_answer)
 
 
 def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Path) -> None:
@@ -945,7 +920,7 @@ def test_a_manifest_that_was_named_is_named_in_what_is_recommended(tmp_path: Pat
 
     assert "rarms measure vision -f 'my robot' --overlay test.yaml" in commands
     for command in commands:
-        run_as_printed(command, tmp_path)
+        run_it(command, tmp_path)
 
 
 def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path: Path) -> None:
@@ -958,7 +933,7 @@ def test_a_machine_that_is_another_partition_is_released_as_recommended(tmp_path
 
     assert 'is partition "vision" of application' in taken.err
     assert recommended(taken.err) == ("rarms release vision",)
-    run_as_printed("rarms release vision", tmp_path)
+    run_it("rarms release vision", tmp_path)
 
 
 def test_of_a_large_page_components_can_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
