@@ -21,7 +21,7 @@ from rarms_iac.model.host import (
     SimulatedHost,
 )
 from rarms_iac.model.journal import RunOrigin
-from rarms_iac.model.loads import Browser, BusyLoop, Interference
+from rarms_iac.model.loads import BUSY_LOOP, LOADS_WITHOUT_ENTRY, Browser, BusyLoop, Interference
 from rarms_iac.model.quantities import (
     Bytes,
     CpuAmount,
@@ -143,7 +143,7 @@ def a_component(
     task: str | None = None,
     hosts: Iterable[str] | None = None,
     runs_on: RunsOn = RunsOn.PARTITION,
-    interference: str | None = None,
+    interference: Iterable[str] = (),
     simulation: Simulation | None = None,
 ) -> Component:
     """A component with a fixed reserve of 20 %; one that runs on the host has no reserve unless it is given."""
@@ -162,7 +162,7 @@ def a_component(
         task=task,
         hosts=None if hosts is None else tuple(hosts),
         runs_on=runs_on,
-        interference=interference,
+        interference=tuple(interference),
         simulation=simulation,
     )
 
@@ -273,7 +273,7 @@ def a_system(
     policy: Policy | None = None,
     moved: Mapping[str, str] | None = None,
 ) -> System:
-    """One host, one component, the busy loop as interference: a system without a finding."""
+    """One host, one component, measured beside the busy loop: a system without a finding."""
     return System(
         application=Application(name=application),
         hosts={host.name: host for host in ((a_host(),) if hosts is None else hosts)},
@@ -281,9 +281,9 @@ def a_system(
             component.name: component for component in ((a_component(),) if components is None else components)
         },
         partitions={partition.name: partition for partition in partitions},
-        interference={"busy-loop": BusyLoop()} if interference is None else interference,
+        interference=LOADS_WITHOUT_ENTRY if interference is None else interference,
         tasks={task.name: task for task in tasks},
-        policy=policy or Policy(),
+        policy=policy or Policy(interference=(BUSY_LOOP,)),
         moved=moved or {},
     )
 

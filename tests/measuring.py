@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.manifest.load import load
-from rarms_iac.measuring.setup import interference_of
+from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import System
@@ -29,16 +29,17 @@ def steady(component: str, mean: float, jobs: int = _JOBS) -> Series:
 
 
 def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting], *, build: int = 26100) -> Path:
-    """The data log of these components with these settings, on the first host of the manifest."""
-    system = _system(folder)
+    """The data logs of these components, one a load, with these settings, on the first host; the path of the first."""
+    system, recorded = _system(folder), tuple(settings)
     host = system.hosts[min(system.hosts)]
-    subject = subject_of(system, host, tuple(members), interference_of(system, tuple(members)))
-    path = path_of(folder, subject)
     bench = replace(a_bench(), logical_processors=host.logical_processors, provider=host.provider, os_build=build)
-    begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
-    for each in settings:
-        append_setting(path, Recorded(setting=each, provenance=TAKEN))
-    return path
+    subjects = [subject_of(system, host, tuple(members), load) for load in loads_of(system, tuple(members))]
+    for subject in subjects:
+        path = path_of(folder, subject)
+        begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
+        for each in recorded:
+            append_setting(path, Recorded(setting=each, provenance=TAKEN))
+    return path_of(folder, subjects[0])
 
 
 def leave_logs(folder: Path, least: Mapping[str, int]) -> None:

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.measuring.setup import experiment_of, interference_of
+from rarms_iac.measuring.setup import experiment_of, loads_of
 from rarms_iac.model.commands import RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
@@ -109,7 +109,13 @@ def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
     system, folder = measurements.system, measurements.folder
     if gone := [name for name in members if name not in system.components]:
         return f"the manifest has no {', '.join(gone)} any more"
-    subject = subject_of(system, host, members, interference_of(system, members))
+    reasons = (
+        _why_log_outdated(subject_of(system, host, members, load), folder, host) for load in loads_of(system, members)
+    )
+    return next(filter(None, reasons), "")
+
+
+def _why_log_outdated(subject: LogSubject, folder: Path, host: Host) -> str:
     try:
         log = read_log(path_of(folder, subject))
     except LogUnreadable:
@@ -117,6 +123,21 @@ def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
     if log is None:
         return "its data log is gone"
     return "; ".join(map(str, compare_log(log, subject, Files(folder), observed_platform(host)).changed))
+
+
+def logs_of(measurements: Measurements, host: Host, members: Names) -> tuple[Path, ...]:
+    """List where the data logs lie that a reservation of these components together rests on.
+
+    Args:
+        measurements: The manifest, and where its logs lie.
+        host: On which they are to be together.
+        members: Names of components of the manifest, sorted.
+
+    Returns:
+        A path for each load that it must stand up to; the files need not exist.
+    """
+    loads = loads_of(measurements.system, members)
+    return tuple(log_path(measurements.folder, host.platform, members, load) for load in loads)
 
 
 def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
@@ -134,12 +155,12 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
     alike: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():
         alike.setdefault(kind, []).append(name)
-    logs: dict[tuple[Hashable, Names], MeasuredTogether | NotMeasured] = {}
+    logs: dict[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured] = {}
     for group in filter(depends_on_a_log, groups_of(system)):
         for kind, names in alike.items():
             if _may_run_on(group, names):
                 host = system.hosts[names[0]]
-                logs[kind, names_of(group.members)] = _measured_together(
+                logs[kind, names_of(group.members)] = _beside_each_load(
                     system, folder, group, host, kind.platform_facts
                 )
     return MeasuredReservations(kinds=kinds, logs=logs)
@@ -199,11 +220,23 @@ class _LogFolder:
     read: Callable[[Path], DataLog | LogUnreadable | None]
 
 
-def _measured_together(
+def _beside_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
+) -> tuple[MeasuredTogether, ...] | NotMeasured:
+    """The log of each load, or why the first of those is missing that are."""
+    members, found = names_of(group.members), []
+    for load in loads_of(system, members):
+        log = _measured_together(subject_of(system, host, members, load), folder, group, host, platform_facts)
+        if isinstance(log, NotMeasured):
+            return log
+        found.append(log)
+    return tuple(found)
+
+
+def _measured_together(
+    subject: LogSubject, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
-    subject = subject_of(system, host, members, interference_of(system, members))
     path = path_of(folder.files.folder, subject)
     path_shown = path.relative_to(folder.files.folder).as_posix()
     again = command("measure", *members, together=len(members) > 1)
@@ -246,6 +279,7 @@ def _measured_together(
         )
     return MeasuredTogether(
         path=path_shown,
+        interference=subject.setup.interference,
         processors=log.header.setup.processors,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         curves=curves_in(log, {member.name: member for member in group.members}),

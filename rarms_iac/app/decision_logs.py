@@ -8,18 +8,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of, why_outdated
+from rarms_iac.app.data_logs import Measurements, measured_reservations, why_outdated
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.app.report_model import PlatformTuning
-from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import Names, depends_on_a_log, names_of
+from rarms_iac.planner.reservations import MeasuredTogether, Names, depends_on_a_log, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import (
     Chosen,
@@ -68,8 +67,10 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
         for host in platforms.values():
             sized = size(group, host, reservations)
             least = reservations.least(group.members, host)
-            if isinstance(sized, PlacedPartition) and least is not None:
-                entries = _entries(measurements, group, host, sized.settings.reserve, interpolated=least.interpolated)
+            log = reservations.log(group.members, host)
+            if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and least is not None:
+                data_log, reserve = measurements.folder / log.path, sized.settings.reserve
+                entries = _entries(measurements, group, data_log, reserve, interpolated=least.interpolated)
                 paths += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
     return tuple(paths)
 
@@ -91,11 +92,9 @@ def describe_apt(component: Component) -> dict[str, str]:
 
 
 def _entries(
-    measurements: Measurements, group: Group, host: Host, reserve: int, *, interpolated: bool
+    measurements: Measurements, group: Group, path: Path, reserve: int, *, interpolated: bool
 ) -> tuple[Chosen, ...]:
-    members = names_of(group.members)
-    subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
-    path = path_of(measurements.folder, subject)
+    """What was chosen for each member, with the data log that asks for it."""
     log = read_log(path)
     if log is None:
         return ()

@@ -6,7 +6,7 @@ Begin at `explain_component`; the values that it returns are in `explanation`.
 from collections.abc import Iterator
 from dataclasses import replace
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of, path_of, subject_of
+from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace, partition_to_explain, place_of
 from rarms_iac.app.explanation import ComponentExplanation, DataLogSummary, Explanation, HostExplanation, MemberCurve
@@ -14,7 +14,7 @@ from rarms_iac.app.explanation_steps import explain
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
-from rarms_iac.measuring.setup import interference_of
+from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
@@ -95,7 +95,7 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
         return explanation
     return replace(
         explanation,
-        log=_data_log_summary(partition.measurements, group, host, answer),
+        log=_data_log_summary(partition.measurements, group, answer),
         least=partition.reservations.least(group.members, host),
         curves=tuple(_member_curves(group, answer)),
         remarks=tuple(remark.message for remark in answer.remarks),
@@ -121,7 +121,7 @@ def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLo
     log = reservations.log(members, host)
     if not isinstance(log, MeasuredTogether):
         return None, None
-    return _data_log_summary(measurements, group, host, log), reservations.least(members, host)
+    return _data_log_summary(measurements, group, log), reservations.least(members, host)
 
 
 def _wanted(partition: ExplainedPartition, host: Host) -> LogicalProcessors | None:
@@ -140,10 +140,9 @@ def _fixed_by(group: Group) -> str:
     return f"the manifest, for {' and '.join(names)}," if names else ""
 
 
-def _data_log_summary(measurements: Measurements, group: Group, host: Host, log: MeasuredTogether) -> DataLogSummary:
-    members = names_of(group.members)
-    subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
-    whole = read_log(path_of(measurements.folder, subject))
+def _data_log_summary(measurements: Measurements, group: Group, log: MeasuredTogether) -> DataLogSummary:
+    loads = loads_of(measurements.system, names_of(group.members))
+    whole = read_log(measurements.folder / log.path)
     assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
     platform, times = whole.header.platform_facts, sorted(recorded.provenance.when for recorded in whole.recorded)
     return DataLogSummary(
@@ -151,7 +150,8 @@ def _data_log_summary(measurements: Measurements, group: Group, host: Host, log:
         first=times[0] if times else "",
         last=times[-1] if times else "",
         reserves=log.measured,
-        interference=whole.header.setup.interference,
+        interference=log.interference,
+        other_loads=tuple(load for load in loads if load != log.interference),
         processors=log.processors,
         provider=platform.provider.value,
         processor=platform.processor,

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
+from rarms_iac.app.data_logs import Measurements, logs_of, measured_reservations
 from rarms_iac.app.decision_logs import outdated_compounds
 from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
-from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.commands import Wording, command, prose
 from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Layout, PlacedPartition
@@ -246,5 +245,4 @@ def _saving(
 
 
 def _was_measured(measurements: Measurements, host: Host, names: Names) -> bool:
-    subject = subject_of(measurements.system, host, names, interference_of(measurements.system, names))
-    return path_of(measurements.folder, subject).is_file()
+    return all(path.is_file() for path in logs_of(measurements, host, names))

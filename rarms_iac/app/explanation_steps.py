@@ -28,7 +28,7 @@ from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.layout import PlacedPartition, describe_placement
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component
-from rarms_iac.model.wording import counted, each_processor
+from rarms_iac.model.wording import counted, each_processor, in_a_row
 from rarms_iac.planner.alternatives import ChosenPlace, elsewhere
 from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.planner.totals import totals_by_host
@@ -279,8 +279,13 @@ def _log(log: DataLogSummary) -> Iterator[str]:
     yield (
         f"machine: {log.provider}, {log.processor or 'no processor model'}, "
         f"{show_processors(log.logical_processors)} {smt}, scheduler {log.scheduler.value}{build}; "
-        f"against {log.interference}"
+        f"against {log.interference}{_others(log)}"
     )
+
+
+def _others(log: DataLogSummary) -> str:
+    """The loads that ask for no more, where there are several."""
+    return f", which asks for most; {in_a_row(log.other_loads)} for no more" if log.other_loads else ""
 
 
 def _reservation(explanation: Explanation) -> Iterator[str]:

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
+from rarms_iac.app.data_logs import Measurements, logs_of, measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout
@@ -23,7 +22,6 @@ from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
 from rarms_iac.statistics.curves import Curve, components_not_shown
-from rarms_iac.storage.datalog.files import log_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,8 +202,7 @@ def recorded_answers(
 
 
 def _answers(measurements: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
-    interference = interference_of(measurements.system, names)
-    if not log_path(measurements.folder, host.platform, names, interference).is_file():
+    if not all(path.is_file() for path in logs_of(measurements, host, names)):
         return
     system = _together(measurements.system, names)
     reservations = measured_reservations(replace(measurements, system=system), states)

@@ -4,14 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.data_logs import (
-    compare_log,
-    measured_reservations,
-    measurements_of,
-    observed_platform,
-    path_of,
-    subject_of,
-)
+from rarms_iac.app.data_logs import compare_log, measured_reservations, measurements_of, observed_platform, subject_of
 from rarms_iac.app.decision_logs import tunings_of
 from rarms_iac.app.drift import drift_of_hosts
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -26,7 +19,7 @@ from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatu
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
-from rarms_iac.measuring.setup import interference_of
+from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.host import ProviderKind
@@ -145,15 +138,12 @@ def _is_of(system: System, log: DataLog) -> bool:
 def _log_beside_manifest(system: System, files: Files, path: Path, log: DataLog) -> LogBesideManifest:
     setup = log.header.setup
     host = next(host for host in system.hosts.values() if host.platform == log.header.platform)
-    expected_path = path_of(
-        files.folder, subject_of(system, host, setup.members, interference_of(system, setup.members))
-    )
     subject = subject_of(system, host, setup.members, setup.interference)
     comparison = compare_log(log, subject, files, observed_platform(host))
     return LogBesideManifest(
         path=path.relative_to(files.folder).as_posix(),
         log=log,
-        is_expected=path == expected_path,
+        is_expected=setup.interference in loads_of(system, setup.members),
         stale=tuple(map(str, comparison.changed)),
     )
 

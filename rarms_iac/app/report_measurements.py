@@ -15,6 +15,7 @@ from rarms_iac.app.report_model import (
     Report,
 )
 from rarms_iac.app.totals import placed_without_log
+from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import Cause
@@ -51,6 +52,7 @@ from rarms_iac.planner.reservations import (
     ReservationSource,
     depends_on_a_log,
     fixed,
+    hardest,
     names_of,
     to_be_measured,
 )
@@ -94,7 +96,7 @@ def report_of(
         Measurements by platform, falling criticality and name; amounts in LPs.
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
-    measurements = sorted((_measurement(system, logged) for logged in current), key=_order)
+    measurements = sorted(_resting(system, [_measurement(system, logged) for logged in current]), key=_order)
     rested = {measurement.components for measurement in measurements if measurement.rests}
     planned = planned or planned_totals(system, _shown(measurements), {})
     return Report(
@@ -109,6 +111,21 @@ def report_of(
         ),
         proofs=tuple(proofs),
     )
+
+
+def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Measurement]:
+    """Those beside the load that asks for most: nothing rests on the others, or where the log of a load is missing."""
+    logs: dict[tuple[str, Names], list[Measurement]] = {}
+    for measurement in measurements:
+        if measurement.rests:
+            logs.setdefault((measurement.platform, measurement.components), []).append(measurement)
+    decisive = [
+        beside[hardest([each.reserve for each in beside])]
+        for (_, names), beside in logs.items()
+        if {each.interference for each in beside} == {*loads_of(system, names)}
+    ]
+    for measurement in measurements:
+        yield replace(measurement, rests=any(measurement is each for each in decisive))
 
 
 def _order(measurement: Measurement) -> tuple[str, bool, int, str, str]:

@@ -45,7 +45,7 @@ from rarms_iac.manifest.document.manifest import (
 )
 from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.model.host import Connect, Fault, Host, HypervHost, KeepForHost, LinuxHost, ProviderKind, SimulatedHost
-from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Stress
+from rarms_iac.model.loads import DEFAULT_LOADS, LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Stress
 from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.model.run import (
     Call,
@@ -199,6 +199,7 @@ def _component(name: str, block: ComponentBlock) -> Component:
         block,
         name=name,
         apt=block.apt or {},
+        interference=_names(block.interference),
         cpu=cpu,
         together=tuple(block.together or ()),
         apart=tuple(block.apart or ()),
@@ -219,10 +220,15 @@ def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
     )
 
 
+def _names(one_or_several: str | list[str] | None) -> tuple[str, ...]:
+    return (one_or_several,) if isinstance(one_or_several, str) else tuple(one_or_several or ())
+
+
 def _policy(block: PolicyBlock) -> Policy:
     accept = _named(block.accept, lambda code, acceptance: _value(Acceptance, acceptance, code=code))
     measuring = _value(MeasuringLimits, block.measuring or MeasuringLimitsBlock())
-    return _value(Policy, block, measuring=measuring, accept=accept)
+    loads = _names(block.interference) or DEFAULT_LOADS
+    return _value(Policy, block, interference=loads, measuring=measuring, accept=accept)
 
 
 _CONVERTERS: Mapping[type, Converter] = {

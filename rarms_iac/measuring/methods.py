@@ -6,7 +6,7 @@ from typing import assert_never
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import Goal
-from rarms_iac.measuring.strategies import Agreeing, Searching, Sweep, ThresholdCheck, Verifying
+from rarms_iac.measuring.strategies import Agreeing, Confirming, Searching, Sweep, ThresholdCheck, Verifying
 
 PAPER = "paper"
 """The name of the paper's procedures in `STRATEGIES`. They assume that only P1 and P2 reserve anything."""
@@ -20,6 +20,7 @@ class Search:
     """Search the least reservation that meets every threshold."""
 
     strategy: str = "default"  # a name in `STRATEGIES`
+    floor: int = 0  # per cent that loads before this one ask for: less is no answer; 0: this is the first load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +64,9 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
             return method
         case Verification():
             return Verifying(goal=goal, most=most)
-        case Search(strategy=name):
+        case Search(strategy=name, floor=floor):
             search = Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == PAPER)
-            return search if name == PAPER else Agreeing(search=search, verifying=Verifying(goal=goal, most=most))
+            whole = search if name == PAPER else Agreeing(search=search, verifying=Verifying(goal=goal, most=most))
+            return Confirming(goal=goal, floor=floor, search=whole) if floor else whole
         case _:
             assert_never(method)

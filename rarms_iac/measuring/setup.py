@@ -87,19 +87,19 @@ def _with_samples(component: Component, samples: int | None) -> Component:
     return replace(component, run=replace(run_of(component), until=SampleCount(samples=samples)))
 
 
-def interference_of(system: System, members: tuple[str, ...]) -> str:
-    """The load that a reservation of these must stand up to: their own where they agree on one, else the policy's.
+def loads_of(system: System, members: tuple[str, ...]) -> tuple[str, ...]:
+    """The loads that a reservation of these must stand up to: their own where they agree, else the policy's.
 
     Args:
         system: names the components and the policy.
         members: components that run together.
 
     Returns:
-        A name of `interference`.
+        Names of `interference`, in the order in which they are measured; each once.
     """
     own = {system.components[name].interference for name in members}
-    only = own.pop() if len(own) == 1 else None
-    return only or system.policy.interference
+    only = own.pop() if len(own) == 1 else ()
+    return tuple(dict.fromkeys(only or system.policy.interference))
 
 
 def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionRequest:

@@ -171,6 +171,26 @@ class Agreeing:
         return _certify(verified, {setting.reserve for setting in settings}, below)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confirming:
+    """Shows that what other loads ask for is enough beside this one, too, or else searches the least that is."""
+
+    goal: Goal
+    floor: int  # in per cent
+    search: Searching | Agreeing
+
+    def step(self, settings: Sequence[Setting]) -> SearchStep:
+        members = self.goal.members
+        runs, apts = {member.name: member.run for member in members}, {member.name: member.apt for member in members}
+        least = least_reserve(curves_of(settings, runs, apts))
+        if least is not None and least.reserve <= self.floor:
+            lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < self.floor]
+            return sufficient(lower, self.floor)
+        if all(setting.reserve != self.floor for setting in settings):
+            return Measure(reserve=self.floor, until_clear=True)
+        return self.search.step(settings)
+
+
 def _certify(planned: Sufficient, known: Collection[int], below: int) -> SearchStep:
     """Ask for a measured fail close below, as a search has it: what its verdict leaves open may do on the curve.
 

@@ -11,7 +11,7 @@ from enum import StrEnum
 from fractions import Fraction
 
 from rarms_iac.model.host import Connect, Host, Mechanism
-from rarms_iac.model.loads import Interference
+from rarms_iac.model.loads import DEFAULT_LOADS, Interference
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent
 from rarms_iac.model.run import SIMULATED_ONLY, Run
@@ -149,7 +149,7 @@ class Component:
     task: str | None
     hosts: tuple[str, ...] | None
     runs_on: RunsOn
-    interference: str | None
+    interference: tuple[str, ...]  # loads; none: the policy's
     simulation: Simulation | None
 
 
@@ -233,7 +233,7 @@ class MeasuringLimits:
 class Policy:
     """What rarms may do and prefers."""
 
-    interference: str = "busy-loop"
+    interference: tuple[str, ...] = DEFAULT_LOADS  # a reservation must stand up to each of them
     minimise: Minimise = Minimise.COMBINING
     headroom: Headroom = Headroom.BY_CRITICALITY
     max_disruption: Disruption = Disruption.HOST_RESTART

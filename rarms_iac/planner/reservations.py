@@ -1,10 +1,11 @@
 """Where a reservation comes from: what the manifest fixes, or the curves of a data log."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Protocol
 
+from rarms_iac.model.claims import WHOLE
 from rarms_iac.model.commands import MEASURE, RecommendedCommand, Wording, command, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host
@@ -149,9 +150,10 @@ def _no_cpu_ms(_component: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTogether:
-    """The data log of components in one partition, for the hosts that it holds for."""
+    """The data log of components in one partition beside one load, for the hosts that it holds for."""
 
     path: str  # as messages name it
+    interference: str  # the load
     processors: int  # of P1: a CR is per cent of these
     measured: tuple[int, ...]  # the CRs that were measured, ascending
     curves: Callable[[str, str], Curve]  # by component and index
@@ -161,20 +163,21 @@ class MeasuredTogether:
     usable: Callable[[str], int | None] = _no_cpu_ms  # fewer processors than these that a component can use at most
 
 
-Logs = Mapping[tuple[Hashable, Names], MeasuredTogether | NotMeasured]
+Logs = Mapping[tuple[Hashable, Names], tuple[MeasuredTogether, ...] | NotMeasured]
+"""By kind of host and names: a log for each load that their reservation must stand up to, or why one is missing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredReservations:
     """Reservations from data logs, and from the manifest for components that need no log.
 
-    In a partition of several the log is that of all of them together, and what the manifest fixes of some is the least
-    that they get.
+    In a partition of several the logs are those of all of them together, and what the manifest fixes of some is the
+    least that they get. What stands up to every load is the greatest of what each load asks for.
     """
 
     kinds: Mapping[str, Hashable]  # host -> what it shares with others for which the same logs hold
-    logs: Logs  # by kind of host
-    _known: dict[Hashable, LeastReserve | None] = field(default_factory=dict, compare=False, repr=False)
+    logs: Logs
+    _known: dict[Hashable, "_Decision"] = field(default_factory=dict, compare=False, repr=False)
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
         """Return the least reservation with which every APT of the members holds, by the curves of their log.
@@ -207,23 +210,32 @@ class MeasuredReservations:
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()
+        remarks = tuple(remark for each in self._beside_each_load(members, host) for remark in each.remarks)
         least = self.least(members, host)
         if least is None or not least.interpolated:
-            return log.remarks
-        return (*log.remarks, _interpolated(members, least, log))
+            return remarks
+        return (*remarks, _interpolated(members, least, log))
 
     def log(self, members: tuple[Component, ...], host: Host) -> MeasuredTogether | NotMeasured:
-        """Find the data log of these components together that holds for this host.
+        """Find the data log that decides what these components reserve together on this host.
 
         Args:
             members: all components of the partition, in any order.
             host: logs are found by what it shares with others of its kind.
 
         Returns:
-            The log, or why there is none.
+            The log of the load that asks for most, the first of them; or why there is none.
         """
-        names = names_of(members)
-        return self.logs.get((self.kinds.get(host.name), names)) or NotMeasured(components=to_be_measured(members))
+        answer = self._answer(members, host)
+        return answer if isinstance(answer, NotMeasured) else self._decision(members, host, answer).log
+
+    def _answer(self, members: tuple[Component, ...], host: Host) -> tuple[MeasuredTogether, ...] | NotMeasured:
+        missing = NotMeasured(components=to_be_measured(members))
+        return self.logs.get((self.kinds.get(host.name), names_of(members)), missing)
+
+    def _beside_each_load(self, members: tuple[Component, ...], host: Host) -> tuple[MeasuredTogether, ...]:
+        answer = self._answer(members, host)
+        return () if isinstance(answer, NotMeasured) else answer
 
     def least(self, members: tuple[Component, ...], host: Host) -> LeastReserve | None:
         """Find the least CR at which every APT holds; each answer is worked out once.
@@ -236,14 +248,42 @@ class MeasuredReservations:
             The CR in whole per cent of each of the log's processors, and whether it is interpolated; None: no measured
                 setting meets every APT, or there is no log.
         """
-        log = self.log(members, host)
-        if isinstance(log, NotMeasured):
-            return None
+        answer = self._answer(members, host)
+        return None if isinstance(answer, NotMeasured) else self._decision(members, host, answer).least
+
+    def _decision(self, members: tuple[Component, ...], host: Host, logs: tuple[MeasuredTogether, ...]) -> "_Decision":
         apts = tuple((member.name, index, threshold) for member in members for index, threshold in member.apt.items())
         key = (self.kinds.get(host.name), names_of(members), apts)
         if key not in self._known:
-            self._known[key] = least_of(log, apts)
+            self._known[key] = _decide(logs, apts)
         return self._known[key]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Decision:
+    """What a partition reserves, and the log that asks for it."""
+
+    log: MeasuredTogether
+    least: LeastReserve | None
+
+
+def _decide(logs: Sequence[MeasuredTogether], apts: Sequence[tuple[str, str, Threshold]]) -> _Decision:
+    answers = [least_of(log, apts) for log in logs]
+    decisive = hardest([answer.reserve if answer else None for answer in answers])
+    return _Decision(log=logs[decisive], least=answers[decisive])
+
+
+def hardest(reserves: Sequence[int | None]) -> int:
+    """Find the load that decides what components reserve: the greatest of the loads' answers is the least for all.
+
+    Args:
+        reserves: what each load asks for, in whole per cent; None: nothing is enough beside it.
+
+    Returns:
+        The position of the load that asks for most, the first of them; nothing that is enough is most of all.
+    """
+    amounts = [WHOLE + 1 if reserve is None else reserve for reserve in reserves]
+    return amounts.index(max(amounts))
 
 
 def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) -> LeastReserve | None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, assert_never
 
+from rarms_iac.app.experiments.beside_loads import decisive
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.measuring.loop import MeasuringReporter
@@ -47,7 +48,11 @@ def summary_text(outcome: MeasureOutcome) -> "RenderableType":
     Args:
         outcome: of all experiments; those that an early end left out have rows, too.
     """
-    rows = [row for result in outcome.experiments for row in _rows(result.experiment, *_outcome(result))]
+    rows = [
+        row
+        for beside in outcome.partitions
+        for row in _rows(beside[0].experiment, *_outcome(decisive(beside), _loads(beside)))
+    ]
     rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "-", "", "not begun")]
     return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(outcome)))
 
@@ -61,14 +66,14 @@ def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) ->
             name = reserve = processors = remark = ""
 
 
-def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
+def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
     match result.conclusion:
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive):
-            remarks = [_below(result, failed), _inconclusive(inconclusive), _planned(result, reserve)]
+            remarks = [_below(result, failed), _inconclusive(inconclusive), _planned(result, reserve), loads]
             return f"{reserve} %", _processors(result, reserve), ", ".join(filter(None, remarks))
         case NotAchievable(reserve=reserve):
-            return "-", "", f"not achievable at {reserve} %"
+            return "-", "", ", ".join(filter(None, [f"not achievable at {reserve} %", loads]))
         case NotResolved():
             remark = "not resolved"
         case SettingFailed(reserve=reserve):
@@ -79,7 +84,16 @@ def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
             remark = "stopped"
         case _:
             assert_never(result.conclusion)
-    return "-", "", ", ".join(filter(None, [remark, _planned(result, None)]))
+    return "-", "", ", ".join(filter(None, [remark, _planned(result, None), loads]))
+
+
+def _loads(beside: Sequence[ExperimentResult]) -> str:
+    """Which of several loads decides, and what the first one alone asks for."""
+    last, first = decisive(beside), beside[0]
+    if len(beside) == 1 and last.of_loads == 1:
+        return ""
+    alone = f" ({first.interference} alone: {first.reserve} %)" if last is not first and first.reserve else ""
+    return f"beside {last.interference}{alone}"
 
 
 def _processors(result: ExperimentResult, reserve: int) -> str:
@@ -199,14 +213,14 @@ class MeasuringProgress(MeasuringReporter):
         """Show the running setting where it can be updated."""
         self._began = self._clock()
         if self._live is not None:
-            self._live.show((experiment.name, f"{reserve} %", "..."))
+            self._live.show((_subject(experiment), f"{reserve} %", "..."))
 
     def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
             values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
             progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, seen)}"
-            self._live.show((experiment.name, f"{reserve} %", progress))
+            self._live.show((_subject(experiment), f"{reserve} %", progress))
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
         """Say what was measured there, where the last line is long ago."""
@@ -220,15 +234,13 @@ class MeasuringProgress(MeasuringReporter):
             f"{_owner(index, several=several)}{show_index(index)}" for index in measured_indexes(setting, experiment)
         )
         took = show_seconds(now - self._began)
-        self._say(
-            paragraph(
-                f"{experiment.name} at {setting.reserve} %: {samples_of(series)}, {values or 'measured'}, in {took}"
-            )
-        )
+        done = f"{samples_of(series)}, {values or 'measured'}, in {took}"
+        self._say(paragraph(f"{_subject(experiment)} at {setting.reserve} %: {done}"))
 
     def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
         """Say that it is measured again, and why."""
-        self._say(paragraph(f"{experiment.name} at {reserve} % is measured again, because it was disturbed: {reason}."))
+        subject = _subject(experiment)
+        self._say(paragraph(f"{subject} at {reserve} % is measured again, because it was disturbed: {reason}."))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""
@@ -268,6 +280,10 @@ def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
         if index.estimate is not None
     ]
     return ", ".join(values) or "nothing to tell yet"
+
+
+def _subject(experiment: Experiment) -> str:
+    return f"{experiment.name} beside {experiment.setup.interference}"
 
 
 def _owner(index: MeasuredIndex, *, several: bool) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +15,7 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import RequestError
+from rarms_iac.app.experiments.beside_loads import by_partition, decisive, measure_beside_loads
 from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.app.experiments.measure_request import (
@@ -31,6 +33,7 @@ from rarms_iac.app.scripts import PlanScript
 from rarms_iac.app.totals import placed_without_log, totals_at_hand
 from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.measuring_findings import findings_of
+from rarms_iac.measuring.methods import Method
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
@@ -52,6 +55,12 @@ class MeasureOutcome:
     totals: Mapping[str, HostTotals] = field(default_factory=dict)  # by host that was measured on, as a plan has them
     fixed_lp: Mapping[str, Fraction] = field(default_factory=dict)  # by host: LPs of it that the manifest itself fixes
     ended: Internal[bool] = False  # the user asked for an end at a question
+
+    @property
+    def partitions(self) -> tuple[tuple[ExperimentResult, ...], ...]:
+        """The results of the same components on the same host, one a load, in the order of the experiments."""
+        groups = groupby(self.experiments, key=lambda each: (each.host, each.components))
+        return tuple(tuple(group) for _, group in groups)
 
     @property
     def stopped(self) -> bool:
@@ -110,6 +119,7 @@ def _measure_all(
     """The outcome, and by data log the remeasurements that nothing is left to do for."""
     hosts = session.hosts
     experiments = experiments_of_request(hosts, request)
+    groups, begun = by_partition(experiments), 0
     method = method_of(request)
     results: list[ExperimentResult] = []
     findings: list[Diagnostic] = []
@@ -118,27 +128,32 @@ def _measure_all(
     names = [experiment.host.name for experiment in experiments]
     with hold_hosts(session, names) as held, starting_again(held) as still_stopped:
         remeasurements = _remeasurements(held, experiments, request)
-        for experiment in experiments:
-            path = data_log_path(hosts, experiment)
-            remeasurement = remeasurements.get(path)
+
+        def run(experiment: Experiment, method: Method) -> ExperimentResult:
+            remeasurement = remeasurements.get(data_log_path(hosts, experiment))
             seeded = replace(held, seed=remeasurement.seed) if remeasurement else held
-            result = run_experiment(seeded, experiment, method)
-            is_stopped = isinstance(result.conclusion, Stopped)
-            if remeasurement and not (is_stopped or isinstance(result.conclusion, SettingFailed)):
-                complete[path] = remeasurement
-            if prompt is not None and not is_stopped:
-                further = partial(_measure_further, held, experiment, request)
-                result, ended = _with_levels(hosts, result, prompt, further)
-                is_stopped = isinstance(result.conclusion, Stopped)
-            findings += findings_of(experiment, result.conclusion, result.settings, hosts.manifest.places)
-            results.append(result)
-            if is_stopped or ended:
+            return run_experiment(seeded, experiment, method)
+
+        for loads in groups:
+            beside = measure_beside_loads(loads, method, run)
+            if not isinstance(beside[-1].conclusion, Stopped | SettingFailed):
+                paths = [data_log_path(hosts, experiment) for experiment in loads]
+                complete |= {path: remeasurements[path] for path in paths if path in remeasurements}
+            if prompt is not None and not isinstance(beside[-1].conclusion, Stopped):
+                further = partial(_measure_further, held, loads, request)
+                answered, ended = _with_levels(hosts, decisive(beside), prompt, further)
+                beside = (*(each for each in beside if each.log != answered.log), answered)
+            answer = decisive(beside)
+            findings += findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
+            results += beside
+            begun += 1
+            if isinstance(beside[-1].conclusion, Stopped) or ended:
                 break
     planned = totals_at_hand(hosts.manifest)
     outcome = MeasureOutcome(
         experiments=tuple(results),
         findings=(*findings, *still_stopped),
-        not_begun=experiments[len(results) :],
+        not_begun=tuple(first for first, *_ in groups[begun:]),
         totals={name: planned.hosts[name] for name in names},
         fixed_lp={
             name: sum((each.reserved for each in placed_without_log(hosts.system, planned, [name])), Fraction(0))
@@ -163,13 +178,17 @@ def _with_levels(
 
 
 def _measure_further(
-    session: MeasuringSession, experiment: Experiment, request: MeasureRequest, reserves: tuple[int, ...]
+    session: MeasuringSession, loads: Sequence[Experiment], request: MeasureRequest, reserves: tuple[int, ...]
 ) -> ExperimentResult:
     """Measure these settings, or else search for the thresholds that the manifest has now; nothing is run twice."""
-    fresh, setup = session.hosts.reloaded(), experiment.setup
-    again = experiment_of(fresh.system, experiment.host, setup.members, setup.interference, request.samples)
+    fresh = session.hosts.reloaded()
+    again = [
+        experiment_of(fresh.system, before.host, before.setup.members, before.setup.interference, request.samples)
+        for before in loads
+    ]
     method = method_of(replace(request, reserves=reserves, coarse=False))
-    return run_experiment(replace(session, hosts=fresh), again, method)
+    run = partial(run_experiment, replace(session, hosts=fresh))
+    return decisive(measure_beside_loads(again, method, run))
 
 
 def _remeasurements(
@@ -209,7 +228,7 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
         request: Which components, and how.
 
     Returns:
-        `<host>.<experiment>.measure.ps1` and, once a host, `<host>.remove.measure.ps1`; inspected.
+        `<host>.<experiment>.<load>.measure.ps1` and, once a host, `<host>.remove.measure.ps1`; inspected.
 
     Raises:
         RequestError: A name is not in the manifest, or no script would run, since rarms measures there itself.
@@ -226,7 +245,10 @@ def measuring_scripts(hosts: Hosts, request: MeasureRequest = EVERYTHING) -> tup
             budget = host_budget(experiment.host, host.observe(), experiment.application)
             shapes, work = shapes_for(experiment, budget), work_in_test_partitions(experiment)
             for title, text in (
-                (experiment.name, host.measuring_script(experiment.application, shapes, work)),
+                (
+                    f"{experiment.name}.{experiment.setup.interference}",
+                    host.measuring_script(experiment.application, shapes, work),
+                ),
                 ("remove", host.measuring_script(experiment.application, (), ())),
             ):
                 file = f"{name}.{title}.measure.ps1"

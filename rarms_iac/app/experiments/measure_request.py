@@ -9,11 +9,12 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.measuring import measuring_findings as findings
-from rarms_iac.measuring.methods import USUAL_STEP, Method, Search, Verification
+from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search, Verification
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
+from rarms_iac.measuring.setup import Experiment, experiment_of, loads_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.host import Host
+from rarms_iac.model.loads import BUSY_LOOP
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
@@ -27,7 +28,7 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.system import RunsOn
+from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve
@@ -50,8 +51,11 @@ class MeasureRequest:
     )
     reserves: tuple[int, ...] = ()  # performance measurement mode; none: a search
     coarse: bool = False  # a coarse curve, as far as the host can give it, in place of a search
-    interference: str | None = option(
-        "--interference", metavar="NAME", help="The load beside it. [default: as the manifest says]"
+    interference: tuple[str, ...] = option(
+        "--interference",
+        metavar="NAME",
+        help="The load beside it; repeatable. [default: as the manifest says]",
+        default=(),
     )
     samples: int | None = samples_option()
     verify: bool = flag("--verify", help="Measure the reservation that the curve gives between two settings.")
@@ -85,6 +89,8 @@ class ExperimentResult:
     new: int  # how many of them were run now
     planned: LeastReserve | None  # what a plan reserves by the curve
     log: str  # path
+    so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
+    of_loads: Internal[int] = 1  # beside how many loads it was to be measured
 
     @property
     @output
@@ -207,7 +213,8 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         request: Which components.
 
     Returns:
-        In the order in which components are named; where none is named, the most critical first.
+        In the order in which components are named; where none is named, the most critical first. Of the same
+            components on the same host one a load, one after the other.
 
     Raises:
         RequestError: The request contradicts itself; a name is not in the manifest, or its component has no partition.
@@ -216,7 +223,7 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     system = hosts.system
     _refuse_contradictions(request)
     refuse_unknown(request.components, system.components, "component")
-    refuse_unknown((request.interference,) if request.interference else (), system.interference, "interference")
+    refuse_unknown(request.interference, system.interference, "interference")
     for name in request.components:
         if system.components[name].runs_on is RunsOn.HOST:
             message = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
@@ -226,11 +233,28 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         raise _nothing_to_measure(hosts)
     experiments: list[Experiment] = []
     for members in _members(hosts, request):
-        load = request.interference or interference_of(system, members)
+        loads = request.interference or loads_for(system, members, request.strategy)
         experiments += [
-            experiment_of(system, host, members, load, request.samples) for host in _hosts_to_measure_on(hosts, members)
+            experiment_of(system, host, members, load, request.samples)
+            for host in _hosts_to_measure_on(hosts, members)
+            for load in dict.fromkeys(loads)
         ]
     return tuple(experiments)
+
+
+def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[str, ...]:
+    """List the loads beside which components are measured together.
+
+    Args:
+        system: What the manifest says.
+        members: Names of the components.
+        strategy: The paper knows one load at a time: of several, the busy loop.
+
+    Returns:
+        Names, in the order in which they are measured.
+    """
+    loads = loads_of(system, members)
+    return (BUSY_LOOP,) if strategy == PAPER and len(loads) > 1 else loads
 
 
 def _refuse_contradictions(request: MeasureRequest) -> None:

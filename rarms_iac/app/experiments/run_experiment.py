@@ -270,7 +270,8 @@ def _describe_duration(
     clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
     most = show_duration(bounds.most_ms)
     most = f"{most}, as only `run.timeout` bounds a job" if bounds.by_timeout else f"about {most}"
-    return f"{experiment.name} on {experiment.host.name}{clock}: {settings}, {least}{most}."
+    subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
+    return f"{subject}{clock}: {settings}, {least}{most}."
 
 
 def _work_beside(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.experiments.measure_request import loads_for
 from rarms_iac.app.experiments.run_experiment import run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.measuring.measuring_findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
-from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
+from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import ThresholdCheck, apts_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
@@ -80,21 +81,24 @@ class TuningSubject:
         Returns:
             Whole per cent of each of P1's processors; 0: it has no room.
         """
-        return highest_reserve(
-            host_budget(self.host, self.state, self.system.application.name), self.experiment(members).setup
-        )
+        first, *_ = self.experiments(members)
+        return highest_reserve(host_budget(self.host, self.state, self.system.application.name), first.setup)
 
-    def experiment(self, members: Members, samples: int | None = None) -> Experiment:
-        """Return the experiment of these components together in P1, against the load that their reservation rests on.
+    def experiments(
+        self, members: Members, strategy: TuningStrategy = "default", samples: int | None = None
+    ) -> tuple[Experiment, ...]:
+        """Return the experiments of these components together in P1, one a load that their reservation stands up to.
 
         Args:
             members: the components, by sorted names.
+            strategy: by which it is asked: the paper's knows one load.
             samples: how many of each component a setting takes; None: as its `run.until` says.
 
         Returns:
-            The experiment; nothing is run.
+            Experiments that differ in nothing but the load; nothing is run.
         """
-        return experiment_of(self.system, self.host, members, interference_of(self.system, members), samples)
+        loads = loads_for(self.system, members, strategy)
+        return tuple(experiment_of(self.system, self.host, members, load, samples) for load in loads)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
         """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep.
@@ -286,7 +290,13 @@ class Experiments:
     def _measured(self, members: Members, reserve: int) -> frozenset[str]:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
-        experiment = self.subject.experiment(members, self.samples)
+        for experiment in self.subject.experiments(members, self.strategy, self.samples):
+            if worse := self._worse_beside(experiment, members, reserve):
+                return worse
+        return frozenset()
+
+    def _worse_beside(self, experiment: Experiment, members: Members, reserve: int) -> frozenset[str]:
+        """Those that one load has miss a threshold: what stands up to all loads stands up to each."""
         result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
         match result.conclusion:
             case Stopped():

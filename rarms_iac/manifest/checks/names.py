@@ -1,6 +1,6 @@
 """Checks of names: what they refer to, which ones Windows or rarms keeps for itself, and renamed partitions."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from rarms_iac.manifest.checks.common import Path, Violation, partition_names
 from rarms_iac.model.commands import command, prose
@@ -69,17 +69,26 @@ def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str
         yield from _each((*here, "together"), component.together, "component", system.components)
         yield from _each((*here, "apart"), component.apart, "component", system.components)
         yield from _each((*here, "hosts"), component.hosts or (), "host", system.hosts)
-        if component.interference is not None:
-            yield (*here, "interference"), component.interference, "interference", system.interference
+        yield from _loads((*here, "interference"), component.interference, system)
     for partition in system.partitions.values():
         path = ("partitions", partition.name, "components")
         yield from _each(path, partition.components, "component", system.components)
-    yield ("policy", "interference"), system.policy.interference, "interference", system.interference
+    yield from _loads(("policy", "interference"), system.policy.interference, system)
     if system.moved:
         partitions = partition_names(system)
         for old, new in system.moved.items():
             if new != old and system.moved.get(new) != old:  # else RARMS080 reports it
                 yield ("moved", old), new, "partition", partitions
+
+
+def _loads(
+    path: tuple[str, ...], names: Sequence[str], system: System
+) -> Iterator[tuple[Path, str, str, Collection[str]]]:
+    """NOTE: one name may stand without a list, and then has the path of the key."""
+    if len(names) == 1:
+        yield path, names[0], "interference", system.interference
+    else:
+        yield from _each(path, names, "interference", system.interference)
 
 
 def _each(
@@ -228,7 +237,7 @@ def no_components(system: System) -> Iterator[Violation]:
 
 def unused_interference(system: System) -> Iterator[Violation]:
     """Interference that neither the policy nor a component names."""
-    used = {system.policy.interference, *(component.interference for component in system.components.values())}
+    used = {*system.policy.interference}.union(*(component.interference for component in system.components.values()))
     for name in system.interference:
         if name not in used and name not in LOADS_WITHOUT_ENTRY:
             yield Violation(

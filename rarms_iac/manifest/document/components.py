@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
-from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, exactly_one, needed, optional
+from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, exactly_one, needed, one_or_several, optional
 from rarms_iac.manifest.document.quantities import (
     PositiveAmount,
     PositiveMemory,
@@ -174,7 +174,9 @@ class ComponentBlock(Block):
         "Acceptable performance thresholds: what is good enough, by performance index. Absent: it has none."
     )
     run: Maybe[RunBlock] = optional("How it is started and measured; absent: rarms does not run it.")
-    interference: Maybe[Name] = optional("The load against which its reservation is measured; absent: the policy's.")
+    interference: Maybe[one_or_several(Name)] = optional(  # type: ignore[valid-type]  # a type that a function makes
+        "The load, or loads, that its reservation must stand up to; absent: the policy's."
+    )
     memory: PositiveMemory = optional("The memory it needs: `512 MiB`.", "512 MiB")
     processors: Maybe[Annotated[int, Field(ge=1, le=2048)]] = optional(
         "Virtual processors of its partition; absent: as many as the host has logical ones."

@@ -17,7 +17,13 @@ from rarms_iac.model.diagnostics import Place, Places
 MOST_ERRORS = 1000
 """Errors shown of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
 
-_TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("components", "*", "run", "environment", "*"))
+_TAGGED = (
+    ("interference", "*"),
+    ("policy", "interference"),
+    ("components", "*", "interference"),
+    ("components", "*", "run", "arrival"),
+    ("components", "*", "run", "environment", "*"),
+)
 """Where pydantic puts the name of an alternative into the path; it is not in the text."""
 
 TOO_MANY_TO_LIST = 5000

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -64,6 +64,16 @@ def optional(description: str, default: Any = None, **more: Any) -> Any:
 def exactly_one(*names: str) -> Mapping[str, Any]:
     """The JSON Schema of a block that takes one of these keys."""
     return {"oneOf": [{"required": [name]} for name in names]}
+
+
+def _alternative(value: Any) -> str:
+    return "several" if isinstance(value, list) else "one"
+
+
+def one_or_several(item: Any) -> Any:
+    """The type of a field that takes one item, or a list of at least one."""
+    one, several = Annotated[item, Tag("one")], Annotated[list[item], Field(min_length=1), Tag("several")]
+    return Annotated[one | several, Discriminator(_alternative)]
 
 
 by_name = KeysLike(NAME_PATTERN)

@@ -5,12 +5,14 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
-from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, by_name, needed, optional
+from rarms_iac.manifest.document.fields import Block, KeysLike, Maybe, by_name, needed, one_or_several, optional
 from rarms_iac.manifest.document.hosts import MECHANISM, ConnectBlock, HostBlock, MechanismName, SecureBoot
 from rarms_iac.manifest.document.quantities import Duty, PositiveMemory, PositiveTime, Wait
 from rarms_iac.manifest.document.texts import CODE_PATTERN, Code, Day, Filled, LeastVersion, Name, Stressor, TaskName
+from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.names import TASK_PATTERN
 from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
+from rarms_iac.model.wording import in_a_row
 
 Level = Annotated[int, Field(ge=1, le=8)]
 
@@ -33,7 +35,9 @@ class MeasuringLimitsBlock(Block):
 class PolicyBlock(Block):
     """What rarms may do and prefers."""
 
-    interference: Name = optional("The load against which reservations are measured.", "busy-loop")
+    interference: Maybe[one_or_several(Name)] = optional(  # type: ignore[valid-type]  # a type that a function makes
+        f"The load, or loads, that reservations must stand up to; absent: {in_a_row(DEFAULT_LOADS)}."
+    )
     minimise: Annotated[Minimise, Field(strict=False)] = optional(
         "`combining`: rather reserve more than combine; `reservation`: rather combine than reserve more.", "combining"
     )

@@ -8,6 +8,7 @@ import pytest
 
 from rarms_iac.manifest.load import Loaded, load
 from rarms_iac.manifest.overlays import moved_path
+from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.run import Command, Elapsed, Run
 from rarms_iac.model.system import AtMost, Component
 from tests.unit.manifest.examples import no_checks
@@ -55,7 +56,7 @@ def test_null_removes_inside_what_the_manifest_does_not_have(tmp_path: Path) -> 
     read = loaded(tmp_path, SMALL, "policy: {interference: null, headroom: none}\n")
 
     assert read.system is not None
-    assert (read.system.policy.interference, read.system.policy.headroom) == ("busy-loop", "none")
+    assert (read.system.policy.interference, read.system.policy.headroom) == (DEFAULT_LOADS, "none")
 
 
 @pytest.mark.parametrize("overlay", ["run: {until: {elapsed: 3 s}}", "apt: {mean_response_time: {at_most: 7 ms}}"])

@@ -128,7 +128,7 @@ def test_a_component() -> None:
         task="ObjectIdentification",
         hosts=("onboard", "server"),
         runs_on=m.RunsOn.PARTITION,
-        interference="browsers",
+        interference=("browsers",),
         simulation=m.Simulation(
             work=ms("61.6"), blocked=ms("26.4"), varies=Percent(Fraction(5)), threads=2, success_within=ms("90")
         ),
@@ -207,7 +207,7 @@ def test_the_rest() -> None:
     }
     accept = m.Acceptance(code="RARMS041", at=("partition/senses",), reason="Known.", until=date(2027, 1, 31))
     assert SYSTEM.policy == m.Policy(
-        interference="busy",
+        interference=("busy",),
         minimise=m.Minimise.RESERVATION,
         headroom=m.Headroom.EQUAL,
         max_disruption=m.Disruption.PARTITION_STOP,

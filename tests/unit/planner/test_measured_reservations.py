@@ -14,7 +14,7 @@ from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_
 from tests.builders_measured import a_series, a_setting
 
 APT = {"mean_response_time": at_most(100)}
-Logs = Mapping[tuple[str, ...], MeasuredTogether | NotMeasured]
+Logs = Mapping[tuple[str, ...], MeasuredTogether | tuple[MeasuredTogether, ...] | NotMeasured]
 STEADY = [1.0, -1.0, 0.5, -0.5, 0.0] * 40
 
 
@@ -29,11 +29,12 @@ def measured(means: dict[int, float], component: str = "vision", *, processors: 
 
 
 def a_log(
-    means: dict[int, float], *names: str, processors: int = 2, remarks: tuple[Cause, ...] = ()
+    means: dict[int, float], *names: str, processors: int = 2, remarks: tuple[Cause, ...] = (), load: str = "busy-loop"
 ) -> MeasuredTogether:
     curves = {name: measured(means, name) for name in names or ("vision",)}
     return MeasuredTogether(
-        path="measurements/onboard/vision/busy-loop.jsonl",
+        path=f"measurements/onboard/vision/{load}.jsonl",
+        interference=load,
         processors=processors,
         measured=tuple(sorted(means)),
         curves=lambda component, _index: curves[component],
@@ -49,8 +50,10 @@ NOT_MEASURED = "new"
 def planned(system: System, logs: Logs) -> Planning:
     kinds = {name: host.platform for name, host in system.hosts.items()}
     platforms = set(kinds.values()) - {NOT_MEASURED}
-    everywhere: Mapping[tuple[Hashable, tuple[str, ...]], MeasuredTogether | NotMeasured] = {
-        (kind, names): log for names, log in logs.items() for kind in platforms
+    everywhere: dict[tuple[Hashable, tuple[str, ...]], tuple[MeasuredTogether, ...] | NotMeasured] = {
+        (kind, names): (log,) if isinstance(log, MeasuredTogether) else log
+        for names, log in logs.items()
+        for kind in platforms
     }
     source = MeasuredReservations(kinds=kinds, logs=everywhere)
     return plan_layout(system, source, {}, PathPlaces())
@@ -167,3 +170,22 @@ def test_another_apt_is_looked_up_in_the_same_log() -> None:
 
     assert reserves(planned(vision(apt={"mean_response_time": at_most(120)}), log)) == {"vision": 61}
     assert reserves(planned(vision(apt={"mean_response_time": at_most(800)}), log)) == {"vision": 10}
+
+
+def test_several_loads_reserve_what_the_hardest_of_them_asks_for() -> None:
+    logs = (
+        a_log({30: 110, 40: 95}, load="busy-loop"),
+        a_log({40: 105, 55: 95}, load="bursts-20"),
+        a_log({40: 99, 41: 95}, load="bursts-100"),
+    )
+
+    assert reserves(planned(vision(), {("vision",): logs})) == {"vision": 54}
+
+
+def test_a_load_beside_which_nothing_is_enough_leaves_no_reservation() -> None:
+    logs = (a_log({40: 95}), a_log({40: 120, 60: 110}, load="bursts-20"))
+
+    planning = planned(vision(), {("vision",): logs})
+
+    assert isinstance(planning.answer, Infeasible)
+    assert "bursts-20.jsonl" in " ".join(finding.detail for finding in planning.findings)

@@ -171,7 +171,7 @@ def written(
 def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
     assert written(seconds_since_start=1.0) == []
     assert written(seconds_since_start=32.0) == [
-        "vision at 62 %: 100 samples, mean_response_time 98 ms (90.2 to 105.8 ms), in 32 s\n"
+        "vision beside busy-loop at 62 %: 100 samples, mean_response_time 98 ms (90.2 to 105.8 ms), in 32 s\n"
     ]
 
 
@@ -187,8 +187,8 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     shown = screen.getvalue()
     progress.experiment_ended()
 
-    assert "vision  62 %  ..." in shown
-    assert "vision  62 %  50 samples, mean_response_time 98 ms, at most 12 s left" in shown
+    assert "vision beside busy-loop  62 %  ..." in shown
+    assert "vision beside busy-loop  62 %  50 samples, mean_response_time 98 ms, at most 12 s left" in shown
     assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 

@@ -138,8 +138,8 @@ def test_it_says_how_long_it_takes_before_the_first_setting() -> None:
     first = rarms(*SWEEP, "--stop-partitions", "--samples", "10")
     second = rarms(*SWEEP, "--stop-partitions", "--again", "--samples", "100")
 
-    assert re.search(r"vision on onboard \(simulated\): 2 settings, about \d+ s", first.err)
-    assert re.search(r"vision on onboard \(simulated\): 2 settings, .+ to about \d+ s", second.err)
+    assert re.search(r"vision beside busy-loop on onboard \(simulated\): 2 settings, about \d+ s", first.err)
+    assert re.search(r"vision beside busy-loop on onboard \(simulated\): 2 settings, .+ to about \d+ s", second.err)
 
 
 def test_stopping_and_measuring_beside_exclude_each_other() -> None:

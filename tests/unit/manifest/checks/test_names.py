@@ -22,10 +22,10 @@ ROOMY = a_host(keep_processor="10 %", keep_memory="1 GiB")
         (a_system(components=[a_component("vision", together=["visoin"])]), "components.vision.together.0"),
         (a_system(components=[VISION, a_component("speech", apart=["vision", "x"])]), "components.speech.apart.1"),
         (a_system(components=[a_component("vision", hosts=["onboard", "x"])]), "components.vision.hosts.1"),
-        (a_system(components=[a_component("vision", interference="x")]), "components.vision.interference"),
+        (a_system(components=[a_component("vision", interference=["x"])]), "components.vision.interference"),
         (a_system(partitions=[a_partition("p", components=["vision", "x"])]), "partitions.p.components.1"),
         (a_system(partitions=[a_partition("x")]), "partitions.x.components.0"),
-        (a_system(policy=Policy(interference="x")), "policy.interference"),
+        (a_system(policy=Policy(interference=("x",))), "policy.interference"),
         (a_system(moved={"eyes": "x"}), "moved.eyes"),
         (a_system(moved={"eyes": "watchdog"}, components=[VISION, ON_HOST], hosts=[ROOMY]), "moved.eyes"),
     ],
@@ -36,7 +36,7 @@ def test_a_name_that_nothing_has(system: System, path: str) -> None:
 
 def test_names_that_are_there_are_no_finding() -> None:
     system = a_system(
-        components=[a_component("vision", hosts=["onboard"], apart=["speech"], interference="busy-loop"), SPEECH],
+        components=[a_component("vision", hosts=["onboard"], apart=["speech"], interference=["busy-loop"]), SPEECH],
         partitions=[a_partition("both", components=["vision"])],
         moved={"eyes": "both", "ears": "speech"},
     )

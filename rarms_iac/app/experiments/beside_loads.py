@@ -1,0 +1,67 @@
+"""Components beside several loads, one after the other: each further load confirms the answer so far, or raises it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.measuring.methods import Method, Search
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
+from rarms_iac.planner.reservations import hardest
+
+Run = Callable[[Experiment, Method], ExperimentResult]
+"""Measures one experiment: components beside one load."""
+
+
+def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], ...]:
+    """Put the experiments of the same components on the same host together, one a load, in the order given.
+
+    Args:
+        experiments: Those of the same components and host follow one another.
+
+    Returns:
+        Groups that differ in nothing but the load.
+    """
+    groups = groupby(experiments, key=lambda each: (each.host.name, each.setup.members))
+    return tuple(tuple(group) for _, group in groups)
+
+
+def measure_beside_loads(experiments: Sequence[Experiment], method: Method, run: Run) -> tuple[ExperimentResult, ...]:
+    """Find the least reservation that stands up to every load.
+
+    The first load has a search. Each further one is asked whether the answer so far is enough beside it, and searched
+    above only where it is not; so the last answer is the greatest. A sweep and a verification are run beside each.
+
+    Args:
+        experiments: The same components on the same host, one a load.
+        method: How settings are chosen.
+        run: Called once a load, until there is no answer that another could confirm.
+
+    Returns:
+        A result for each load that was measured.
+    """
+    results: list[ExperimentResult] = []
+    for experiment in experiments:
+        so_far = results[-1].reserve if results else None
+        result = run(experiment, replace(method, floor=so_far or 0) if isinstance(method, Search) else method)
+        results.append(replace(result, so_far=so_far, of_loads=len(experiments)))
+        if isinstance(result.conclusion, NotAchievable | NotResolved | SettingFailed | Stopped):
+            break
+    return tuple(results)
+
+
+def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:
+    """Find the result that the answer rests on.
+
+    Args:
+        results: Of the same components, in the order in which loads were measured; at least one.
+
+    Returns:
+        The first with the answer of the last; where the last has none, the last. Of sweeps that by which a plan
+            reserves most.
+    """
+    last = results[-1]
+    if isinstance(last.conclusion, Swept):
+        return results[hardest([each.planned.reserve if each.planned else None for each in results])]
+    return last if last.reserve is None else next(each for each in results if each.reserve == last.reserve)

@@ -1,0 +1,145 @@
+"""Several loads: the first has a search, each further one confirms the answer or raises it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import chdir
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rarms_iac.app.experiments.beside_loads import by_partition, decisive, measure_beside_loads
+from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.measuring.methods import Method, Search
+from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
+from rarms_iac.statistics.curves import LeastReserve
+from tests.builders import a_component, a_host, a_system
+from tests.unit.cli.running import rarms
+
+SYSTEM = a_system(hosts=[a_host(), a_host("other")], components=[a_component("vision"), a_component("speech")])
+LOADS = ("busy-loop", "bursts-20", "bursts-100")
+
+
+def experiments(*loads: str, host: str = "onboard", member: str = "vision") -> tuple[Experiment, ...]:
+    return tuple(experiment_of(SYSTEM, SYSTEM.hosts[host], (member,), load) for load in loads)
+
+
+@dataclass
+class Needs:
+    """Answers at once: beside each load so many per cent are enough, and it notes from where it was asked."""
+
+    least: Mapping[str, int]  # 0: nothing is enough
+    asked: list[tuple[str, int]] = field(default_factory=list)
+
+    def run(self, experiment: Experiment, method: Method) -> ExperimentResult:
+        load = experiment.setup.interference
+        floor = method.floor if isinstance(method, Search) else -1
+        self.asked.append((load, floor))
+        needed = max(floor, self.least[load])
+        end: Conclusion = Sufficient(reserve=needed, failed=None) if self.least[load] else NotAchievable(reserve=100)
+        if isinstance(method, Sweep):
+            end = Swept()
+        planned = LeastReserve(reserve=self.least[load], interpolated=False)
+        return ExperimentResult(experiment=experiment, conclusion=end, settings=(), new=1, planned=planned, log=load)
+
+
+SEARCH = Search()
+
+
+def measure(needs: Needs, method: Method = SEARCH) -> Sequence[ExperimentResult]:
+    return measure_beside_loads(experiments(*LOADS), method, needs.run)
+
+
+def test_each_load_begins_with_the_answer_so_far_and_the_last_answer_stands_up_to_all() -> None:
+    needs = Needs({"busy-loop": 30, "bursts-20": 42, "bursts-100": 37})
+
+    results = measure(needs)
+
+    assert needs.asked == [("busy-loop", 0), ("bursts-20", 30), ("bursts-100", 42)]
+    assert [(result.so_far, result.reserve) for result in results] == [(None, 30), (30, 42), (42, 42)]
+    assert decisive(results).interference == "bursts-20"
+
+
+def test_without_an_answer_there_is_nothing_that_another_load_could_confirm() -> None:
+    needs = Needs({"busy-loop": 30, "bursts-20": 0, "bursts-100": 37})
+
+    results = measure(needs)
+
+    assert needs.asked == [("busy-loop", 0), ("bursts-20", 30)]
+    assert decisive(results).conclusion == NotAchievable(reserve=100)
+
+
+def test_an_end_that_is_asked_for_leaves_the_other_loads_out() -> None:
+    def stop(experiment: Experiment, _method: Method) -> ExperimentResult:
+        return ExperimentResult(
+            experiment=experiment, conclusion=Stopped(), settings=(), new=0, planned=None, log="log"
+        )
+
+    assert len(measure_beside_loads(experiments(*LOADS), Search(), stop)) == 1
+
+
+def test_a_sweep_runs_beside_each_load_and_shows_the_one_by_which_most_is_reserved() -> None:
+    needs = Needs({"busy-loop": 30, "bursts-20": 42, "bursts-100": 37})
+
+    results = measure(needs, Sweep(reserves=(40, 50)))
+
+    assert [load for load, _ in needs.asked] == [*LOADS]
+    assert decisive(results).interference == "bursts-20"
+
+
+def test_experiments_that_differ_in_the_load_alone_belong_together() -> None:
+    beside = [
+        experiments(*LOADS),
+        experiments("busy-loop", host="other"),
+        experiments("busy-loop", "bursts-20", member="speech"),
+    ]
+
+    assert list(by_partition([each for group in beside for each in group])) == beside
+
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 1, memory: 4 GiB }
+components:
+  a:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 6 ms } }
+    run: { command: [a], arrival: { every: 50 ms }, until: { samples: 300 } }
+    simulation: { work: 5 ms }
+policy: { interference: [busy-loop, bursts-100] }
+"""
+"""One of the pair that misses, measured beside the load that never pauses alone: 11 % are enough for it there."""
+
+
+def test_what_is_measured_beside_several_loads_is_what_a_plan_reserves(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    with chdir(tmp_path):
+        ran = rarms("measure", "--json")
+        again = rarms("measure")
+        planned = rarms("plan", "--json")
+        explained = rarms("explain", "a")
+
+    busy, bursts = json.loads(ran.out)["experiments"]
+    assert (busy["interference"], busy["so_far"]) == ("busy-loop", None)
+    assert (bursts["interference"], bursts["so_far"]) == ("bursts-100", busy["reserve"])
+    assert busy["reserve"] <= 12 < bursts["reserve"]
+    assert bursts["measured"][0]["reserve"] == busy["reserve"], "a further load is asked to confirm"
+    assert f"beside bursts-100 (busy-loop alone: {busy['reserve']} %)" in again.out
+    assert "0 of them new" in again.out
+    (onboard,) = json.loads(planned.out)["hosts"]
+    assert [change["reserved_lp"] for change in onboard["changes"]] == [bursts["reserve"] / 100]
+    assert "against bursts-100, which asks for most; busy-loop for no more" in " ".join(explained.out.split())
+
+
+def test_without_the_log_of_one_load_there_is_no_plan(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    with chdir(tmp_path):
+        rarms("measure", "--interference", "busy-loop")
+        planned = rarms("plan")
+        both = rarms("measure", "--interference", "busy-loop", "--interference", "bursts-100")
+
+    assert planned.code != 0
+    assert "no data log on onboard against bursts-100" in planned.err
+    assert both.code == 0, both.err
