@@ -72,8 +72,8 @@ def _alternative(value: Any) -> str:
 
 def one_or_several(item: Any) -> Any:
     """The type of a field that takes one item, or a list of at least one."""
-    one, several = Annotated[item, Tag("one")], Annotated[list[item], Field(min_length=1), Tag("several")]
-    return Annotated[one | several, Discriminator(_alternative)]
+    single, several = Annotated[item, Tag("one")], Annotated[list[item], Field(min_length=1), Tag("several")]
+    return Annotated[single | several, Discriminator(_alternative)]
 
 
 by_name = KeysLike(NAME_PATTERN)
