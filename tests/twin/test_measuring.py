@@ -305,7 +305,7 @@ def test_a_script_that_somebody_edited_must_not_run(
     monkeypatch.setattr(provider, "transport_to", lambda _host: TwinTransport(a_measurable_windows()))
     script, removal = measure.measuring_scripts(app_hosts.load(str(tmp_path)))
 
-    assert [made.name for made in (script, removal)] == ["cell.vision.measure.ps1", "cell.remove.measure.ps1"]
+    assert [made.name for made in (script, removal)] == ["cell.vision.busy-loop.measure.ps1", "cell.remove.measure.ps1"]
     assert old in script.text
     for made in (script, removal):
         assert inspect(made.text.encode("ascii"), entry=MEASURING_ENTRY) == ()
