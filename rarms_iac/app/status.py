@@ -11,15 +11,15 @@ from rarms_iac.app.hosts import Hosts, last_runs, observe_host
 from rarms_iac.app.report import NOTHING_MEASURED, measured_report
 from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.applying.preconditions import no_rights
+from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
-from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import PastRun, history_of
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
 from rarms_iac.model.system import System
-from rarms_iac.model.totals import HostTotals, host_totals, totals_of
+from rarms_iac.model.totals import HostTotals, host_totals
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
@@ -242,7 +242,7 @@ def _host_overview(
         totals=host_totals(
             system.hosts[name],
             state.facts,
-            totals_of((partition.claim for partition in own), foreign_claims(state, application)),
+            totals_after(state, application, (), components),
         ),
         partitions=tuple(
             PartitionStatus(

@@ -12,8 +12,8 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.requested_changes import adoption, releasing, start_changes, stop_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
+from rarms_iac.applying.state_after import totals_after
 from rarms_iac.applying.targets import is_below, targeted, unknown_targets
-from rarms_iac.applying.totals import totals_after
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.disruption import HostContext
@@ -126,7 +126,7 @@ def _host_plan(
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_after(observed, _final_state(request, desired), application, held.allowed, steps),
+        totals=totals_after(observed, application, held.allowed, _wanted(request, desired)),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.placed},
         mechanisms=mechanisms or None,
@@ -147,10 +147,11 @@ def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -
     )
 
 
-def _final_state(request: PlanRequest, desired: Desired) -> State:
-    """Return the State that the host is to have in the end; a stop or a start keeps the partitions that are there."""
+def _wanted(request: PlanRequest, desired: Desired) -> frozenset[str]:
+    """The partitions that the host is to have in the end; a stop or a start keeps those that are there."""
     keeps = request.purpose in {Purpose.STOP, Purpose.START}
-    return desired.observed.of(request.application) if keeps else desired.state
+    final = desired.observed.of(request.application) if keeps else desired.state
+    return frozenset(partition.settings.name for partition in final.partitions)
 
 
 def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:

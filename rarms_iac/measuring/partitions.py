@@ -11,7 +11,7 @@ from fractions import Fraction
 from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits
-from rarms_iac.model.claims import WHOLE, Claim
+from rarms_iac.model.claims import WHOLE, Claim, load_of
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.measurement import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.operations import (
@@ -147,7 +147,7 @@ def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
     Returns:
         Bytes; negative where more is promised than there is.
     """
-    free = budget.capacity.memory - sum(other.memory for other in budget.claims) - taken
+    free = budget.capacity.memory - load_of(budget.claims).memory - taken
     return min(budget.load_memory, free // MEMORY_GRAIN * MEMORY_GRAIN)
 
 

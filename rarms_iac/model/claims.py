@@ -24,6 +24,11 @@ class Claim:
         """The processor time of it, in per cent of one logical processor."""
         return self.processors * self.reserve
 
+    @property
+    def idle_percent(self) -> int:
+        """The part of `percent` that no virtual processor of the partition can use."""
+        return self.idle * self.reserve
+
     def is_less_than(self, after: "Claim") -> bool:
         """Whether `after` promises more processor time or memory than this.
 
@@ -75,11 +80,17 @@ class Load:
 
     percent: int = 0  # of one logical processor
     memory: int = 0  # bytes
+    idle_percent: int = 0  # of `percent`: beside virtual processors
 
     @property
     def processors(self) -> LogicalProcessors:
         """The same promise in logical processors."""
         return LogicalProcessors(Fraction(self.percent, WHOLE))
+
+    @property
+    def idle_processors(self) -> LogicalProcessors:
+        """The logical processors that stand idle beside virtual ones."""
+        return LogicalProcessors(Fraction(self.idle_percent, WHOLE))
 
 
 def load_of(claims: Iterable[Claim]) -> Load:
@@ -91,8 +102,9 @@ def load_of(claims: Iterable[Claim]) -> Load:
     Returns:
         The sums.
     """
-    percent = memory = 0
+    percent = memory = idle = 0
     for claim in claims:
         percent += claim.percent
         memory += claim.memory
-    return Load(percent=percent, memory=memory)
+        idle += claim.idle_percent
+    return Load(percent=percent, memory=memory, idle_percent=idle)

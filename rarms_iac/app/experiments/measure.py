@@ -39,7 +39,7 @@ from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.output import Internal
-from rarms_iac.model.totals import HostTotals
+from rarms_iac.model.totals import HostTotals, totals_of
 from rarms_iac.providers.measuring import ScriptedMeasuringHost
 from rarms_iac.storage.datalog.log import Remeasurement
 
@@ -156,7 +156,7 @@ def _measure_all(
         not_begun=tuple(first for first, *_ in groups[begun:]),
         totals={name: planned.hosts[name] for name in names},
         fixed_lp={
-            name: sum((each.reserved for each in placed_without_log(hosts.system, planned, [name])), Fraction(0))
+            name: totals_of(each.claim for each in placed_without_log(hosts.system, planned, [name])).reserved_lp
             for name in names
         },
         ended=ended,

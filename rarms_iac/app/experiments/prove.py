@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -18,6 +17,7 @@ from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import lock_timeout_option, option
 from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.app.requests import PlanLimits
+from rarms_iac.applying.state_after import totals_after
 from rarms_iac.measuring import measuring_findings as findings
 from rarms_iac.measuring.measuring_findings import index_facts, show_index
 from rarms_iac.measuring.partitions import host_budget, partition_name
@@ -241,7 +241,7 @@ def _layout_on(hosts: Hosts, name: str, states: Mapping[str, State], groups: Seq
     return AppliedLayout(
         application=system.application.name,
         host_processors=host.logical_processors,
-        reserved=sum(reserves.values(), Fraction(0)),
+        reserved=totals_after(states[name], system.application.name, (), ()).reserved_lp,
         partitions={group.name: group.members for group in groups},
         reserves={partition: float(processors) for partition, processors in reserves.items()},
         on_host=on_host,

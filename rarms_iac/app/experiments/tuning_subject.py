@@ -25,7 +25,7 @@ from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
-from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_in, least_cost
+from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_on, least_cost
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
@@ -204,7 +204,7 @@ def subject_of_tuning(hosts: Hosts, host: Host, states: Mapping[str, State]) -> 
         problem=problem,
         state=states[host.name],
         cois=cois,
-        capacity=sum(free_in(host_bin).percent for host_bin in chosen),
+        capacity=free_on(chosen).percent,
         fixed=sum(least_cost(item) for item in problem.items if item.name not in tuned),
         predict=predictor_of(alone_in(groups, reservations, host)),
     )

@@ -4,15 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.review.partitions_after import partitions_after
+from rarms_iac.applying.state_after import partitions_after
 from rarms_iac.model.capacity import capacity_of, foreign_claims, packs_by_size
-from rarms_iac.model.claims import WHOLE
+from rarms_iac.model.claims import load_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import HostPlan, Purpose
-from rarms_iac.model.quantities import LogicalProcessors, show_processors
+from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, ValueKind
 from rarms_iac.model.system import TaskCategory
 from rarms_iac.model.wording import in_a_row
@@ -28,12 +28,14 @@ SMT_COSTS = Finding.note("RARMS231", "Logical processors stand idle beside parti
 def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Under the core scheduler with SMT a core never runs two machines, so that some reserve more than they can use."""
     costs = {
-        partition.settings.name: Fraction(partition.claim.idle * partition.claim.reserve, WHOLE)
-        for partition in partitions_after(desired.observed, request.application, plan)
-        if partition.claim.idle * partition.claim.reserve
+        partition.settings.name: partition.claim
+        for partition in partitions_after(desired.observed, request.application, plan.changes)
+        if partition.claim.idle_percent
     }
     if plan.changes and costs:
-        names = in_a_row([f"{name} ({show_processors(LogicalProcessors(cost))})" for name, cost in costs.items()])
+        names = in_a_row(
+            [f"{name} ({show_processors(load_of([claim]).idle_processors)})" for name, claim in costs.items()]
+        )
         yield SMT_COSTS.at(
             None,
             f"The core scheduler of {desired.host} runs one machine on a core at a time. What is reserved for {names} "
@@ -41,7 +43,11 @@ def review_smt(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterat
             "itself.",
             "Give it an even number of `processors`, leave HwThreadCountPerCore at 0, or combine components.",
             address=f"host/{desired.host}",
-            values={"host": desired.host, "partitions": tuple(costs), "idle_lp": float(sum(costs.values()))},
+            values={
+                "host": desired.host,
+                "partitions": tuple(costs),
+                "idle_lp": float(load_of(costs.values()).idle_processors),
+            },
         )
 
 
@@ -52,7 +58,7 @@ def review_script_placement(request: PlanRequest, desired: Desired, plan: HostPl
     """
     if plan.host.provider is not ProviderKind.HYPERV or not plan.changes:
         return
-    partitions = partitions_after(desired.observed, request.application, plan)
+    partitions = partitions_after(desired.observed, request.application, plan.changes)
     managed = [partition.claim for partition in partitions if partition.settings.running]
     claims = (*foreign_claims(desired.observed, request.application), *managed)
     if managed and not packs_by_size(claims, capacity_of(plan.host, desired.observed.facts)):
@@ -82,7 +88,7 @@ def review_unmanaged_machines(request: PlanRequest, desired: Desired, plan: Host
     managed_before = (partition.settings for partition in managed)
     others = [machine.settings for machine in unmanaged]
     before = [*others, *(settings for settings in managed_before if settings.running)]
-    remaining = partitions_after(desired.observed, request.application, plan)
+    remaining = partitions_after(desired.observed, request.application, plan.changes)
     after = [*others, *(partition.settings for partition in remaining if partition.settings.running)]
     available = desired.observed.facts.logical_processors
     losers: dict[str, str] = {}  # by machine id

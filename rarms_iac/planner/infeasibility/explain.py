@@ -5,10 +5,10 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import chain, islice, zip_longest
 
-from rarms_iac.model.claims import WHOLE
+from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation, RelaxationKind
-from rarms_iac.model.quantities import LogicalProcessors, show_bytes, show_lp_percent, show_percent, show_processors
+from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
 from rarms_iac.planner import planning_findings as findings
 from rarms_iac.planner.groups import Group
@@ -22,7 +22,7 @@ from rarms_iac.planner.infeasibility.relaxations import (
     processor_relaxations,
     reserve_relaxations,
 )
-from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
+from rarms_iac.planner.packing.values import Bin, Item, free_in, free_on, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
 
 MOST_NAMES = 12
@@ -91,13 +91,14 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
         message += " Whether fewer of them conflict was not searched to the end."
     if conflict.lacking != "memory":
         message += "".join(_describe_smt(conflict, host) for host in conflict.bins)
+    free = free_on(conflict.bins)
     values: Facts = {
         "partitions": tuple(item.name for item in conflict.items),
         "hosts": tuple(host.name for host in conflict.bins),
         "needs_lp": sum(map(least_cost, conflict.items)) / 100,
-        "has_lp": sum(max(0, free_in(host).percent) for host in conflict.bins) / 100,
+        "has_lp": float(free.processors),
         "needs_memory_bytes": sum(map(least_memory, conflict.items)),
-        "has_memory_bytes": sum(max(0, free_in(host).memory) for host in conflict.bins),
+        "has_memory_bytes": free.memory,
     }
     return Cause(address=f"host/{conflict.bins[0].name}", message=message, code=finding.code, values=values)
 
@@ -105,12 +106,12 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
 def _describe_smt(conflict: Conflict, host: Bin) -> str:
     """What it costs there that a core never runs two machines; empty where it costs nothing."""
     claims = [*host.foreign_claims, *(item.claims[host.name] for item in conflict.items if host.name in item.claims)]
-    idle = Fraction(sum(claim.idle * claim.reserve for claim in claims), WHOLE)
+    idle = load_of(claims).idle_processors
     if not idle:
         return ""
     return (
         f" The core scheduler of {host.name} runs one machine on a core at a time: of its "
-        f"{_logical_processors(host)}, {number(host.capacity.cores)} cores, {show_processors(LogicalProcessors(idle))} "
+        f"{_logical_processors(host)}, {number(host.capacity.cores)} cores, {show_processors(idle)} "
         "would stand idle beside machines with an odd number of virtual processors or without SMT of their own. Even "
         "numbers of `processors`, and HwThreadCountPerCore 0, avoid that."
     )
@@ -119,8 +120,7 @@ def _describe_smt(conflict: Conflict, host: Bin) -> str:
 def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
     """As in: FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors."""
     if len(conflict.bins) > 1:
-        free = sum(max(0, free_in(host).percent) for host in conflict.bins)
-        return _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free)
+        return _sum_exceeds(conflict, problem, least_cost, show_lp_percent, free_on(conflict.bins).percent)
     host = conflict.bins[0]
     whole = host.capacity.logical_processors
 
@@ -129,7 +129,7 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
 
     promised = (
         (100 * (whole - host.capacity.processors), "kept for the host"),
-        (sum(claim.percent for claim in host.foreign_claims), "taken by unmanaged machines"),
+        (load_of(host.foreign_claims).percent, "taken by unmanaged machines"),
     )
     parts = [f"{share(amount)} {purpose}" for amount, purpose in promised if amount]
     note = f"; {share(max(0, free_in(host).percent))} is free beside {in_a_row(parts)}" if parts else ""
@@ -138,8 +138,7 @@ def _processors_exceed(conflict: Conflict, problem: Problem) -> str:
 
 
 def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
-    free = sum(max(0, free_in(host).memory) for host in conflict.bins)
-    return _sum_exceeds(conflict, problem, least_memory, show_bytes, free)
+    return _sum_exceeds(conflict, problem, least_memory, show_bytes, free_on(conflict.bins).memory)
 
 
 def _sum_exceeds(

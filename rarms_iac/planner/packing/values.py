@@ -86,6 +86,19 @@ def free_in(host: Bin) -> Load:
     return Load(percent=whole - foreign.percent, memory=host.capacity.memory - foreign.memory)
 
 
+def free_on(bins: Iterable[Bin]) -> Load:
+    """Add up what hosts have left to promise; where too much is promised on one, the others do not make up for it.
+
+    Args:
+        bins: the hosts.
+
+    Returns:
+        Per cent of one logical processor, and bytes.
+    """
+    free = [free_in(host) for host in bins]
+    return Load(percent=sum(max(0, load.percent) for load in free), memory=sum(max(0, load.memory) for load in free))
+
+
 def claims_by_host(items: Iterable[Item], bins: Sequence[Bin], host_of: Mapping[str, str]) -> dict[str, list[Claim]]:
     """Return all that each host would have to promise, other machines included.
 

@@ -1,16 +1,15 @@
 from dataclasses import replace
 
-from rarms_iac.applying.totals import totals_after
-from rarms_iac.model.changes import Address
-from rarms_iac.model.claims import Claim
-from rarms_iac.model.plan import Purpose, Step
+from rarms_iac.applying.state_after import totals_after
+from rarms_iac.model.changes import Address, Delete, Reason, Update
+from rarms_iac.model.plan import Purpose
 from rarms_iac.model.state import State
-from rarms_iac.model.system import StartMode
+from rarms_iac.model.system import Disruption, StartMode
 from rarms_iac.model.totals import Totals
 from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.plan import plan_text
 from tests.builders import a_component, a_host, a_partition, a_system
-from tests.builders_plan import facts, partition, settings, step
+from tests.builders_plan import facts, partition, settings
 from tests.lab import a_lab
 
 
@@ -23,19 +22,20 @@ def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> N
             partition(settings("speech", reserve=20), application="other"),
         ),
     )
-    lowered = step(Address(partition="vision"))
-    removed = step(Address(partition="video", machine="id-of-video"))
-
-    after = totals_after(
-        observed,
-        State(facts=facts()),
-        "robot",
-        (),
-        [
-            step_with(lowered, Claim(processors=2, reserve=30, memory=2**29)),
-            step_with(removed, Claim()),
-        ],
+    vision, video, _ = observed.partitions
+    reason = Reason(message="the manifest wants less")
+    lowered = Update(
+        address=Address(partition="vision", machine=vision.id),
+        before=vision,
+        after=replace(vision, settings=settings("vision", reserve=30)),
+        reason=reason,
+        disruption=Disruption.LIVE,
     )
+    removed = Delete(
+        address=Address(partition="video", machine=video.id), before=video, reason=reason, disruption=Disruption.REMOVAL
+    )
+
+    after = totals_after(observed, "robot", (lowered, removed), {"vision"})
 
     assert after == Totals(percent=60, memory=2**29, others_percent=40, others_memory=2**29)
 
@@ -69,7 +69,3 @@ def test_a_partition_that_is_started_by_hand_is_promised_what_the_planner_counts
     assert first.hosts[0].totals == Totals(percent=80, memory=memory, idle_percent=80, idle_memory=memory)
     assert again.hosts[0].totals == first.hosts[0].totals
     assert "of these, 0.8 LP and 512 MiB by partitions that do not run" in render(plan_text(first), UNLIMITED)
-
-
-def step_with(step: Step, claim: Claim) -> Step:
-    return replace(step, claim_after=claim)
