@@ -84,6 +84,10 @@ def _no_venv() -> str:
 
 
 NEEDS: dict[str, Need] = {
+    "ansible": Need(
+        missing=lambda: "" if importlib.util.find_spec("ansible") else "ansible-core is not installed",
+        obtainable=_on_posix,
+    ),
     "bash": Need(missing=_program("bash"), obtainable=_on_posix),
     "chromium": Need(missing=lambda: _program("chromium")() or _program("chromedriver")(), obtainable=_on_linux),
     "control-groups": Need(

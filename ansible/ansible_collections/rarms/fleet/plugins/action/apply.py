@@ -1,0 +1,132 @@
+# Copyright: the rarms authors. Apache-2.0 (see LICENSE).
+"""Plans a robot, applies that or a reviewed plan, or removes what rarms made there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
+    RARMS_MISSING,
+    Result,
+    Robot,
+    RobotAction,
+    failure,
+    json_value,
+)
+
+if not RARMS_MISSING:
+    from rarms_iac.app.applying import abandon_runs, apply, finish_runs, last_applies, undo_applies
+    from rarms_iac.app.errors import RequestError
+    from rarms_iac.app.files import read_plan_file, write_plan_file
+    from rarms_iac.app.hosts import refuse_unfinished, unfinished_runs
+    from rarms_iac.app.options import read_time
+    from rarms_iac.app.planning import plan as make_plan
+    from rarms_iac.app.planning import plan_request
+    from rarms_iac.app.requests import PlanLimits
+    from rarms_iac.applying.run_report import RunEnding, RunReport
+    from rarms_iac.model.plan import Plan, Purpose
+    from rarms_iac.model.system import Disruption
+    from rarms_iac.providers.interface import WaitLimits
+
+
+class ActionModule(RobotAction):
+    """`rarms.fleet.apply`."""
+
+    ARGUMENTS = {
+        "state": {"type": "str", "choices": ["planned", "applied", "absent"], "default": "applied"},
+        "plan": {"type": "path"},
+        "max_disruption": {"type": "str", "choices": ["live", "partition_stop", "host_restart", "removal"]},
+        "unfinished": {"type": "str", "choices": ["finish", "undo", "abandon", "fail"], "default": "finish"},
+        "lock_timeout": {"type": "str", "default": "0s"},
+    }
+
+    def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
+        """See `RobotAction.act`: settle what is unfinished, plan, and do it."""
+        state, file = arguments["state"], arguments["plan"] and self._below(arguments["plan"])
+        if state == "absent" and file:
+            raise RequestError("`state: absent` makes its own plan: it takes no `plan`.")
+        waits = WaitLimits(lock_ms=read_time(arguments["lock_timeout"]))
+        is_preview = state == "planned" or self._task.check_mode
+        settled = None
+        if is_preview or arguments["unfinished"] == "fail":
+            refuse_unfinished(robot.hosts)
+        else:
+            settled = _settle(robot, arguments["unfinished"], waits)
+            if settled is not None and settled.ending is not RunEnding.DONE:
+                return self._ended(settled)
+        if state == "applied" and file:
+            plan = _reviewed(robot, file)
+        else:
+            plan = make_plan(robot.hosts, _request(robot, arguments))
+        result = self._planned(plan)
+        if is_preview:
+            if file and state == "planned" and not self._task.check_mode:
+                write_plan_file(file, plan)
+            return {**result, "changed": state != "planned" and plan.has_changes}
+        report = apply(plan, folder=robot.hosts.folder, waits=waits, channels=robot.hosts.channels)
+        ended = self._ended(report)
+        return {**result, **ended, "changed": ended["changed"] or settled is not None}
+
+    def remove_stale(self, arguments: Mapping[str, Any]) -> None:
+        """Remove the plan file of an earlier run: it must not be reviewed as today's."""
+        if arguments["state"] == "planned" and arguments["plan"]:
+            Path(self._below(arguments["plan"])).unlink(missing_ok=True)
+
+    def _planned(self, plan: Plan) -> Result:
+        result: Result = {"plan": json_value(plan), "has_changes": plan.has_changes}
+        if self._task.diff:
+            result["diff"] = [entry for part in plan.hosts for entry in map(_difference, part.changes)]
+        return result
+
+    def _ended(self, report: RunReport) -> Result:
+        ended = {"changed": any(host.changed for host in report.hosts), "run": json_value(report)}
+        if report.ending in {RunEnding.DONE, RunEnding.NOTHING}:
+            return ended
+        message = "" if report.findings else f"The run was {report.ending.value}."
+        return {**failure(message, report.findings), **ended}
+
+
+def _request(robot: Robot, arguments: Mapping[str, Any]) -> Any:
+    limit = arguments["max_disruption"]
+    limits = PlanLimits(max_disruption=Disruption(limit) if limit else None)
+    request = plan_request(robot.hosts, limits)
+    return replace(request, purpose=Purpose.DESTROY) if arguments["state"] == "absent" else request
+
+
+def _settle(robot: Robot, how: str, waits: WaitLimits) -> RunReport | None:
+    """End the run that an earlier task or person left; None: there is none."""
+    if not list(unfinished_runs(robot.hosts)):
+        return None
+    host = robot.hosts.open(robot.host)
+    match how:
+        case "finish":
+            return finish_runs([host], waits=waits)
+        case "undo":
+            return undo_applies(last_applies(robot.hosts), waits=waits)
+        case _:
+            return next(iter(abandon_runs([host], waits=waits).values()))
+
+
+def _reviewed(robot: Robot, file: str) -> Plan:
+    plan = read_plan_file(file)
+    names = [part.host.name for part in plan.hosts]
+    if names != [robot.host] or plan.application != robot.hosts.system.application.name:
+        raise RequestError(f"{file} is a plan of {plan.application} on {', '.join(names)}, not of this robot.")
+    return plan
+
+
+def _difference(change: Any) -> Result:
+    header = str(change.address)
+    before, after = (
+        "".join(f"{attribute.name}: {value}\n" for attribute in change.attributes if (value := _side(attribute, side)))
+        for side in ("before", "after")
+    )
+    return {"before_header": header, "after_header": header, "before": before, "after": after}
+
+
+def _side(attribute: Any, side: str) -> str:
+    value = getattr(attribute, side)
+    return "" if value is None else str(value)

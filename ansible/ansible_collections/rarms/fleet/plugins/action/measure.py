@@ -1,0 +1,44 @@
+# Copyright: the rarms authors. Apache-2.0 (see LICENSE).
+"""Measures components on one robot, and brings the data logs back beside the manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ansible_collections.rarms.fleet.plugins.plugin_utils.on_robot import RUN_ON_ROBOT, fetch_measurements, run_on_robot
+from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import (
+    RARMS_MISSING,
+    Result,
+    Robot,
+    RobotAction,
+    failure,
+    json_value,
+)
+
+if not RARMS_MISSING:
+    from rarms_iac.app.experiments.measure import measure_components
+    from rarms_iac.app.experiments.measure_request import MeasureRequest
+    from rarms_iac.model.host import ProviderKind
+
+
+class ActionModule(RobotAction):
+    """`rarms.fleet.measure`."""
+
+    _supports_check_mode = False
+    ARGUMENTS = {**RUN_ON_ROBOT, "components": {"type": "list", "elements": "str", "default": []}}
+
+    def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
+        if robot.provider is ProviderKind.SIMULATED:
+            outcome = measure_components(robot.hosts, MeasureRequest(components=tuple(arguments["components"])))
+            answer, logs = json_value(outcome), sorted({result.log for result in outcome.experiments})
+        else:
+            channel = self.channel(robot)
+            ran = run_on_robot(channel, arguments, ["measure", *arguments["components"]])
+            answer, logs = ran["answer"], fetch_measurements(channel, robot, arguments["folder"])
+        new = sum(experiment["new"] for experiment in answer.get("experiments", ()))
+        result = {"changed": new > 0, "measured": answer, "logs": logs, "new_settings": new}
+        if answer.get("kind") != "measure":  # the findings of a refusal
+            reasons = "; ".join(f"{each['summary']} ({each['code']}): {each['detail']}" for each in answer["findings"])
+            return {**result, **failure(reasons)}
+        return result

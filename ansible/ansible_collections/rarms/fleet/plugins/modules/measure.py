@@ -1,0 +1,53 @@
+# Copyright: the rarms authors. Apache-2.0 (see LICENSE).
+"""The documentation of the action plugin of this name."""
+
+from __future__ import annotations
+
+DOCUMENTATION = """
+module: measure
+author: The rarms authors (@rarms)
+short_description: Measure on one robot what CPU reservation its components need
+version_added: 0.1.0
+description:
+  - Finds the least reservation with which each component meets its thresholds, for all robots of one platform.
+  - Run it on one idle robot of each, as the role P(rarms.fleet.measure#role) does.
+  - A simulated robot is measured on the controller. On any other the components run on the robot, so C(rarms) and the
+    manifest's folder have to be there; the data logs come back beside the manifest on the controller, for git.
+extends_documentation_fragment: rarms.fleet.robot
+options:
+  components:
+    description: Which components; none means all that have a threshold.
+    type: list
+    elements: str
+    default: []
+  folder:
+    description: Where the robot keeps the manifest; not used of a simulated robot.
+    type: str
+  executable:
+    description: What C(rarms) is called on the robot.
+    type: str
+    default: rarms
+"""
+
+EXAMPLES = """
+- name: Measure a camera's component on one robot of the platform
+  rarms.fleet.measure:
+    components: [face-detection]
+    folder: /opt/robot
+"""
+
+RETURN = """
+measured:
+  description: The result, as C(rarms measure --json) writes it.
+  type: dict
+  returned: always
+logs:
+  description: Data logs beside the manifest that the result rests on.
+  type: list
+  elements: str
+  returned: always
+new_settings:
+  description: How many settings were measured now; what was recorded earlier is not run again.
+  type: int
+  returned: always
+"""

@@ -1,0 +1,41 @@
+# Copyright: the rarms authors. Apache-2.0 (see LICENSE).
+"""The documentation of the action plugin of this name."""
+
+from __future__ import annotations
+
+DOCUMENTATION = """
+module: prove
+author: The rarms authors (@rarms)
+short_description: Show that the components of a robot meet their thresholds all together
+version_added: 0.1.0
+description:
+  - Runs all components in the layout that is applied, beside the loads of the manifest's policy, and fails where a
+    threshold is missed or was not shown to be met.
+  - Uses all idle time of the robot while it lasts.
+extends_documentation_fragment: rarms.fleet.robot
+options:
+  load_host:
+    description: Must be true, since the proof uses all idle time of the robot.
+    type: bool
+    default: false
+  folder:
+    description: Where the robot keeps the manifest; not used of a simulated robot.
+    type: str
+  executable:
+    description: What C(rarms) is called on the robot.
+    type: str
+    default: rarms
+"""
+
+EXAMPLES = """
+- name: Prove the first robot of a roll-out before the others follow
+  rarms.fleet.prove:
+    load_host: true
+"""
+
+RETURN = """
+proof:
+  description: The proof, as C(rarms prove --json) writes it.
+  type: dict
+  returned: always
+"""

@@ -1,0 +1,89 @@
+# Copyright: the rarms authors. Apache-2.0 (see LICENSE).
+"""Commands of rarms that have to run on the robot itself, since they run its components; files come back from there."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+import json
+import re
+import shlex
+import tarfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ansible_collections.rarms.fleet.plugins.plugin_utils.robot import RARMS_MISSING, ConnectionChannel, Result, Robot
+
+if not RARMS_MISSING:
+    from rarms_iac.app.errors import RequestError
+    from rarms_iac.app.files import make_folder, write_file
+
+SILENCE_S = 3600.0
+LOG = re.compile(r"[a-z0-9][a-z0-9-]*/[a-z0-9][a-z0-9+-]*(?:/[a-z0-9][a-z0-9-]*)?\.(?:jsonl|json)")
+"""A file below `measurements/`, as rarms names them."""
+
+RUN_ON_ROBOT = {
+    "folder": {"type": "str"},
+    "executable": {"type": "str", "default": "rarms"},
+}
+"""Arguments of an action that runs components."""
+
+
+def run_on_robot(channel: ConnectionChannel, arguments: Any, words: Sequence[str]) -> Result:
+    """Run a command of rarms in the robot's own copy of the manifest's folder.
+
+    Args:
+        channel: to the robot.
+        arguments: of the action; `folder` is where the robot keeps the manifest with its overlays.
+        words: of the command, behind the program's name.
+
+    Returns:
+        Its JSON, exit code and what it said.
+
+    Raises:
+        RequestError: no folder is named, or the command gave no JSON.
+    """
+    if not arguments["folder"]:
+        raise RequestError(
+            "The components run on the robot: say with `folder` where it keeps the manifest, and have rarms there."
+        )
+    command = shlex.join([arguments["executable"], *words, "--json"])
+    answer = channel.run(f"cd {shlex.quote(arguments['folder'])} && {command}", b"", SILENCE_S)
+    try:
+        return {"answer": json.loads(answer.output), "code": answer.code, "stderr": answer.error}
+    except ValueError as error:
+        raise RequestError(f"`{command}` ended with {answer.code} and no answer: {answer.error[-500:]}") from error
+
+
+def fetch_measurements(channel: ConnectionChannel, robot: Robot, folder: str) -> list[str]:
+    """Bring the robot's data logs back, beside the manifest here.
+
+    Args:
+        channel: to the robot.
+        robot: whose manifest's folder here gets them.
+        folder: the robot's own copy of it.
+
+    Returns:
+        Paths of the files that came, below `measurements`, sorted.
+
+    Raises:
+        RequestError: what came is no archive of data logs.
+        UseCaseError: a file cannot be written.
+    """
+    command = f"cd {shlex.quote(folder)} && tar -cf - measurements | base64"
+    answer = channel.run(command, b"", SILENCE_S)
+    try:
+        data = base64.b64decode(answer.output)
+        with tarfile.open(fileobj=io.BytesIO(data)) as archive:
+            files = {member.name.removeprefix("measurements/"): member for member in archive if member.isfile()}
+            logs = {name: member for name, member in files.items() if LOG.fullmatch(name)}
+            contents = {name: archive.extractfile(member).read() for name, member in logs.items()}
+    except (binascii.Error, tarfile.TarError) as error:
+        raise RequestError(f"The robot's measurements cannot be read ({error}): {answer.error[-500:]}") from error
+    for name, content in sorted(contents.items()):
+        target = Path(robot.hosts.folder) / "measurements" / name
+        make_folder(str(target.parent))
+        write_file(str(target), content)
+    return sorted(contents)

@@ -1,0 +1,225 @@
+# Copyright: the rarms authors. Apache-2.0 (see LICENSE).
+"""What the action plugins share: a robot of the inventory as rarms sees it, and what they return of it.
+
+In come a task's arguments and the robot's variables; out go `Hosts` of rarms with Ansible's connection as their
+channel, and results as plain values. rarms runs in Ansible's own process. Begin at `RobotAction`.
+"""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from ansible.errors import AnsibleActionFail, AnsibleConnectionFailure
+from ansible.plugins.action import ActionBase
+
+try:
+    import rarms_iac.providers.cgroups.remote  # noqa: F401 - so that it is there (`rehearse`)
+    from rarms_iac.app.applying import apply
+    from rarms_iac.app.errors import RequestError, UseCaseError
+    from rarms_iac.app.hosts import Hosts, load
+    from rarms_iac.app.planning import plan
+    from rarms_iac.model.diagnostics import Diagnostic, Findings
+    from rarms_iac.model.host import ProviderKind
+    from rarms_iac.providers.channel import CommandResult
+    from rarms_iac.providers.interface import HostUnreachable
+    from rarms_iac.views.json_output import json_of
+except ImportError as error:
+    RARMS_MISSING = str(error)
+else:
+    RARMS_MISSING = ""
+
+Result = dict[str, Any]
+
+LAST_CHARACTERS = 2_000  # of a command's standard error
+MOST_REASONS = 3  # findings that the one line of a failed task names; the result has all
+ROBOT_ARGUMENTS = {
+    "manifest": {"type": "path"},
+    "overlays": {"type": "list", "elements": "path"},
+    "host": {"type": "str"},
+    "unreachable": {"type": "str", "choices": ["failed", "unreachable"], "default": "failed"},
+}
+
+
+REHEARSAL = """
+schema: rarms/v1
+application: { name: rehearsal }
+hosts: { onboard: { provider: simulated, logical_processors: 1, memory: 1 GiB } }
+components: { one: { criticality: 1, memory: 64 MiB, cpu: { reserve: 0.1 LP } } }
+"""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A host of the inventory: its manifest with overlays, and the host of the manifest that it is."""
+
+    name: str
+    hosts: Hosts
+    host: str
+
+    @property
+    def provider(self) -> ProviderKind:
+        """What enforces reservations there."""
+        return self.hosts.system.hosts[self.host].provider
+
+
+class ConnectionChannel:
+    """A `CommandChannel` of rarms: Ansible's own connection to the robot, with its `become`."""
+
+    def __init__(self, action: ActionBase, host: str) -> None:
+        self._action = action
+        self._host = host
+
+    @property
+    def target(self) -> str:
+        """The robot as Ansible reaches it."""
+        play = self._action._play_context
+        address = play.remote_addr or "this machine"
+        return f"{play.remote_user}@{address}" if play.remote_user else address
+
+    def run(self, command: str, data: bytes, silence_s: float) -> CommandResult:  # noqa: ARG002
+        """Run one command there; how long it may be silent is said by the connection's own `timeout`."""
+        try:
+            result = self._action._low_level_execute_command(command, in_data=data)
+        except AnsibleConnectionFailure as failure:
+            advice = "Try `ansible -m ansible.builtin.raw -a true` on it."
+            raise HostUnreachable(self._host, f"{self.target} cannot be reached: {failure}", advice) from failure
+        return CommandResult(code=result["rc"], output=result["stdout"], error=result["stderr"][-LAST_CHARACTERS:])
+
+
+class RobotAction(ActionBase):
+    """An action on one robot: its arguments are checked, its manifest is read, and its errors become a result."""
+
+    _supports_check_mode = True
+    _supports_diff = True
+    _requires_connection = True
+    ARGUMENTS: Mapping[str, Any] = {}
+    """What the action takes beside `ROBOT_ARGUMENTS`, as Ansible describes arguments."""
+
+    def run(self, tmp: str | None = None, task_vars: Mapping[str, Any] | None = None) -> Result:
+        """Do the action; a robot that cannot be reached fails, unless the task says `unreachable: unreachable`."""
+        super().run(tmp, task_vars)
+        if RARMS_MISSING:
+            raise AnsibleActionFail(
+                f"rarms.fleet needs the Python package rarms-iac beside ansible-core: {RARMS_MISSING}"
+            )
+        arguments = self.validate_argument_spec(argument_spec={**ROBOT_ARGUMENTS, **self.ARGUMENTS})[1]
+        variables = task_vars or {}
+        try:
+            result = self.act(self._robot(arguments, variables), arguments)
+        except RequestError as error:
+            result = failure(str(error))
+        except UseCaseError as error:
+            result = failure("", error.diagnostics)
+        if result.get("failed"):
+            self.remove_stale(arguments)
+        if result.get("rarms_unreachable") and arguments["unreachable"] == "unreachable":
+            raise AnsibleConnectionFailure(result["msg"])
+        return {"robot": variables["inventory_hostname"], **result}
+
+    def remove_stale(self, arguments: Mapping[str, Any]) -> None:
+        """Remove what an earlier task left and this one, which failed, could not make anew.
+
+        Args:
+            arguments: the task's, checked.
+        """
+
+    @abstractmethod
+    def act(self, robot: Robot, arguments: Mapping[str, Any]) -> Result:
+        """Do what the action is for.
+
+        Args:
+            robot: the robot; it was not reached yet.
+            arguments: the task's, checked.
+
+        Returns:
+            A result of Ansible; `failed` where it did not end well.
+
+        Raises:
+            UseCaseError: rarms ended without an answer.
+        """
+
+    def _robot(self, arguments: Mapping[str, Any], variables: Mapping[str, Any]) -> Robot:
+        if invalid := variables.get("rarms_invalid"):
+            raise RequestError(f"The robot's overlay is broken: {invalid}")
+        manifest = arguments["manifest"] or variables.get("rarms_manifest")
+        if not manifest:
+            raise RequestError(
+                "No manifest is named: use the inventory plugin rarms.fleet.manifests, or give `manifest`."
+            )
+        overlays = arguments["overlays"] or variables.get("rarms_overlays") or ()
+        hosts = load(self._below(manifest), overlays=[self._below(overlay) for overlay in overlays])
+        host = arguments["host"] or variables.get("rarms_host") or _only_host(hosts)
+        if host not in hosts.system.hosts:
+            raise RequestError(f"The manifest has no host {host}. It has: {', '.join(sorted(hosts.system.hosts))}.")
+        robot = Robot(name=variables["inventory_hostname"], hosts=hosts.only(host), host=host)
+        if robot.provider is ProviderKind.SIMULATED:
+            return robot
+        return replace(robot, hosts=replace(robot.hosts, channels={host: self.channel(robot)}))
+
+    def channel(self, robot: Robot) -> ConnectionChannel:
+        """Return Ansible's connection to the robot.
+
+        Args:
+            robot: the task's.
+        """
+        return ConnectionChannel(self, robot.host)
+
+    def _below(self, path: str) -> str:
+        """A path as Ansible's users mean it: relative to the playbook."""
+        return self._loader.path_dwim(path)
+
+
+def rehearse() -> None:
+    """Plan and apply once in a folder of its own, on a simulated host.
+
+    Ansible imports an action before it forks a process for each robot. What rarms imports and works out when it is
+    first needed is then there for all of them: it takes 0.2 s once instead of 40 ms a robot.
+    """
+    with TemporaryDirectory(prefix="rarms-") as folder:
+        manifest = Path(folder) / "rarms.yaml"
+        manifest.write_text(REHEARSAL, encoding="utf-8")
+        hosts = load(str(manifest))
+        apply(plan(hosts), folder=folder)
+        json_value(plan(hosts))
+
+
+def failure(message: str, findings: Sequence[Diagnostic] = ()) -> Result:
+    """Make a failed result.
+
+    Args:
+        message: for people; empty: the findings say it.
+        findings: the reasons.
+    """
+    return {
+        "failed": True,
+        "changed": False,
+        "msg": message or "; ".join(f"{each.summary} ({each.code}): {each.detail}" for each in findings[:MOST_REASONS]),
+        "findings": json_value(Findings(findings=tuple(findings)))["findings"],
+        "rarms_unreachable": any(each.values.get("unreachable", False) for each in findings),
+    }
+
+
+def json_value(answer: Any) -> Result:
+    """Return an answer of rarms as `rarms --json` writes it.
+
+    Args:
+        answer: what a use case returned.
+    """
+    return json.loads(json_of(answer))
+
+
+def _only_host(hosts: Hosts) -> str:
+    names = sorted(hosts.system.hosts)
+    if len(names) != 1:
+        raise RequestError(f"The manifest has the hosts {', '.join(names)}: say with `host` which one this robot is.")
+    return names[0]
+
+
+if not RARMS_MISSING:
+    rehearse()

@@ -1,0 +1,268 @@
+"""The collection rarms.fleet under a real ansible-core: simulated robots, broken ones, the brake, and real slices."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from tests.needs import CHECKOUT, require
+from tests.standin.remote import a_server
+from tests.unit.cli.running import rarms
+
+pytestmark = [pytest.mark.needs("ansible", "posix"), pytest.mark.thorough]
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: simulated, logical_processors: 2, memory: 4 GiB, platform: cell }
+components:
+  vision:
+    criticality: 20
+    memory: 1 GiB
+    processors: 1
+    cpu: { reserve: 0.5 LP }
+    apt: { mean_response_time: { at_most: 60 ms } }
+    interference: busy-loop
+    run: { command: [vision], until: { samples: 20 } }
+    simulation: { work: 10 ms, blocked: 20 ms }
+"""
+LINUX = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: linux, logical_processors: 2, memory: 4 GiB, connect: { ssh: cell } }
+components:
+  vision: { criticality: 20, memory: 64 MiB, processors: 1, cpu: { reserve: 0.2 LP } }
+"""
+REFUSES = "hosts: { onboard: { simulated: { faults: { cpu: { operation: set_cpu, at: '*', effect: refuse } } } } }\n"
+OUT_OF_REACH = "hosts: { onboard: { provider: linux, connect: { ssh: rarms@127.0.0.1 } } }\n"
+"""An overlay whose robot answers at no port."""
+Task = Mapping[str, Any]
+APPLY: Task = {"rarms.fleet.apply": {}}
+ANSIBLE = Path(sys.executable).parent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """How a playbook ended, with the last result of each robot."""
+
+    code: int
+    results: Mapping[str, Mapping[str, Any]]
+    statuses: Mapping[str, str]
+    out: str
+
+    def with_status(self, status: str) -> list[str]:
+        """The robots whose last task ended so."""
+        return sorted(name for name, found in self.statuses.items() if found == status)
+
+    @property
+    def changed(self) -> list[str]:
+        """The robots whose last task changed something."""
+        return sorted(name for name, result in self.results.items() if result.get("changed"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fleet:
+    """A folder with a manifest, overlays and an inventory."""
+
+    folder: Path
+    path: str = os.environ["PATH"]
+
+    def add(self, robot: str, overlay: str = "{}\n") -> None:
+        """Add a robot with the text of its overlay."""
+        (self.folder / "robots").mkdir(exist_ok=True)
+        (self.folder / "robots" / f"{robot}.yaml").write_text(overlay, encoding="utf-8")
+
+    def play(self, *tasks: Task, options: tuple[str, ...] = (), **play: object) -> Played:
+        """Play these tasks on all robots with ansible-playbook."""
+        book = [{"hosts": "all", "gather_facts": False, **play, "tasks": list(tasks)}]
+        (self.folder / "site.yml").write_text(json.dumps(book), encoding="utf-8")
+        results = self.folder / "results.jsonl"
+        results.unlink(missing_ok=True)
+        words = [str(ANSIBLE / "ansible-playbook"), "-i", "robots.fleet.yml", "site.yml", "-f", "4", *options]
+        ran = self.run(words, results)
+        rows = [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
+        return Played(
+            code=ran.returncode,
+            results={row["robot"]: row["result"] for row in rows},
+            statuses={row["robot"]: row["status"] for row in rows},
+            out=ran.stdout.decode() + ran.stderr.decode(),
+        )
+
+    def run(self, words: list[str], results: Path) -> subprocess.CompletedProcess[bytes]:
+        """Run a program of Ansible with this checkout's collection and no configuration of this user's own."""
+        environment = {
+            **os.environ,
+            "PATH": f"{ANSIBLE}{os.pathsep}{self.path}",
+            "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / "ansible"),
+            "ANSIBLE_HOME": str(self.folder / ".ansible"),
+            "ANSIBLE_CONFIG": str(self.folder / "ansible.cfg"),
+            "ANSIBLE_NOCOLOR": "1",
+            "ANSIBLE_CALLBACKS_ENABLED": "results",
+            "ANSIBLE_CALLBACK_PLUGINS": str(CHECKOUT / "tests" / "ansible_callback"),
+            "RARMS_TEST_RESULTS": str(results),
+            "PYTHONPATH": str(CHECKOUT),
+            "LC_ALL": "C.UTF-8",
+        }
+        return subprocess.run(
+            words, cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, timeout=300
+        )
+
+
+def a_fleet(folder: Path, manifest: str, path: str = os.environ["PATH"]) -> Fleet:
+    (folder / "rarms.yaml").write_text(manifest, encoding="utf-8")
+    (folder / "ansible.cfg").touch()
+    (folder / "robots.fleet.yml").write_text(
+        "plugin: rarms.fleet.manifests\noverlays: [robots/*.yaml]\n", encoding="utf-8"
+    )
+    return Fleet(folder=folder, path=path)
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Fleet:
+    return a_fleet(tmp_path, MANIFEST)
+
+
+def test_twenty_robots_are_planned_and_applied_and_broken_ones_fail_alone(fleet: Fleet) -> None:
+    whole = [f"r-{number:02}" for number in range(16)]
+    for robot in whole:
+        fleet.add(robot)
+    fleet.add("w-key", "componets: {}\n")
+    fleet.add("w-full", "components: { vision: { cpu: { reserve: 3 LP } } }\n")
+    fleet.add("w-damaged")
+    fleet.add("w-fault", REFUSES)
+    assert fleet.play(APPLY, options=("--limit", "w-damaged")).code == 0
+    (state,) = (fleet.folder / ".rarms" / "hosts").glob("w-damaged+*/onboard.json")
+    state.write_text("{", encoding="utf-8")
+
+    checked = fleet.play(APPLY, options=("--check", "--diff"))
+    assert checked.with_status("failed") == ["w-damaged", "w-full", "w-key"]
+    assert checked.changed == [*whole, "w-fault"]
+    assert [entry["before_header"] for entry in checked.results["r-00"]["diff"]] == ["partition/vision"]
+    assert "reserve: 50\n" in checked.results["r-00"]["diff"][0]["after"]
+
+    applied = fleet.play(APPLY)
+    assert applied.with_status("failed") == ["w-damaged", "w-fault", "w-full", "w-key"]
+    assert applied.changed == [*whole, "w-fault"], "it made the partition, and says so"
+    planned = {name: checked.results[name]["plan"]["id"] for name in whole}
+    assert {name: applied.results[name]["plan"]["id"] for name in whole} == planned, "check is what apply does"
+    assert "w-full" not in planned
+    assert "RARMS" in applied.results["w-full"]["msg"]
+
+    again = fleet.play(APPLY, options=("--limit", "r-*"))
+    assert (again.code, again.with_status("ok"), again.changed) == (0, whole, [])
+
+
+def test_a_reviewed_plan_is_applied_once_and_a_plan_that_cannot_be_made_leaves_no_file(fleet: Fleet) -> None:
+    fleet.add("r-1")
+    plan: Task = {"rarms.fleet.apply": {"state": "planned", "plan": "{{ inventory_hostname }}.json"}}
+    reviewed: Task = {"rarms.fleet.apply": {"plan": "{{ inventory_hostname }}.json"}}
+    file = fleet.folder / "r-1.json"
+
+    assert fleet.play(plan).changed == []
+    assert fleet.play(reviewed).changed == ["r-1"]
+    assert "RARMS181" in fleet.play(reviewed).results["r-1"]["msg"], "a plan is used once"
+
+    fleet.add("r-1", "components: { vision: { cpu: { reserve: 3 LP } } }\n")
+    assert fleet.play(plan).with_status("failed") == ["r-1"]
+    assert not file.exists()
+
+
+def test_what_was_applied_in_a_terminal_is_absent_afterwards(fleet: Fleet) -> None:
+    fleet.add("r-1")
+    overlay = str(fleet.folder / "robots" / "r-1.yaml")
+    assert rarms("apply", "--auto-approve", "-f", str(fleet.folder), "--overlay", overlay).code == 0
+
+    absent: Task = {"rarms.fleet.apply": {"state": "absent"}}
+    assert fleet.play(absent).changed == ["r-1"]
+    assert fleet.play(absent).changed == []
+    facts = fleet.play({"rarms.fleet.facts": {}}).results["r-1"]["ansible_facts"]["rarms"]
+    assert facts["status"]["hosts"][0]["partitions"] == []
+    assert json.loads(facts["snapshot"])["state"]["partitions"] == []
+
+
+def test_the_brake_counts_a_robot_that_is_out_of_reach(fleet: Fleet) -> None:
+    for number in range(20):
+        fleet.add(f"r-{number:02}")
+    for robot in ("r-03", "r-04"):
+        fleet.add(robot, REFUSES)
+    fleet.add("r-05", OUT_OF_REACH)
+    ssh = ("--ssh-common-args", "-o BatchMode=yes -o StrictHostKeyChecking=no -p 1")
+
+    played = fleet.play(APPLY, options=ssh, serial=10, max_fail_percentage=20)
+
+    assert played.with_status("failed") == ["r-03", "r-04", "r-05"]
+    assert played.results["r-05"]["rarms_unreachable"] is True
+    assert sorted(played.results) == [f"r-{number:02}" for number in range(10)], played.out
+
+
+def test_a_robot_measures_and_proves(fleet: Fleet) -> None:
+    fleet.add("r-1", "components: { vision: { cpu: { reserve: measured } } }\n")
+    fleet.add("r-2", "components: { vision: { cpu: { reserve: measured } } }\n")
+    role: Task = {"ansible.builtin.import_role": {"name": "rarms.fleet.measure"}}
+
+    measured = fleet.play(role)
+    assert measured.code == 0, measured.out
+    assert measured.changed == ["r-1"], "one robot of the platform"
+    assert list((fleet.folder / "measurements" / "cell").rglob("*.jsonl"))
+
+    refused = fleet.play(APPLY, {"rarms.fleet.prove": {}})
+    assert "load_host: true" in refused.results["r-1"]["msg"]
+    proven = fleet.play({"rarms.fleet.prove": {"load_host": True}})
+    assert (proven.code, proven.results["r-2"]["proof"]["met"]) == (0, True)
+
+
+@pytest.fixture
+def slices(tmp_path: Path) -> Iterator[Fleet]:
+    """Three robots that are slices of this machine, behind a real sshd."""
+    require("ssh", "control-groups")
+    with a_server(tmp_path) as remote:
+        fleet = a_fleet(tmp_path, LINUX, remote.environment["PATH"])
+        for number in (1, 2, 3):
+            fleet.add(f"l-{number}", f"hosts: {{ onboard: {{ linux: {{ slice: fleet-{number} }} }} }}\n")
+        yield fleet
+        fleet.play({"rarms.fleet.apply": {"state": "absent"}})
+        for number in (1, 2, 3):
+            shutil.rmtree(STATE_FOLDER / f"fleet-{number}", ignore_errors=True)
+
+
+@pytest.mark.alone
+@pytest.mark.needs("ssh", "control-groups")
+def test_three_slices_are_reached_by_ansibles_own_ssh(slices: Fleet) -> None:
+    applied = slices.play(APPLY)
+    assert applied.code == 0, applied.out
+    assert applied.changed == ["l-1", "l-2", "l-3"]
+
+    assert slices.play(APPLY).changed == []
+    facts = slices.play({"rarms.fleet.facts": {}}).results["l-2"]["ansible_facts"]["rarms"]["status"]
+    assert [partition["name"] for partition in facts["hosts"][0]["partitions"]] == ["vision"]
+    assert slices.play({"rarms.fleet.apply": {"state": "absent"}}).changed == ["l-1", "l-2", "l-3"]
+
+
+def test_a_robot_pulls_its_own_configuration(fleet: Fleet, tmp_path: Path) -> None:
+    fleet.add("r-1")
+    book = [{"hosts": "r-1", "gather_facts": False, "tasks": [APPLY]}]
+    (fleet.folder / "local.yml").write_text(json.dumps(book), encoding="utf-8")
+    (fleet.folder / ".gitignore").write_text("checkout/\n.ansible/\n.rarms/\n", encoding="utf-8")
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(fleet.folder)]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "A robot"]):
+        subprocess.run([*git, *words], check=True)
+    pull = [str(ANSIBLE / "ansible-pull"), "-U", f"file://{fleet.folder}", "-d", str(tmp_path / "checkout")]
+
+    ran = fleet.run(
+        [*pull, "-i", str(tmp_path / "checkout" / "robots.fleet.yml"), "-l", "r-1", "local.yml"],
+        tmp_path / "pulled.jsonl",
+    )
+
+    assert ran.returncode == 0, ran.stdout.decode()
+    rows = [json.loads(line) for line in (tmp_path / "pulled.jsonl").read_text().splitlines()]
+    assert any(row["robot"] == "r-1" and row["result"].get("has_changes") for row in rows)
