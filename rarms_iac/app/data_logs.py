@@ -17,7 +17,7 @@ from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import (
     MeasuredReservations,
@@ -256,7 +256,7 @@ def _measured_together(
         values: Facts = {"log": path_shown, "line": log.line, "reason": log.message}
         return NotMeasured(
             components=to_be_measured(group.members),
-            code=findings.UNREADABLE.code,
+            code=planning_findings.UNREADABLE.code,
             message=message,
             advice=advice,
             values=values,
@@ -272,7 +272,7 @@ def _measured_together(
         values = {"log": path_shown, "changed": tuple(map(str, comparison.changed))}
         return NotMeasured(
             components=to_be_measured(group.members),
-            code=findings.STALE.code,
+            code=planning_findings.STALE.code,
             message=message,
             advice=advice,
             values=values,
@@ -329,7 +329,7 @@ def _remarks(
         yield Cause(
             address=address,
             message=f"{path} was measured with {_list_some(comparison.unverified)}, not to be found here.",
-            code=findings.NOT_VERIFIED.code,
+            code=planning_findings.NOT_VERIFIED.code,
             values={"log": path, "files": tuple(map(str, comparison.unverified))},
             advice="Plan where these files are, if it matters; nothing says that they changed.",
         )
@@ -337,7 +337,7 @@ def _remarks(
         yield Cause(
             address=address,
             message=f"{path} was measured with another {_list_some(comparison.warns)}.",
-            code=findings.DIFFERENT.code,
+            code=planning_findings.DIFFERENT.code,
             values={"log": path, "differences": tuple(map(str, comparison.warns))},
             advice="Measure again if that can matter to the component.",
         )
@@ -346,7 +346,7 @@ def _remarks(
         yield Cause(
             address=address,
             message=f"{path} was measured while {_list_some(beside)} ran on the host.",
-            code=findings.BUSY.code,
+            code=planning_findings.BUSY.code,
             values={"log": path, "partitions": tuple(beside)},
             advice=prose(
                 "Measure it once more with the host to itself, and this no longer counts: ", again.also(again=True), "."

@@ -20,7 +20,7 @@ from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.quantities import CpuAmount, ProcessorTime, in_processors
 from rarms_iac.model.system import Component, Measured, RunsOn, System
 from rarms_iac.model.wording import in_a_row
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.explain import evident_causes
 from rarms_iac.planner.layout import causes_as_findings, remarks_as_findings
@@ -135,7 +135,7 @@ def _about_logs(
         for answer, host in answers[:1]:
             assert isinstance(answer, NotMeasured)
             cause = unmeasured(answer, host)
-            if answer.code != findings.UNMEASURED.code:
+            if answer.code != planning_findings.UNMEASURED.code:
                 yield from _as_findings([cause], problem.system, places)
                 continue
             place = places.value("components", answer.components[0], "cpu", "reserve")

@@ -1,18 +1,10 @@
-"""Errors that end a use case without an answer, and the findings that say why."""
+"""Errors that end a use case without an answer: which kind of end it is, and the findings that say why."""
 
 from collections.abc import Sequence
 from enum import Enum
 
-from rarms_iac.model.commands import PLAN, Wording, command, prose, sentences
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Sources, first_of_each_kind
-
-IN_THE_WAY = Finding.error("RARMS176", "A file is in the way")
-DECLINED = Finding.note("RARMS174", "Nothing was changed")
-NOT_READ = Finding.error("RARMS173", "A file could not be read")
-NOT_WRITTEN = Finding.error("RARMS177", "A file could not be written")
-SYSTEM_REFUSED = Finding.error("RARMS178", "The operating system refused something")
-USAGE = Finding.error("RARMS179", "The command cannot be done as it is given")
-BUG = Finding.error("RARMS199", "This is a bug in rarms")
+from rarms_iac.model.commands import Wording
+from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind
 
 
 class Outcome(Enum):
@@ -59,121 +51,3 @@ class RequestError(ValueError):
         super().__init__(message)
         self.message = message
         self.advice = advice
-
-
-def bug_finding(error: BaseException) -> Diagnostic:
-    """Make the finding for an unforeseen exception.
-
-    Args:
-        error: the exception; the first 300 characters of its text are shown.
-
-    Returns:
-        A finding with the exception's kind and place, and where to report it.
-    """
-    message = " ".join(str(error).split())
-    return BUG.at(
-        None,
-        f"{type(error).__name__}: {message[:300]}" if message else type(error).__name__,
-        "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
-        values={"exception": type(error).__name__, "reason": message[:300]},
-    )
-
-
-def usage_finding(message: str, advice: Wording, verb: str) -> Diagnostic:
-    """Make the finding for words that do not fit a command, for a program that reads findings.
-
-    Args:
-        message: what is wrong, as a sentence.
-        advice: what to do instead; empty: the command's help says it.
-        verb: the command whose `--help` is advised; empty: none was named.
-
-    Returns:
-        A finding without a place.
-    """
-    takes = prose(command(verb, help=True), " lists what it takes.")
-    commands = prose(command("", help=True), " lists the commands.")
-    return USAGE.at(
-        None, message, sentences(advice, takes if verb else commands), values={"command": verb, "reason": message}
-    )
-
-
-def system_finding(error: OSError) -> Diagnostic:
-    """Make the finding for a call that the operating system refused, where nothing closer to the call explains that.
-
-    Args:
-        error: its file name is shown, if it has one.
-
-    Returns:
-        A finding with the file's name, where the error has one.
-    """
-    path = f"{error.filename}: " if error.filename else ""
-    return SYSTEM_REFUSED.at(
-        None,
-        f"{path}{error.strerror or error}.",
-        "Look at the path, its rights and the space on its disk; --debug shows where it happened.",
-        values={"file": str(error.filename or ""), "reason": str(error.strerror or error)},
-    )
-
-
-def conflict_finding(path: str) -> Diagnostic:
-    """Make the finding for a file that exists already and is not replaced.
-
-    Args:
-        path: the file, as people know it.
-
-    Returns:
-        A finding that tells to name another folder.
-    """
-    return IN_THE_WAY.at(
-        None,
-        f"{path} exists already, and stays as it is.",
-        "Name another folder, or move that file away first.",
-        values={"file": path},
-    )
-
-
-def write_finding(path: str, error: OSError) -> Diagnostic:
-    """Make the finding for a file that could not be written.
-
-    Args:
-        path: the file, as people know it.
-        error: why.
-
-    Returns:
-        A finding with the system's own words.
-    """
-    advice = "Name a regular file, no link, in a folder that exists and that you may write to."
-    return NOT_WRITTEN.at(
-        None,
-        f"{path}: {error.strerror or error}.",
-        advice,
-        values={"file": path, "reason": str(error.strerror or error)},
-    )
-
-
-def read_finding(path: str, message: str, advice: Wording) -> Diagnostic:
-    """The finding for a file that could not be read.
-
-    Args:
-        path: as the user named it.
-        message: why, as the end of a sentence without a full stop.
-        advice: what to do, as whole sentences.
-
-    Returns:
-        A finding with this message and advice.
-    """
-    return NOT_READ.at(None, f"{path}: {message}.", advice, values={"file": path, "reason": message})
-
-
-def declined() -> Diagnostic:
-    """Make the finding for a question that was not answered with yes.
-
-    Returns:
-        A finding without a place, as no line of the manifest is at fault.
-    """
-    return DECLINED.at(
-        None,
-        "The answer was not `yes`.",
-        prose("Run it again to be asked again; ", PLAN, " shows the changes and asks nothing."),
-        values={},
-    )

@@ -3,8 +3,9 @@
 import sys
 
 from rarms_iac.app.applying import apply, finish_runs
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import write_plan_file
+from rarms_iac.app.general_findings import declined
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import RunOptions

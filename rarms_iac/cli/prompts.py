@@ -6,11 +6,12 @@ from pathlib import Path
 from textwrap import fill
 
 from rarms_iac.app.control import Control, StopConsent, always_consents, never_consents
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.combining import CombiningOffer
 from rarms_iac.app.experiments.level_prompt import SessionEnded
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.experiments.tune import TuningResult
+from rarms_iac.app.general_findings import declined
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, Selection

@@ -7,7 +7,7 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_others
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,5 +160,9 @@ def sharing_contradictions(groups: Iterable[Group], system: System) -> Iterator[
 def _contradiction(name: str, message: str, values: Facts) -> Cause:
     advice = "Change `partitions`, or take the rule out."
     return Cause(
-        address=f"component/{name}", message=message, code=findings.CANNOT_SHARE.code, advice=advice, values=values
+        address=f"component/{name}",
+        message=message,
+        code=planning_findings.CANNOT_SHARE.code,
+        advice=advice,
+        values=values,
     )

@@ -19,7 +19,7 @@ from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_process
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
 from rarms_iac.model.system import Component, Disruption, Measured, System, Threshold
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
@@ -97,10 +97,10 @@ def causes_as_findings(
     Yields:
         A finding for each cause.
     """
-    room = {findings.RESERVATIONS.code, findings.MEMORY.code, findings.PACKING.code}
+    room = {planning_findings.RESERVATIONS.code, planning_findings.MEMORY.code, planning_findings.PACKING.code}
     for cause in answer.causes:
         unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
-        yield findings.KINDS[cause.code].at(
+        yield planning_findings.KINDS[cause.code].at(
             _place(cause, system, places),
             f"{cause.message}{unproven}",
             (where_room_lacks if cause.code in room else "") or cause.advice or _advice(answer.relaxations),
@@ -168,7 +168,9 @@ def _place(cause: Cause, system: System, places: Places) -> Place:
     kind, _, name = cause.address.partition("/")
     match kind:
         case "host":
-            return places.value("hosts", name, "memory" if cause.code == findings.MEMORY.code else "logical_processors")
+            return places.value(
+                "hosts", name, "memory" if cause.code == planning_findings.MEMORY.code else "logical_processors"
+            )
         case "component":
             return places.key("components", name)
         case "partition":
@@ -183,7 +185,7 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
         if facts is None:
             continue
         if facts.logical_processors < host.logical_processors:
-            yield findings.SMALLER.at(
+            yield planning_findings.SMALLER.at(
                 places.value("hosts", host.name, "logical_processors"),
                 f"{host.name} has {show_processors(facts.logical_processors)}, and the manifest says "
                 f"{show_processors(host.logical_processors)}; planned with what is there.",
@@ -192,7 +194,7 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
                 values={"host": host.name, "has_lp": facts.logical_processors, "manifest_lp": host.logical_processors},
             )
         if facts.memory < host.memory:
-            yield findings.SMALLER.at(
+            yield planning_findings.SMALLER.at(
                 places.value("hosts", host.name, "memory"),
                 f"{host.name} has {show_bytes(facts.memory)}, and the manifest says {show_bytes(host.memory)}; "
                 f"planned with what is there.",
@@ -225,7 +227,7 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
     """
     for remark in remarks:
         place = places.value("components", remark.address.removeprefix("component/"), "cpu", "reserve")
-        yield findings.REMARKS[remark.code].at(
+        yield planning_findings.REMARKS[remark.code].at(
             place, remark.message, remark.advice, address=remark.address, values=remark.values
         )
 
@@ -256,7 +258,7 @@ def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Dia
 
 
 def _late_finding(member: Component, late: Sequence[str], host: Host, others: int, places: Places) -> Diagnostic:
-    return findings.LATE_JOBS.at(
+    return planning_findings.LATE_JOBS.at(
         places.key("components", member.name, "apt", late[0]),
         f"A reservation promises a share over {SCHEDULER_WINDOW_MS} ms, not when in them it comes: beside "
         f"{counted(others, 'other partition')} on {host.name}, {in_a_row(late)} of {member.name} may be exceeded "
@@ -296,7 +298,7 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
         for name, message, advice in deadline_problems(placed, host, processors, admitted):
             place = places.key(problem.system.section_of(name), name)
             values: Facts = {"partition": name, "host": host.name, "admitted_percent": admitted}
-            yield findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)
+            yield planning_findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)
 
 
 def _is_about_late_jobs(index: str, threshold: Threshold, member: Component) -> bool:
@@ -318,7 +320,7 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
         f"The layout reserves {show_lp_percent(placement.reserved)}, at most {gap} more than needed, "
         f"and moves {counted(placement.moves, 'partition')}, of which at least {placement.moves_bound} must move."
     )
-    yield findings.NOT_PROVEN.at(
+    yield planning_findings.NOT_PROVEN.at(
         places.key("application"),
         detail,
         "It fits and may be applied.",
@@ -338,7 +340,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             continue
         best, host = min((claim.percent, host) for host, claim in problem.claims[partition.name].items())
         if best < partition.settings.processors * partition.settings.reserve:
-            yield findings.BETTER_ELSEWHERE.at(
+            yield planning_findings.BETTER_ELSEWHERE.at(
                 places.key("partitions", partition.name),
                 f"{partition.name} stays on {partition.host}; on {host} it would reserve "
                 f"{show_lp_percent(best)} instead of {show_processors(partition.reserved)}.",

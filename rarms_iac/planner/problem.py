@@ -9,7 +9,7 @@ from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of, sharing_contradictions
 from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
@@ -254,7 +254,7 @@ def _causes(problem: Problem) -> Iterator[Cause]:
             nowhere = Cause(
                 address=f"partition/{group.name}",
                 message=f"The components of {group.name} name no host in common.",
-                code=findings.PLACEMENT.code,
+                code=planning_findings.PLACEMENT.code,
                 values={"partition": group.name, "components": names_of(group.members)},
             )
             yield from problem.blocked[group.name] or (nowhere,)
@@ -278,5 +278,7 @@ def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]
         else:
             message = f"{component.name} runs on a host, and there is none for it."
             address, values = f"component/{component.name}", {"component": component.name}
-            homeless.append(Cause(address=address, message=message, code=findings.PLACEMENT.code, values=values))
+            homeless.append(
+                Cause(address=address, message=message, code=planning_findings.PLACEMENT.code, values=values)
+            )
     return tuple(sorted(found)), homeless

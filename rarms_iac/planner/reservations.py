@@ -12,7 +12,7 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, guaranteed, in_processors
 from rarms_iac.model.system import Component, Measured, Threshold
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curves import Curve, LeastReserve, holds, least_reserve
 
@@ -25,7 +25,7 @@ class NotMeasured:
     """There is no answer for these components, and why."""
 
     components: Names
-    code: str = findings.UNMEASURED.code
+    code: str = planning_findings.UNMEASURED.code
     message: str = ""  # empty: that no data log has it
     advice: Wording = "Fix it with `cpu: { reserve: ... }`, or measure it first."
     values: Facts = field(default_factory=dict, hash=False)  # more names and numbers behind the message
@@ -343,7 +343,7 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
         advice = prose(relax, "make the component cheaper, or use a faster platform: 100 % is measured already.")
     return NotMeasured(
         components=names,
-        code=findings.NOT_MET.code,
+        code=planning_findings.NOT_MET.code,
         message=message,
         advice=advice,
         values={
@@ -361,7 +361,7 @@ def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: Meas
         address=f"component/{to_be_measured(members)[0]}",
         message=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "
         f"and not measured itself ({log.path}).",
-        code=findings.INTERPOLATED.code,
+        code=planning_findings.INTERPOLATED.code,
         advice=prose("Measure it: ", log.again.also(verify=True), "."),
         values={
             "components": names_of(members),

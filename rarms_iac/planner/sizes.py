@@ -14,7 +14,7 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.state import NO_GENERATION, Checkpoints, PartitionSettings, StartAction, StopAction
 from rarms_iac.model.system import Measured, StartMode
 from rarms_iac.model.wording import counted
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import OPEN, limit_of, weight_of
 from rarms_iac.planner.mechanism import mechanism_of, quota_period_us, shortest_apt_ms
@@ -48,7 +48,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         return Cause(
             address=f"partition/{group.name}",
             message=message,
-            code=findings.PARALLELISM.code,
+            code=planning_findings.PARALLELISM.code,
             advice=advice,
             values={"partition": group.name, "needs_lp": float(wanted), "processors": processors},
         )
@@ -58,7 +58,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         return Cause(
             address=f"partition/{group.name}",
             message=message,
-            code=findings.TOO_WIDE.code,
+            code=planning_findings.TOO_WIDE.code,
             advice=advice,
             values={
                 "partition": group.name,

@@ -11,7 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
 from rarms_iac.model.mmcss import PriorityValues, thread_priority, values_within
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskRequest
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
 
@@ -140,7 +140,7 @@ def _out_of_order(
                 wrong,
                 key=lambda class_values: (class_values.criticality, class_values.thread_priority, class_values.name),
             )
-            yield findings.CLASS_ORDER.at(
+            yield planning_findings.CLASS_ORDER.at(
                 places.key("components", upper.user),
                 f"In {_system_name(inside)}, {upper.name} (criticality {upper.criticality}) runs at "
                 f"{upper.thread_priority}, not above {worst.name} (criticality {worst.criticality}) "
@@ -184,7 +184,7 @@ def _near_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: s
     upper, lower = pairs[0]
     more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
     raised = "was seen to raise some threads" if lower.thread_priority >= REAL_TIME else "may raise threads that wake"
-    return findings.NEIGHBOURS.at(
+    return planning_findings.NEIGHBOURS.at(
         places.key("components", upper.user),
         f"In {_system_name(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
         f"{lower.thread_priority}: Windows {raised} by one, and then the two meet{more}.",
@@ -198,7 +198,7 @@ def _low_diagnostic(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: st
     upper, lower = pairs[0]
     others = {class_values.name for _, class_values in pairs} - {lower.name}
     more = "" if not others else f", and so {'does' if len(others) == 1 else 'do'} {', '.join(sorted(others))}"
-    return findings.IN_LOW.at(
+    return planning_findings.IN_LOW.at(
         places.key("components", lower.user),
         f"In {_system_name(inside)}, {lower.name} (criticality {lower.criticality}) runs at {lower.thread_priority} in "
         f"category Low, which MMCSS never lowers. While it lowers {upper.name} (criticality {upper.criticality}), "

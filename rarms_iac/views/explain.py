@@ -1,62 +1,13 @@
-"""`rarms explain`: the page of a finding, how a component comes to what its partition gets, and how to give it by hand.
+"""How a component comes to what its partition gets, as `rarms explain COMPONENT` shows it."""
 
-The guide is for a component that cannot be changed, on hosts that rarms does not reach. Its order matters, and is said.
-"""
-
-import re
-import shlex
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.explanation import ComponentExplanation
 from rarms_iac.app.explanation_steps import NO_LAYOUT
-from rarms_iac.app.guide import GuideFacts
-from rarms_iac.model.wording import each_processor
-from rarms_iac.storage.finding_pages import known_codes
-from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
+from rarms_iac.views.console import STRONG, paragraph, stack, styled
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-
-_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
-_BLOCK_STARTS = ("#", "- ", "* ", "```")
-
-
-def unknown_code(code: str) -> str:
-    """Say that a code has no page; NOTE: a number that is near says nothing of what was meant."""
-    first, *_, last = known_codes()
-    return f"There is no finding {code}: they lie between {first} and {last}, and docs/diagnostics.md lists them all."
-
-
-def page_text(page: str) -> "RenderableType":
-    """Lay out Markdown as plain text: headings underlined, paragraphs wrapped, code indented as it is."""
-    parts: list[RenderableType] = []
-    lines: list[str] = []
-    in_code = False
-    for line in [*page.splitlines(), ""]:
-        if lines and (not line or line.startswith(_BLOCK_STARTS)):
-            parts.append(paragraph(_LINK.sub(r"\1", " ".join(lines))))
-            lines = []
-        if line.startswith("```"):
-            in_code = not in_code
-        elif in_code:
-            parts.append(_code(line))
-        elif line.startswith("#"):
-            title = line.lstrip("#").strip()
-            parts += [styled(title), ("=" if line.startswith("# ") else "-") * columns(title)]
-        elif line:
-            lines.append(line.strip())
-        else:
-            parts.append("")
-    return stack(*parts[:-1])
-
-
-def _code(line: str) -> "RenderableType":
-    """A line of an example, whole however narrow the terminal is: broken anew it would not be what rarms shows."""
-    text = styled(line)
-    text.no_wrap = True
-    return indented(text, 4) if line else ""
 
 
 def explanation_text(explanation: ComponentExplanation, *, without_errors: bool = False) -> "RenderableType":
@@ -74,97 +25,3 @@ def explanation_text(explanation: ComponentExplanation, *, without_errors: bool 
         parts.append(paragraph(first, lead=styled((f"{step.topic}: ", STRONG)), more=2))
         parts += [paragraph(sentence, indent=2) for sentence in others]
     return stack(*parts)
-
-
-def guide(facts: GuideFacts) -> str:
-    """The guide in Markdown: what to set, where, in which order."""
-    parts = (_head, _hyperv, _mmcss, _linux, _check)
-    return "\n".join(line for part in parts for line in part(facts)) + "\n"
-
-
-def _head(facts: GuideFacts) -> Iterator[str]:
-    yield f"# {facts.component} by hand, on {facts.platform}"
-    yield ""
-    yield f"Good enough is: {'; '.join(facts.apt) or 'no threshold is set'}."
-    yield f"Its partition {facts.partition} gets {facts.reserve} % of {each_processor(facts.processors)},"
-    yield f"{facts.depends_on}."
-    if facts.beside:
-        yield f"In the same partition run: {', '.join(facts.beside)}."
-    yield "Choose the section of the host's kind. Lower other reserves before raising this one, so that the host never"
-    yield "promises more than it has."
-    yield ""
-
-
-def _hyperv(facts: GuideFacts) -> Iterator[str]:
-    name = facts.partition
-    yield "## Hyper-V"
-    yield ""
-    yield "1. In an elevated PowerShell on the host, see that the hypervisor's scheduler is not `root` (event 2 of"
-    yield "   Hyper-V-Hypervisor: launch type 4): under it reserves have no effect."
-    yield f"2. Stop the machine: `Hyper-V\\Stop-VM -Name '{name}'`. Its processors change only while it is off."
-    yield f"3. Set processors and memory: `Hyper-V\\Set-VM -Name '{name}' -ProcessorCount {facts.processors}"
-    yield f"   -StaticMemory -MemoryStartupBytes {facts.memory_mib}MB`."
-    yield f"4. Set the reservation: `Hyper-V\\Set-VMProcessor -VMName '{name}' -Reserve {facts.reserve}"
-    yield f"   -Maximum {facts.limit} -RelativeWeight {facts.weight}`."
-    yield f"5. Start it: `Hyper-V\\Start-VM -Name '{name}'`. Over-commitment shows only here: a start that fails for"
-    yield "   processor resources means that all reserves add up to more than the host has."
-    command = f", as: `{facts.command}`" if facts.command else ""
-    yield f"6. In the guest, have {facts.component} start with Windows{command}."
-    yield ""
-
-
-def _mmcss(facts: GuideFacts) -> Iterator[str]:
-    yield "## MMCSS, in the Windows that its threads run in (the guest)"
-    yield ""
-    if facts.task is None:
-        yield "It has no task class: nothing is to be set."
-        yield ""
-        return
-    key = r"HKLM\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks"
-    yield f"1. Add a subkey `{facts.task}` below `{key}`."
-    yield "   Add only this one: never make the `Tasks` key anew, which would erase every multimedia task."
-    yield "2. Give it these values, each of just this type:"
-    yield from (f"   - `{value}`" for value in facts.task_values)
-    yield "3. Start that Windows again: MMCSS reads the classes when it starts."
-    yield f'4. The component joins by one call, `AvSetMmThreadCharacteristics("{facts.task}")`. If it cannot be'
-    yield "   changed, start its process with a higher priority class, and expect less order among components."
-    yield ""
-
-
-def _linux(facts: GuideFacts) -> Iterator[str]:
-    share = facts.reserve * facts.processors
-    group = f"/sys/fs/cgroup/rarms.slice/{facts.partition}"
-    yield "## Linux (control groups, version 2)"
-    yield ""
-    yield f"1. Make the group: `mkdir -p {group}`, with `cpu`, `cpuset` and `memory` in the parents'"
-    yield "   `cgroup.subtree_control`."
-    yield f"2. Memory: `echo {facts.memory_mib}M > {group}/memory.max`."
-    yield f"3. A reservation is a share under load: among all groups that compete, give this one {share} of"
-    yield f"   {100 * facts.host_lp} parts: `echo {max(1, share)} > {group}/cpu.weight`, each other likewise."
-    if facts.limit < 100:
-        period = _period_us(facts.shortest_ms)
-        quota = period * facts.limit * facts.processors // 100
-        yield f"4. The limit of {facts.limit} %: `echo '{quota} {period}' > {group}/cpu.max`. The period is a tenth of"
-        yield "   the shortest response time that is allowed: with a longer one, response times come in steps."
-    else:
-        yield f"4. No limit: leave `{group}/cpu.max` at `max`; a cap would falsify what was measured."
-    inside = shlex.quote(f"echo $$ > {group}/cgroup.procs && exec {facts.command or 'COMMAND'}")
-    command = "" if facts.command else f", with what starts {facts.component} in place of COMMAND"
-    yield f"5. Start it inside: `sh -c {inside}`{command}."
-    if facts.task is not None:
-        yield f"6. {facts.task} is a real-time priority: `chrt --fifo --pid 10 <thread id>` for each of its threads; of"
-        yield "   two components the more critical one gets the higher number."
-    yield ""
-
-
-def _check(facts: GuideFacts) -> Iterator[str]:
-    yield "## Afterwards"
-    yield ""
-    yield f"Run it under its usual load and compare with: {'; '.join(facts.apt) or 'what you expect'}."
-    yield "Write down what was set and when; all that changes its program, memory, processors or task class asks for"
-    yield "measuring again."
-
-
-def _period_us(shortest_ms: float | None) -> int:
-    """A tenth of the shortest allowed response time, 1 to 100 ms."""
-    return round(1000 * min(100.0, max(1.0, (shortest_ms or 1000.0) / 10)))

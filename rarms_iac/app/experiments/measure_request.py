@@ -8,7 +8,7 @@ from typing import Literal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
-from rarms_iac.measuring import measuring_findings as findings
+from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search, Verification
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiment_of, loads_of
@@ -323,7 +323,9 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     place = hosts.manifest.places.key("components")
     message = "No component has an `apt`, so there is nothing to measure for."
     return UseCaseError(
-        Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, message, advice, values={})], hosts.manifest.sources
+        Outcome.NEGATIVE,
+        [measuring_findings.NO_THRESHOLD.at(place, message, advice, values={})],
+        hosts.manifest.sources,
     )
 
 
@@ -354,7 +356,7 @@ def _hosts_to_measure_on(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Hos
         raise UseCaseError(
             Outcome.FAILED,
             [
-                findings.CANNOT_MEASURE.at(
+                measuring_findings.CANNOT_MEASURE.at(
                     None,
                     f"{', '.join(members)} may run on: {names}. None of them is simulated, this Linux machine, "
                     "or a Hyper-V host whose `hyperv.credential` is named.",

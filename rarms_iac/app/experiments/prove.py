@@ -18,7 +18,7 @@ from rarms_iac.app.options import lock_timeout_option, option
 from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.applying.state_after import totals_after
-from rarms_iac.measuring import measuring_findings as findings
+from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.measuring_findings import index_facts, show_index
 from rarms_iac.measuring.partitions import host_budget, partition_name
 from rarms_iac.measuring.prove import (
@@ -265,7 +265,7 @@ def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
     if stopped:
         message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
         advice = prose("Start them, and prove again: ", command("start", *stopped), ".")
-        finding = findings.NOT_APPLIED.at(
+        finding = measuring_findings.NOT_APPLIED.at(
             None, message, advice, address=f"partition/{stopped[0]}", values={"partitions": tuple(stopped)}
         )
         raise UseCaseError(Outcome.REFUSED, [finding])
@@ -301,14 +301,14 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
         advice = "Run the components there by hand, and compare what they show with their thresholds."
         raise UseCaseError(
             Outcome.FAILED,
-            [findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
+            [measuring_findings.CANNOT_MEASURE.at(None, message, advice, values={"hosts": tuple(hosts.chosen)})],
         )
     return measurable
 
 
 def _not_applied(message: str, address: str, values: Facts) -> Diagnostic:
     advice = prose("See what is missing with ", PLAN, ", and bring it there with ", APPLY, ".")
-    return findings.NOT_APPLIED.at(None, message, advice, address=address, values=values)
+    return measuring_findings.NOT_APPLIED.at(None, message, advice, address=address, values=values)
 
 
 def _conditions(hosts: Hosts, state: State, name: str, request: ProveRequest) -> ProofConditions:
@@ -324,7 +324,7 @@ def _conditions(hosts: Hosts, state: State, name: str, request: ProveRequest) ->
     if beside is None:
         message = f"{name} has no memory left for a partition that holds {request.interference}."
         room = {"host": name, "interference": request.interference}
-        finding = findings.NO_ROOM.at(None, message, "Prove without --interference.", values=room)
+        finding = measuring_findings.NO_ROOM.at(None, message, "Prove without --interference.", values=room)
         raise UseCaseError(Outcome.NEGATIVE, [finding])
     return ProofConditions(beside=beside, seed=request.seed)
 
@@ -341,7 +341,7 @@ def _prove(
         place = manifest.places.key("components", component)
         advice = "Run it alone and mend what fails, or allow it: `run: { failures: 5 }`."
         values: Facts = {"component": component, "failed_samples": len(answer.failures)}
-        finding = findings.FAILED_SAMPLES.at(place, message, advice, values=values)
+        finding = measuring_findings.FAILED_SAMPLES.at(place, message, advice, values=values)
         raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
     return answer
 
@@ -365,11 +365,16 @@ def _finding_of(verdict: IndexVerdict) -> tuple[Finding, Wording]:
     """Return the finding for a verdict that is not met, and the advice with it."""
     match verdict.verdict:
         case Unsteady():
-            return findings.NO_STEADY_STATE, "Look for what grows while it runs, or give it more: `--samples 2000`."
+            return (
+                measuring_findings.NO_STEADY_STATE,
+                "Look for what grows while it runs, or give it more: `--samples 2000`.",
+            )
         case WithinNoise() | TooFewSamples() | TooManyFailures():
-            return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
+            return measuring_findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
             again = command("measure", verdict.measured.component, again=True, stop_partitions=True)
-            return findings.MISSED, prose("Raise its reservation, relax its APT, or measure it again: ", again, ".")
+            return measuring_findings.MISSED, prose(
+                "Raise its reservation, relax its APT, or measure it again: ", again, "."
+            )
         case _:
             assert_never(verdict.verdict)

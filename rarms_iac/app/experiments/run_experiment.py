@@ -14,7 +14,7 @@ from rarms_iac.app.experiments.session import MeasuringSession, stop_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
-from rarms_iac.measuring import measuring_findings as findings
+from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.duration import expected_duration, settings_to_run
 from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, measure
 from rarms_iac.measuring.methods import Method, Search, Verification, is_of_paper, strategy_of
@@ -151,7 +151,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
             raise UseCaseError(
                 Outcome.NEGATIVE,
                 [
-                    findings.NO_THRESHOLD.at(
+                    measuring_findings.NO_THRESHOLD.at(
                         place,
                         message,
                         advice,
@@ -175,7 +175,7 @@ def _refuse_what_cannot_run(session: MeasuringSession, experiment: Experiment) -
     members = [("components", member.name, member) for member in experiment.members]
     for section, name, subject in [*members, ("interference", experiment.setup.interference, experiment.load)]:
         if obstacle := host.obstacle(subject):
-            finding = findings.NOTHING_TO_RUN.at(
+            finding = measuring_findings.NOTHING_TO_RUN.at(
                 manifest.places.key(section, name),
                 f"{host.name} cannot run {name}: {obstacle.reason}.",
                 obstacle.advice,
@@ -210,7 +210,9 @@ def _make_room(session: MeasuringSession, experiment: Experiment, method: Method
             command("start"),
             ".",
         )
-        raise _refusal(findings.BUSY_HOST, message, advice, {"host": host.name, "partitions": tuple(still_running)})
+        raise _refusal(
+            measuring_findings.BUSY_HOST, message, advice, {"host": host.name, "partitions": tuple(still_running)}
+        )
 
 
 def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:
@@ -225,11 +227,11 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
         running = tuple(map(partition_name, available.running))
         message = f"On {host} these run, and would change what is measured: {', '.join(running)}."
         advice = "Stop them on the host. Or give --on-busy-host: the log says so."
-        raise _refusal(findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
+        raise _refusal(measuring_findings.BUSY_HOST, message, advice, {"host": host, "partitions": running})
     if is_of_paper(method) and not available.budget.unreserved:
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise _refusal(findings.RESERVED_HOST, message, advice, {"host": host})
+        raise _refusal(measuring_findings.RESERVED_HOST, message, advice, {"host": host})
     highest = max(method.reserves, default=0) if isinstance(method, Sweep) else 0
     if available.highest_reserve == 0 or highest > available.highest_reserve:
         message = (
@@ -244,7 +246,7 @@ def _refuse_host(session: MeasuringSession, experiment: Experiment, method: Meth
             "asked_reserve_percent": highest,
             "processors": experiment.setup.processors,
         }
-        raise _refusal(findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
+        raise _refusal(measuring_findings.NO_ROOM, message, advice, values, Outcome.NEGATIVE)
 
 
 def _refusal(
@@ -300,7 +302,7 @@ def _describe_stale(log: ExperimentLog) -> str:
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
     names = tuple(map(partition_name, running))
-    return findings.MEASURED_BUSY.at(
+    return measuring_findings.MEASURED_BUSY.at(
         None,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {', '.join(names)}. "
         "Its log says so.",

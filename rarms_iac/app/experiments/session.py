@@ -15,7 +15,7 @@ from rarms_iac.app.experiments.stopping import (
     stop_to_measure,
 )
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
-from rarms_iac.measuring import measuring_findings as findings
+from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic, Facts
@@ -71,7 +71,9 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
             if removed := remove_test_partitions(host):
                 message = f"{name}: {' and '.join(removed)}. What the earlier run recorded is kept and used."
                 values: Facts = {"host": name, "removed": tuple(removed)}
-                finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}", values=values)
+                finding = measuring_findings.LEFT_BEHIND.at(
+                    None, message, "Nothing.", address=f"host/{name}", values=values
+                )
                 session.control.reporter.findings([finding])
             held[name] = host
         yield replace(session, held=held)

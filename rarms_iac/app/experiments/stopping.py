@@ -13,7 +13,7 @@ from rarms_iac.app.planning import make_plan, plan_request
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.requested_changes import stopped_partition
 from rarms_iac.applying.run_report import RunEnding, RunReporter
-from rarms_iac.measuring import measuring_findings as findings
+from rarms_iac.measuring import measuring_findings
 from rarms_iac.model.changes import Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Facts
@@ -58,7 +58,9 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
             message = f"On {host.name} these were stopped to measure, and could not be started: {', '.join(names)}."
             advice = prose("Mend what keeps them from it, then start them: ", command("start", *names), ".")
             values: Facts = {"host": host.name, "partitions": names}
-            finding = findings.STILL_STOPPED.at(None, message, advice, address=f"host/{host.name}", values=values)
+            finding = measuring_findings.STILL_STOPPED.at(
+                None, message, advice, address=f"host/{host.name}", values=values
+            )
             raise UseCaseError(error.outcome, (finding, *error.diagnostics)) from None
     return names
 

@@ -22,7 +22,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.version import __version__
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.oracle import Always, Consent, PlannerReporter, SilentReporter, total
 from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
@@ -185,7 +185,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
     yield from end.still_stopped
     if end.unanswered:
         mend = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
-        yield findings.NO_ANSWER.at(None, end.unanswered, mend, values={"reason": end.unanswered})
+        yield planning_findings.NO_ANSWER.at(None, end.unanswered, mend, values={"reason": end.unanswered})
     elif end.ending == "unable":
         reserved, capacity = map(show_lp_percent, (end.before, end.subject.capacity))
         message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."
@@ -199,7 +199,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
             advice = prose(
                 "Lower a reserve (", PLAN, " names ways out), or have it measured: `cpu: { reserve: measured }`."
             )
-        yield findings.UNABLE.at(
+        yield planning_findings.UNABLE.at(
             places.key("hosts", end.subject.host.name),
             message,
             advice,
@@ -207,7 +207,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
             values={"reserved_lp": end.before / 100, "capacity_lp": end.subject.capacity / 100},
         )
     for contradiction in end.contradictions:
-        yield findings.CONTRADICTION.at(
+        yield planning_findings.CONTRADICTION.at(
             None,
             f"{contradiction.message}. So nothing is proved: what was found holds, and another layout may be better.",
             prose(
@@ -222,7 +222,7 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
         apart = total(end.parts_of(compound))
         if compound.cost > apart:
             together = show_lp_percent(compound.cost)
-            yield findings.ABOVE_THE_SUM.at(
+            yield planning_findings.ABOVE_THE_SUM.at(
                 None,
                 f"{', '.join(compound.members)} reserve {together} together, and {show_lp_percent(apart)} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
@@ -245,7 +245,7 @@ def _still_too_much(hosts: Hosts, end: TuningConclusion) -> Iterator[Diagnostic]
     if isinstance(plan_layout(system, reservations, views, manifest.places).answer, Layout):
         return
     now, capacity = map(show_lp_percent, (end.after, end.subject.capacity))
-    yield findings.STILL_TOO_MUCH.at(
+    yield planning_findings.STILL_TOO_MUCH.at(
         None,
         f"{now} are reserved now, and {capacity} are there.",
         prose(

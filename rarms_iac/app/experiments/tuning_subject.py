@@ -19,7 +19,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured
 from rarms_iac.planner.groups import Group, may_share
@@ -216,7 +216,8 @@ def _refuse_several_platforms(hosts: Hosts) -> None:
         message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
         advice = "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each."
         raise UseCaseError(
-            Outcome.NEGATIVE, [findings.PLATFORMS.at(None, message, advice, values={"platforms": tuple(platforms)})]
+            Outcome.NEGATIVE,
+            [planning_findings.PLATFORMS.at(None, message, advice, values={"platforms": tuple(platforms)})],
         )
 
 

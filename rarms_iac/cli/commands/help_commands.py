@@ -12,7 +12,7 @@ from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.storage.finding_pages import FindingPage, code_of, finding_page, is_code
 from rarms_iac.storage.shipped import shipped_text
-from rarms_iac.views.explain import page_text, unknown_code
+from rarms_iac.views.finding_page import page_text, unknown_code
 from rarms_iac.views.json_output import json_of
 
 
@@ -61,10 +61,10 @@ def _component(session: Session, source: ManifestSource, name: str) -> ExitCode:
 def _guide(session: Session, source: ManifestSource, name: str) -> str:
     from rarms_iac.app.guide import guide_facts
     from rarms_iac.app.manifests import load_manifest
-    from rarms_iac.views.explain import guide
+    from rarms_iac.views.guide import guide_text
 
     facts = guide_facts(load_manifest(source), name)
-    return json_of(facts) if session.as_json else guide(facts)
+    return json_of(facts) if session.as_json else guide_text(facts)
 
 
 def _finding(session: Session, finding: str) -> ExitCode:

@@ -10,7 +10,7 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent, show_processors
 from rarms_iac.model.wording import in_a_row, list_names, number
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts, evident_conflicts
 from rarms_iac.planner.infeasibility.edits import Edit, Edits, RelaxationRange, Trials, Variant, smallest_edits
@@ -76,15 +76,15 @@ def _cause(conflict: Conflict, problem: Problem) -> Cause:
     cannot_share = f"{names} cannot share {list_names((host.name for host in conflict.bins), MOST_NAMES)}"
     match conflict.lacking:
         case "processors":
-            finding, message = findings.RESERVATIONS, _processors_exceed(conflict, problem)
+            finding, message = planning_findings.RESERVATIONS, _processors_exceed(conflict, problem)
         case "memory":
-            finding, message = findings.MEMORY, _memory_exceeds(conflict, problem)
+            finding, message = planning_findings.MEMORY, _memory_exceeds(conflict, problem)
         case _ if len(conflict.bins) == 1:
-            finding, places = findings.PACKING, _places(conflict.bins[0])
+            finding, places = planning_findings.PACKING, _places(conflict.bins[0])
             reason = f"each virtual processor needs its whole reserve on one of the {places}"
             message = f"{cannot_share}: {reason}, and there is no way to place them."
         case _:
-            finding = findings.PLACEMENT
+            finding = planning_findings.PLACEMENT
             reason = "together these have enough, but each partition needs room on one of them"
             message = f"{cannot_share}: {reason}."
     if conflict.proven and not conflict.smallest:

@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.planner import planning_findings as findings
+from rarms_iac.planner import planning_findings
 from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_system
@@ -87,7 +87,7 @@ def test_where_others_need_the_same_host_all_are_summed_up_as_well() -> None:
     ],
 )
 def test_the_only_way_out_is_a_sentence_or_a_list(changes: tuple[str, ...], advice: str) -> None:
-    cause = Cause(address="application", message="Nothing fits.", code=findings.PLACEMENT.code)
+    cause = Cause(address="application", message="Nothing fits.", code=planning_findings.PLACEMENT.code)
     answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(changes=changes),))
 
     assert [str(finding.advice) for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [advice]
@@ -101,7 +101,7 @@ def test_the_only_way_out_is_a_sentence_or_a_list(changes: tuple[str, ...], advi
     ],
 )
 def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
-    cause = Cause(address="application", message="Nothing fits.", code=findings.PLACEMENT.code)
+    cause = Cause(address="application", message="Nothing fits.", code=planning_findings.PLACEMENT.code)
     answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
 
     assert [finding.detail for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [detail]

@@ -1,6 +1,6 @@
 from rarms_iac.storage.finding_pages import finding_page
 from rarms_iac.views.console import columns, render
-from rarms_iac.views.explain import page_text, unknown_code
+from rarms_iac.views.finding_page import page_text, unknown_code
 
 
 def test_a_finding_is_explained_by_its_page() -> None:

@@ -1,0 +1,49 @@
+"""The page of a finding in a terminal, as `rarms explain RARMS014` shows it."""
+
+import re
+from typing import TYPE_CHECKING
+
+from rarms_iac.storage.finding_pages import known_codes
+from rarms_iac.views.console import columns, indented, paragraph, stack, styled
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
+_BLOCK_STARTS = ("#", "- ", "* ", "```")
+
+
+def unknown_code(code: str) -> str:
+    """Say that a code has no page; NOTE: a number that is near says nothing of what was meant."""
+    first, *_, last = known_codes()
+    return f"There is no finding {code}: they lie between {first} and {last}, and docs/diagnostics.md lists them all."
+
+
+def page_text(page: str) -> "RenderableType":
+    """Lay out Markdown as plain text: headings underlined, paragraphs wrapped, code indented as it is."""
+    parts: list[RenderableType] = []
+    lines: list[str] = []
+    in_code = False
+    for line in [*page.splitlines(), ""]:
+        if lines and (not line or line.startswith(_BLOCK_STARTS)):
+            parts.append(paragraph(_LINK.sub(r"\1", " ".join(lines))))
+            lines = []
+        if line.startswith("```"):
+            in_code = not in_code
+        elif in_code:
+            parts.append(_code(line))
+        elif line.startswith("#"):
+            title = line.lstrip("#").strip()
+            parts += [styled(title), ("=" if line.startswith("# ") else "-") * columns(title)]
+        elif line:
+            lines.append(line.strip())
+        else:
+            parts.append("")
+    return stack(*parts[:-1])
+
+
+def _code(line: str) -> "RenderableType":
+    """A line of an example, whole however narrow the terminal is: broken anew it would not be what rarms shows."""
+    text = styled(line)
+    text.no_wrap = True
+    return indented(text, 4) if line else ""
