@@ -10,7 +10,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.host import Host, ProviderKind, SchedulerType
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Undo, UndoLevel
+from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Undo, UndoLevel, UnusedPartition
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
@@ -201,7 +201,7 @@ def host_plan(
         changes=wanted,
         steps=tuple(step(change.address, title=change.kind) for change in wanted) if steps is None else tuple(steps),
         held_back=tuple(held_back),
-        unused=tuple(unused),
+        unused=tuple(UnusedPartition(name=name, memory_on_disk=0, disks=()) for name in unused),
         unchanged=unchanged,
         scripts=scripts or {},
         totals=totals,

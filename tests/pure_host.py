@@ -13,6 +13,7 @@ from rarms_iac.model.operations import (
     RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
+    RestorePartition,
     SetActions,
     SetCpu,
     SetMemory,
@@ -70,6 +71,20 @@ class PureHost:
                     disks=tuple(
                         replace(disk, machine="") if disk.machine == gone.id else disk for disk in self.state.disks
                     ),
+                )
+            case RestorePartition():
+                mark = operation.mark and replace(operation.mark, machine=operation.machine[:8])
+                again = Partition(
+                    settings=operation.settings,
+                    id=operation.machine,
+                    mark=mark,
+                    other_notes=operation.other_notes,
+                    sharing=core_sharing(self.state.facts),
+                )
+                self.state = replace(
+                    self.state,
+                    partitions=(*self.state.partitions, again),
+                    tasks=(*self.state.tasks, *operation.tasks),
                 )
             case RemoveDisk(path=path):
                 self.state = replace(self.state, disks=tuple(disk for disk in self.state.disks if disk.path != path))

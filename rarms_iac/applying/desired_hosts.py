@@ -19,10 +19,10 @@ from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.state import Disk, Partition, State
+from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import System
 from rarms_iac.planner.desired import Desired, desired_state
-from rarms_iac.planner.groups import groups_of, most_critical_first
+from rarms_iac.planner.groups import groups_of, most_critical_first, unnamed_partitions
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.task_classes import ClassValues
@@ -66,7 +66,7 @@ def desired_hosts(
     layout = planning.answer
     if not isinstance(layout, Layout):
         return {}, (*namesakes, *planning.findings)
-    hosts = {name: desired_state(system, layout, state, places) for name, state in states}
+    hosts = {name: desired_state(system, layout, state, places, request.limit) for name, state in states}
     findings = list(planning.findings)
     for desired in hosts.values():
         findings += [*desired.findings, *ignored_reserves(desired.state, places)]
@@ -81,6 +81,7 @@ def rules_of(request: PlanRequest, desired: Desired) -> ManifestRules:
         protected=frozenset(name for name, partition in system.partitions.items() if partition.protect),
         replaceable=frozenset(name.lower() for name, task in system.tasks.items() if task.replace_shipped),
         unused=desired.unused,
+        unnamed=unnamed_partitions(system, desired.observed.of(request.application).partitions),
         locate=_locator(system, request.places, desired.host, desired.classes),
     )
 
@@ -102,6 +103,7 @@ def context_of(request: PlanRequest, desired: Desired) -> HostContext:
         guest_builds=builds,
         graces=graces,
         attached={partition.id: count_disks(observed, partition.id) for partition in observed.partitions},
+        restorable=_restorable(observed.of(request.application)),
         disks=_removable_disks(system, observed) if request.remove_disks else {},
         making={partition.name: partition.making for partition in desired.placed},
         criticality={partition.name: partition.criticality for partition in desired.placed},
@@ -177,6 +179,12 @@ def _removable_disks(system: System, observed: State) -> Mapping[str, tuple[Disk
         )
         for partition in observed.of(system.application.name).partitions
     }
+
+
+def _restorable(own: State) -> Mapping[str, tuple[TaskClass, ...]]:
+    """The machines that can be removed and made again, by id, with rarms' task classes in their guests."""
+    machines = [partition.id for partition in own.partitions if own.holds_nothing(partition.id)]
+    return {machine: tuple(task for task in own.tasks if task.machine == machine) for machine in machines}
 
 
 def threads_of(desired: Desired, system: System) -> tuple[ThreadClass, ...]:

@@ -25,10 +25,11 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
-from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step
-from rarms_iac.model.state import State, StoppedBy
+from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, UnusedPartition
+from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.desired import Desired
+from rarms_iac.planner.groups import unnamed_partitions
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.storage.plan_file import identified
 
@@ -123,10 +124,10 @@ def _host_plan(
         changes=held.allowed,
         steps=steps,
         held_back=held.held,
-        unused=difference.unused,
+        unused=tuple(_unused(observed, application, name) for name in difference.unused),
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_after(observed, application, held.allowed, _wanted(request, desired)),
+        totals=totals_after(observed, application, held.allowed, _named(request, desired)),
         threads=threads_of(desired, request.system),
         components={partition.name: partition.components for partition in desired.placed},
         mechanisms=mechanisms or None,
@@ -147,11 +148,23 @@ def _guest_tasks(request: PlanRequest, desired: Desired, rules: ManifestRules) -
     )
 
 
-def _wanted(request: PlanRequest, desired: Desired) -> frozenset[str]:
-    """The partitions that the host is to have in the end; a stop or a start keeps those that are there."""
-    keeps = request.purpose in {Purpose.STOP, Purpose.START}
-    final = desired.observed.of(request.application) if keeps else desired.state
-    return frozenset(partition.settings.name for partition in final.partitions)
+def _named(request: PlanRequest, desired: Desired) -> frozenset[str]:
+    """The partitions of a host that the manifest names: those that it is to have, and those that are there."""
+    own = desired.observed.of(request.application).partitions
+    there = {partition.mark.name for partition in own if partition.mark}
+    wanted = {partition.settings.name for partition in desired.state.partitions}
+    return frozenset(there | wanted) - unnamed_partitions(request.system, own)
+
+
+def _unused(observed: State, application: str, name: str) -> UnusedPartition:
+    """What a partition still holds that the manifest no longer names."""
+    machine = next(vm for vm in observed.of(application).partitions if vm.mark and vm.mark.name == name)
+    saves = machine.settings.stop_action is StopAction.SAVE
+    return UnusedPartition(
+        name=name,
+        memory_on_disk=machine.settings.memory if saves else 0,
+        disks=tuple(disk.path for disk in observed.disks if disk.machine == machine.id),
+    )
 
 
 def _staying_stopped(request: PlanRequest, desired: Desired) -> tuple[str, ...]:

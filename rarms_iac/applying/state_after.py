@@ -7,7 +7,7 @@ from typing import assert_never
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
-from rarms_iac.model.state import Partition, State, StoppedBy
+from rarms_iac.model.state import Partition, State
 from rarms_iac.model.totals import Totals, totals_of
 
 
@@ -39,7 +39,7 @@ def partition_after_change(change: Change) -> Partition | None:
             assert_never(change)
 
 
-def totals_after(observed: State, application: str, changes: Sequence[Change], wanted: Collection[str]) -> Totals:
+def totals_after(observed: State, application: str, changes: Sequence[Change], named: Collection[str]) -> Totals:
     """Add up what a host has promised once the changes are made.
 
     A machine that is imported or released changes sides and keeps what it has.
@@ -48,11 +48,11 @@ def totals_after(observed: State, application: str, changes: Sequence[Change], w
         observed: the host before them.
         application: whose partitions are `own`; all other machines are `others`.
         changes: what is changed there; none: the host stays as it is.
-        wanted: names of the partitions that the host is to have.
+        named: the partitions that the manifest names.
 
     Returns:
-        The sums, as the planner counts them. A partition that does not run counts as idle where it is wanted or was
-        stopped by `rarms stop`, and otherwise not at all.
+        The sums, as the planner counts them. A partition that does not run counts as idle where the manifest names it,
+        and otherwise not at all.
     """
     own = partitions_after(observed, application, changes)
     taken = {change.before.id for change in changes if isinstance(change, Adopt)}
@@ -67,10 +67,6 @@ def totals_after(observed: State, application: str, changes: Sequence[Change], w
     idle = [
         partition.claim
         for partition, claim in zip(own, claims, strict=True)
-        if claim == NO_CLAIM and partition.mark and (partition.mark.name in wanted or _was_stopped(partition))
+        if claim == NO_CLAIM and partition.mark and partition.mark.name in named
     ]
     return totals_of(claims, foreign_claims(others, application), idle)
-
-
-def _was_stopped(partition: Partition) -> bool:
-    return partition.mark is not None and partition.mark.stopped_by is not StoppedBy.NO_USER

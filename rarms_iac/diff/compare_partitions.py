@@ -81,7 +81,7 @@ def _compare_partition(
         reason = Reason(message="it is not there", place=rules.locate(address))
         difference.changes.append(Create(address=address, after=after, reason=reason))
     elif after is None:
-        _delete(difference, address, before, rules)
+        _delete(difference, address, before, context, rules)
     elif not _is_unchanged(before, after):
         _update(difference, address, before, after, context, rules)
     elif name in rules.unused:
@@ -90,15 +90,26 @@ def _compare_partition(
         difference.unchanged += 1
 
 
-def _delete(difference: PartialDifference, address: Address, before: Partition, rules: ManifestRules) -> None:
-    place = rules.locate(address)
-    if address.partition in rules.protected:
+def _delete(
+    difference: PartialDifference,
+    address: Address,
+    before: Partition,
+    context: HostContext,
+    rules: ManifestRules,
+) -> None:
+    place, is_unnamed = rules.locate(address), address.partition in rules.unnamed
+    if is_unnamed and before.mark is not None and before.mark.protected:
+        difference.findings.append(_protected_before(address.partition))
+    elif address.partition in rules.protected:
         difference.findings.append(_protected(address.partition, "it would be removed", place))
     elif before.state in {RunState.BUSY, RunState.CRITICAL}:
         difference.findings.append(neither_off_nor_running(address, before.state, place))
     else:
-        reason = Reason(message="it is not wanted on this host", place=place)
-        difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=Disruption.REMOVAL))
+        why = "the manifest no longer names it" if is_unnamed else "it is not wanted on this host"
+        loses_nothing = is_unnamed and before.id in context.restorable
+        disruption = Disruption.PARTITION_STOP if loses_nothing else Disruption.REMOVAL
+        reason = Reason(message=why, place=place)
+        difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=disruption))
 
 
 def _update(
@@ -118,7 +129,7 @@ def _update(
         difference.findings.append(neither_off_nor_running(address, before.state, place))
         return
     unused = name in rules.unused
-    why = "the manifest no longer wants it" if unused else _describe_difference(before, after, context)
+    why = "the manifest no longer names it" if unused else _describe_difference(before, after, context)
     difference.changes.append(
         Update(
             address=address,
@@ -147,8 +158,10 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
     differing = [_FACET_WORDS[facet] for facet in Facet if facet in changed]
     if before.settings.running != after.settings.running:
         differing.append("whether it runs")
+    if not differing and before.mark and after.mark and before.mark.protected != after.mark.protected:
+        return f"its mark says {'that' if after.mark.protected else 'no longer that'} the manifest protects it"
     if not differing:
-        return "the mark does not say what was last written"
+        return "its mark is written anew: it does not say what was last written"
     stop = "; it has to stop for that" if stops(before, after.settings, context) and after.settings.running else ""
     if stop and Facet.MEMORY in changed and (why := why_memory_needs_off(before, after.settings, context)):
         stop += f" (memory: {why})"
@@ -232,6 +245,20 @@ def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
         "Take `protect` out first, in a change of its own, or keep the partition.",
         address=f"partition/{name}",
         values={"partition": name, "reason": why},
+    )
+
+
+def _protected_before(name: str) -> Diagnostic:
+    return PROTECTED.at(
+        None,
+        f"Partition {quoted(name)} said `protect: true` when it was last applied, and the manifest no longer names it.",
+        prose(
+            "Name it again without `protect` and apply, and take it out then; or let it go on without rarms: ",
+            command("release", name),
+            ".",
+        ),
+        address=f"partition/{name}",
+        values={"partition": name},
     )
 
 

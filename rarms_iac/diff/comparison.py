@@ -32,7 +32,8 @@ class ManifestRules:
     moved: Mapping[str, str] = field(default_factory=dict)  # old partition name -> new
     protected: frozenset[str] = frozenset()  # partitions that must not be removed
     replaceable: frozenset[str] = frozenset()  # shipped task classes that may be replaced, in lower case
-    unused: frozenset[str] = frozenset()  # managed partitions that the manifest no longer wants: stopped, not removed
+    unused: frozenset[str] = frozenset()  # managed partitions that the manifest no longer names: stopped, not removed
+    unnamed: frozenset[str] = frozenset()  # all partitions of the host that it no longer names
     locate: Callable[[Address], Place | None] = no_place  # the manifest line that asks for what is at an address
 
 

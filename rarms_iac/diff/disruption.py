@@ -7,7 +7,7 @@ from math import ceil
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.layout import Making
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.state import Disk, Facet, HostFacts, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Disk, Facet, HostFacts, Partition, PartitionSettings, RunState, TaskClass
 from rarms_iac.model.system import GRACE, Disruption
 
 WINDOWS_10 = 10240
@@ -25,6 +25,8 @@ class HostContext:
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
     disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
     attached: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: how many disks it has
+    # By id of a machine that holds nothing that could be lost: rarms' task classes in its guest.
+    restorable: Mapping[str, tuple[TaskClass, ...]] = field(default_factory=dict)
     graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
 
     @property

@@ -136,7 +136,8 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
     if wanted is None or wanted.mark is None:
         return DriftKind.NOT_APPLIED
     host = _is_changed(there, by_hand=wanted.settings.start_action is StartAction.NOTHING and not is_unused)
-    manifest = wanted.mark.set != there.mark.set or _is_left_by_measurement(there)
+    manifest = wanted.mark.set != there.mark.set or wanted.mark.protected != there.mark.protected
+    manifest = manifest or _is_left_by_measurement(there)
     if not host and not manifest and is_unused:
         return DriftKind.UNUSED
     return _combine(host=host, manifest=manifest)

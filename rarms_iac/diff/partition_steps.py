@@ -34,6 +34,7 @@ from rarms_iac.model.operations import (
     RemoveDisk,
     RemovePartition,
     RenamePartition,
+    RestorePartition,
     StopPartition,
     mark_operation,
 )
@@ -217,6 +218,16 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
     attached = context.attached.get(before.id, 0)
     others = ", keep its other disks" if going else ", keep its disks" if attached else ""
     operation = RemovePartition(partition=address.partition, machine=address.machine)
+    is_lost = before.id not in context.restorable
+    lost = "the machine is not made again" + ("; its disks are still there" if attached and not going else "")
+    again = RestorePartition(
+        partition=address.partition,
+        machine=before.id,
+        settings=builder.now.settings,
+        mark=builder.now.mark,
+        other_notes=before.other_notes,
+        tasks=context.restorable.get(before.id, ()),
+    )
     removal = Step(
         address=address,
         title=f"{operation}{others}",
@@ -227,12 +238,10 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
             "disks": attached,
         },
         after=NOTHING,
-        undo=Undo(
-            level=UndoLevel.NONE,
-            operation=None,
-            message="the machine is not made again" + ("; its disks are still there" if attached and not going else ""),
-        ),
-        disruption=Disruption.REMOVAL,
+        undo=Undo(level=UndoLevel.NONE, operation=None, message=lost)
+        if is_lost
+        else Undo(level=UndoLevel.FULL, operation=again),
+        disruption=Disruption.REMOVAL if is_lost else Disruption.PARTITION_STOP,
         claim_before=claim_of(builder.now),
         claim_after=claim_of(None),
         comment="removed before anything is made, so that there is room",

@@ -10,10 +10,7 @@ from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.output import OutputText
 from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
 from rarms_iac.model.run import Run, SampleCount
-from rarms_iac.model.system import Component, PartitionRequest, System, TaskRequest, run_of
-
-USUAL_WEIGHT = 100
-"""P1's weight, and the most that it may be: a higher one would add to a reservation what is not promised."""
+from rarms_iac.model.system import USUAL_WEIGHT, Component, PartitionRequest, System, TaskRequest, run_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

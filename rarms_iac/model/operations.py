@@ -17,6 +17,7 @@ from typing import Literal, assert_never
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.quantities import show_bytes, show_period
 from rarms_iac.model.state import (
+    ID_DIGITS,
     NO_GENERATION,
     SECURE_BOOT_OFF,
     Checkpoints,
@@ -72,6 +73,22 @@ class RemovePartition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RestorePartition:
+    """Make a machine again that was removed and had no disk: off, under its id, as it was."""
+
+    partition: str
+    machine: str  # its id
+    settings: PartitionSettings  # `running` is false
+    mark: Mark | None
+    other_notes: str = ""  # the lines of the notes that are the user's
+    tasks: tuple[TaskClass, ...] = ()  # of its guest, as they were
+    kind: Literal["restore_partition"] = "restore_partition"
+
+    def __str__(self) -> str:
+        return "make it again as it was"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RemoveDisk:
     """Delete the file of a virtual disk that grows out of `parent` and that no machine has any more."""
 
@@ -106,8 +123,20 @@ class WriteMark:
     name: str
     set: str
     stopped_by: StoppedBy = StoppedBy.NO_USER
+    protected: bool = False
     machine: str = ""
     kind: Literal["write_mark"] = "write_mark"
+
+    def mark(self, machine: str) -> Mark:
+        """Return the mark as it is written on the machine of this id."""
+        return Mark(
+            application=self.application,
+            name=self.name,
+            machine=machine[:ID_DIGITS].lower(),
+            set=self.set,
+            stopped_by=self.stopped_by,
+            protected=self.protected,
+        )
 
     def __str__(self) -> str:
         return f"mark it as {self.application}/{self.name}"
@@ -316,7 +345,7 @@ MachineOperation = (
 """Operations on a machine that exists."""
 
 TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord
-Operation = CreatePartition | MachineOperation | RemoveDisk | TaskOperation
+Operation = CreatePartition | RestorePartition | MachineOperation | RemoveDisk | TaskOperation
 
 
 def mark_operation(mark: Mark | None, partition: str, machine: str = "") -> WriteMark | EraseMark:
@@ -329,6 +358,7 @@ def mark_operation(mark: Mark | None, partition: str, machine: str = "") -> Writ
         name=mark.name,
         set=mark.set,
         stopped_by=mark.stopped_by,
+        protected=mark.protected,
         machine=machine,
     )
 
@@ -381,10 +411,8 @@ def partition_after(partition: Partition, operation: MachineOperation) -> Partit
     """
     after = replace(partition, settings=applied(partition.settings, operation))
     match operation:
-        case WriteMark(application=application, name=name, set=digest, stopped_by=stopped_by):
-            machine = partition.id[:8]
-            mark = Mark(application=application, name=name, machine=machine, set=digest, stopped_by=stopped_by)
-            return replace(after, mark=mark)
+        case WriteMark():
+            return replace(after, mark=operation.mark(partition.id))
         case EraseMark():
             return replace(after, mark=None)
         case StartPartition():

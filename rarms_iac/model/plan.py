@@ -132,6 +132,15 @@ class GuestTask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class UnusedPartition:
+    """A partition of ours that the manifest no longer names, stopped, and what it still holds on its host."""
+
+    name: str
+    memory_on_disk: int  # bytes that the host keeps on its disk for saving it; 0: none
+    disks: tuple[str, ...]  # paths of its virtual disks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostPlan:
     """The part of a plan for one host: changes, and steps in their order."""
 
@@ -143,7 +152,7 @@ class HostPlan:
     changes: tuple[Change, ...]  # by address
     steps: tuple[Step, ...]  # in the order in which they are done
     held_back: tuple[HeldBack, ...]
-    unused: tuple[str, ...]  # partitions of ours that the manifest no longer wants, stopped already
+    unused: tuple[UnusedPartition, ...]  # by name; stopped already
     unchanged: int  # resources that are as wanted
     scripts: Internal[Mapping[str, str]]  # file name -> text, one an operating system
     totals: Totals | None = None  # for the reader; nothing is decided by it

@@ -24,7 +24,7 @@ def wrong_name(part: HostPlan, steps: Iterable[Step]) -> str | None:
     names = chain([part.host.name], *part.components.values(), *(thread.components for thread in part.threads))
     partitions = chain(
         (address.partition for address in addresses),
-        part.unused,
+        (partition.name for partition in part.unused),
         part.stopped,
         part.components,
         (thread.inside for thread in part.threads),

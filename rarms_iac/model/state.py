@@ -128,6 +128,13 @@ class StoppedBy(StrEnum):
     MEASUREMENT = "measuring"  # `rarms measure`, which starts it again; after a kill the next run does
 
 
+ID_DIGITS = 8
+"""How much of a machine's id its mark repeats."""
+
+PROTECTED = "protected"
+"""The word in the mark of a partition that the manifest protects."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
     """Whose a thing on a host is, and what rarms last wrote there: one line in its notes."""
@@ -137,11 +144,13 @@ class Mark:
     machine: str  # first 8 characters of the machine's id
     set: str  # 12 hex digits: digest of the settings last written
     stopped_by: StoppedBy = StoppedBy.NO_USER
+    protected: bool = False  # the manifest said so of the partition at the last apply
 
     @property
     def written(self) -> str:
-        """What stands behind `set=`: the digest, and who stopped the partition, if it was stopped."""
-        return f"{self.set} {self.stopped_by.value}".rstrip()
+        """What stands behind `set=`: the digest, who stopped the partition, if it was stopped, and its protection."""
+        words = (self.set, self.stopped_by.value, PROTECTED if self.protected else "")
+        return " ".join(word for word in words if word)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,6 +279,18 @@ class State:
         None  # names of its virtual switches; None: not known, or there are no such things
     )
     disks: tuple[Disk, ...] = ()  # those that are attached to a machine, and what else is known, by path
+
+    def holds_nothing(self, machine: str) -> bool:
+        """Tell whether a machine of this host can be removed and made again as it was.
+
+        Args:
+            machine: its id.
+
+        Returns:
+            False for a machine of Hyper-V, and for one with a disk: what is on it would be lost.
+        """
+        has_disk = any(disk.machine == machine for disk in self.disks)
+        return self.facts.provider is not ProviderKind.HYPERV and not has_disk
 
     def of(self, application: str) -> "State":
         """Only what carries this application's mark; facts and serials stay."""

@@ -51,6 +51,24 @@ class Minimise(StrEnum):
     RESERVATION = "reservation"
 
 
+USUAL_WEIGHT = 100
+"""The weight of a machine of which nothing is said, and with which components are measured."""
+
+MOST_WEIGHT = 10_000
+
+
+def weight_of_criticality(criticality: int) -> int:
+    """Return the weight of a partition under `headroom: by_criticality`; no other partition moves it.
+
+    Args:
+        criticality: of its most critical member.
+
+    Returns:
+        100 times the criticality, within 100 to 10,000: those of 100 and above are alike.
+    """
+    return min(MOST_WEIGHT, max(USUAL_WEIGHT, USUAL_WEIGHT * criticality))
+
+
 class Headroom(StrEnum):
     """Who gets what is left over."""
 
@@ -221,6 +239,13 @@ class Acceptance:
     until: date | None
 
 
+class Unused(StrEnum):
+    """What becomes of a stopped partition that the manifest no longer names and that holds what could be lost."""
+
+    KEEP = "keep"
+    REMOVE = "remove"  # where `max_disruption` allows removals, too
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuringLimits:
     """How long may be measured to make one thing clear: its budget, in the host's own time."""
@@ -238,6 +263,7 @@ class Policy:
     headroom: Headroom = Headroom.BY_CRITICALITY
     max_disruption: Disruption = Disruption.HOST_RESTART
     measuring: MeasuringLimits = MeasuringLimits()
+    unused: Unused = Unused.KEEP
     accept: Mapping[str, Acceptance] = field(default_factory=dict)
 
 

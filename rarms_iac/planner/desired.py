@@ -9,6 +9,7 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.names import is_shipped_task, renaming
 from rarms_iac.model.state import (
+    ID_DIGITS,
     Mark,
     Partition,
     PartitionSettings,
@@ -22,7 +23,8 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Disruption, System, Unused
+from rarms_iac.planner.groups import unnamed_partitions
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.digest import set_of_settings, set_of_values
 
@@ -34,7 +36,7 @@ class Desired:
     observed: State
     state: State
     layout: Layout | None = None  # of all hosts; None: nothing is laid out, as where everything is removed
-    unused: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer wants: in `state`, stopped
+    unused: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer names: in `state`, stopped
     classes: Mapping[tuple[str, str], ClassValues] = field(default_factory=dict)  # by partition (empty: the host), name
     by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that could not be looked into: in no state, so no change
     findings: tuple[Diagnostic, ...] = ()
@@ -52,10 +54,13 @@ class Desired:
         )
 
 
-def desired_state(system: System, layout: Layout, observed: State, places: Places) -> Desired:
+def desired_state(
+    system: System, layout: Layout, observed: State, places: Places, limit: Disruption = Disruption.HOST_RESTART
+) -> Desired:
     """Work out the state that one host is to have, and what the difference must know beside it.
 
-    A partition with our mark that is placed on no host is kept, stopped, with its automatic start off: it is unused. A
+    A partition with our mark that is placed on no host is removed where it holds nothing that could be lost, or where
+    the policy and the limit allow it. Otherwise it is kept, stopped, with its automatic start off: it is unused. A
     partition that is placed on another host is not in this state, and so it is removed here.
 
     Args:
@@ -63,6 +68,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
         layout: where each partition is placed, on all hosts.
         observed: the host as it is now; `observed.facts.name` must be a host of the manifest.
         places: lines of the manifest, for the findings.
+        limit: the most that a change may disrupt.
 
     Returns:
         The wanted state with partitions and task classes in the order of their names, and findings about task classes.
@@ -71,11 +77,10 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     here = [partition for partition in layout.partitions if partition.host == observed.facts.name]
     there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     current = _current_names(there, {partition.name for partition in here}, system.moved)
-    placed = {partition.name for partition in layout.partitions}
-    unused = [
-        partition for name, partition in sorted(there.items()) if name not in placed and name not in current.values()
-    ]
-    wanted = [_wanted(partition, there.get(current.get(partition.name, "")), application) for partition in here]
+    unnamed = unnamed_partitions(system, there.values())
+    may_remove = system.policy.unused is Unused.REMOVE and limit is Disruption.REMOVAL
+    unused = [there[name] for name in sorted(unnamed) if not (may_remove or observed.holds_nothing(there[name].id))]
+    wanted = [_wanted(partition, there.get(current.get(partition.name, "")), system) for partition in here]
     found, values, problems = _tasks(system, layout, observed, here, current, places)
     tasks = sorted(found, key=lambda task_class: (task_class.inside, task_class.name))
     unseen = _unseen_guests(tasks, observed, current)
@@ -117,7 +122,7 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
     return {new: old for old, new in renaming(there, here, moved).new.items() if new in here}
 
 
-def _wanted(partition: PlacedPartition, there: Partition | None, application: str) -> Partition:
+def _wanted(partition: PlacedPartition, there: Partition | None, system: System) -> Partition:
     stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NO_USER
     runs_or_is_wanted_again = there is not None and (there.settings.running or stopped_by is StoppedBy.MEASUREMENT)
     settings = replace(
@@ -125,7 +130,15 @@ def _wanted(partition: PlacedPartition, there: Partition | None, application: st
         running=partition.settings.running or runs_or_is_wanted_again,
         secure_boot=partition.settings.secure_boot if there is None or there.settings.secure_boot else None,
     )
-    wanted = _marked(settings, application, partition.name, there, partition.sharing)
+    request, application = system.partitions.get(partition.name), system.application.name
+    mark = Mark(
+        application=application,
+        name=partition.name,
+        machine="",
+        set="",
+        protected=request is not None and request.protect,
+    )
+    wanted = _marked(settings, mark, there, partition.sharing)
     stays_stopped = stopped_by is StoppedBy.USER and there is not None and not there.settings.running
     return _stopped(wanted) if stays_stopped else wanted
 
@@ -146,12 +159,11 @@ def _stopped_unwanted(there: Partition) -> Partition:
     assert there.mark is not None
     name = there.mark.name
     settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING, secure_boot=None)
-    return _marked(settings, there.mark.application, name, there, there.sharing)
+    return _marked(settings, replace(there.mark, stopped_by=StoppedBy.NO_USER), there, there.sharing)
 
 
-def _marked(
-    settings: PartitionSettings, application: str, name: str, there: Partition | None, sharing: CoreSharing
-) -> Partition:
+def _marked(settings: PartitionSettings, mark: Mark, there: Partition | None, sharing: CoreSharing) -> Partition:
+    """The partition with these settings; its mark says them, and the machine that is there."""
     machine = there.id if there else ""
     live = there.settings.secure_boot if there else None
     return Partition(
@@ -159,7 +171,7 @@ def _marked(
         settings=replace(settings, secure_boot=settings.secure_boot or live),
         id=machine,
         state=RunState.RUNNING if settings.running else RunState.OFF,
-        mark=Mark(application=application, name=name, machine=machine[:8], set=set_of_settings(settings)),
+        mark=replace(mark, machine=machine[:ID_DIGITS], set=set_of_settings(settings)),
         sharing=there.sharing if there else sharing,
     )
 

@@ -5,17 +5,11 @@ from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.layout import Cause
+from rarms_iac.model.names import renaming
+from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.model.wording import list_others
 from rarms_iac.planner import planning_findings
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rank:
-    """Where a criticality stands among all those of the manifest: 1 is the least."""
-
-    place: int = 1
-    of: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +20,6 @@ class Group:
     members: tuple[Component, ...]
     request: PartitionRequest
     headroom: Headroom = Headroom.BY_CRITICALITY
-    rank: Rank = Rank()  # of its criticality in the manifest
 
     @property
     def criticality(self) -> int:
@@ -37,20 +30,6 @@ class Group:
     def has_apt(self) -> bool:
         """Whether a member has an APT, so that neither a cap nor a low weight may falsify what was measured."""
         return any(member.apt for member in self.members)
-
-
-def ranks_of(components: Iterable[Component]) -> Mapping[int, Rank]:
-    """Rank the criticalities of the manifest.
-
-    Args:
-        components: all that run in partitions, in any of them: combining some must not move another's
-            weight.
-
-    Returns:
-        A rank for each criticality; 1 is the least critical.
-    """
-    values = sorted({component.criticality for component in components})
-    return {value: Rank(place=at, of=len(values)) for at, value in enumerate(values, 1)}
 
 
 def groups_of(system: System) -> tuple[Group, ...]:
@@ -67,11 +46,11 @@ def groups_of(system: System) -> tuple[Group, ...]:
     """
     inside = {name: component for name, component in system.components.items() if component.runs_on is RunsOn.PARTITION}
     spoken_for: set[str] = set()
-    ranks, headroom = ranks_of(inside.values()), system.policy.headroom
+    headroom = system.policy.headroom
 
     def group(name: str, members: list[Component], request: PartitionRequest) -> Group:
         ordered = most_critical_first(members)
-        return Group(name=name, members=ordered, request=request, headroom=headroom, rank=ranks[ordered[0].criticality])
+        return Group(name=name, members=ordered, request=request, headroom=headroom)
 
     groups = []
     for request in system.partitions.values():
@@ -84,6 +63,22 @@ def groups_of(system: System) -> tuple[Group, ...]:
         name = most_critical_first(together)[0].name
         groups.append(group(name, together, PartitionRequest(name=name, components=())))
     return tuple(sorted(groups, key=lambda group: group.name))
+
+
+def unnamed_partitions(system: System, own: Iterable[Partition]) -> frozenset[str]:
+    """Find the partitions on a host that the manifest no longer names.
+
+    Args:
+        system: the manifest, with its moves.
+        own: the machines there with the application's mark.
+
+    Returns:
+        The names in their marks.
+    """
+    there = {partition.mark.name for partition in own if partition.mark}
+    wanted = {group.name for group in groups_of(system)}
+    new = renaming(there, wanted, system.moved).new
+    return frozenset(name for name in there if new[name] not in wanted)
 
 
 def may_share(*groups: Group) -> bool:

@@ -9,32 +9,15 @@ from typing import assert_never
 
 from rarms_iac.model.host import Host, Mechanism, ProviderKind
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, in_processors, per_virtual_processor
-from rarms_iac.model.system import Headroom
-from rarms_iac.planner.groups import Group, Rank
+from rarms_iac.model.system import MOST_WEIGHT, USUAL_WEIGHT, Headroom, weight_of_criticality
+from rarms_iac.planner.groups import Group
 from rarms_iac.planner.mechanism import mechanism_of
 
-WEIGHT = 100
-"""The weight that components are measured with: in service, a lower one could falsify that."""
-
-MAX_WEIGHT = 10_000
 LAST = 1
 """The weight of a partition that gets no headroom but what all others leave."""
 
 OPEN = 100
 """A limit that caps nothing."""
-
-
-def weight_of_rank(rank: Rank) -> int:
-    """Give a rank its weight: one hundred a rank, so that weights have the order of criticalities.
-
-    Args:
-        rank: as `ranks_of` returns it.
-
-    Returns:
-        100 to 10000. Beyond a hundred criticalities the steps are smaller; beyond 9901 all weights are equal.
-    """
-    step = min(WEIGHT, (MAX_WEIGHT - WEIGHT) // max(1, rank.of - 1))
-    return min(MAX_WEIGHT, WEIGHT + step * (rank.place - 1))
 
 
 def limit_of(group: Group, host: Host, processors: int, reserve: int) -> tuple[int, str]:
@@ -94,7 +77,7 @@ def weight_of(group: Group, host: Host) -> tuple[int, str]:
         The weight, 1 to 10000, and the reason in words.
     """
     if host.provider is ProviderKind.LINUX:
-        return WEIGHT, "Linux shares what is not reserved in proportion to the reservations"
+        return USUAL_WEIGHT, "Linux shares what is not reserved in proportion to the reservations"
     if group.request.cpu.weight is not None:
         return group.request.cpu.weight, "the manifest fixes it for the partition"
     given, why = _weight_of_policy(group)
@@ -108,17 +91,13 @@ def weight_of(group: Group, host: Host) -> tuple[int, str]:
 def _weight_of_policy(group: Group) -> tuple[int, str]:
     match group.headroom:
         case Headroom.BY_CRITICALITY:
-            rank = group.rank
-            if rank.of == 1:
-                return WEIGHT, "policy.headroom is by_criticality, and all are equally critical"
-            return weight_of_rank(rank), (
-                f"policy.headroom is by_criticality: criticality {rank.place} of {rank.of}, the least first"
-            )
+            why = f"policy.headroom is by_criticality: {USUAL_WEIGHT} times the criticality {group.criticality}"
+            return weight_of_criticality(group.criticality), f"{why}, within {USUAL_WEIGHT} to {MOST_WEIGHT}"
         case Headroom.EQUAL:
-            return WEIGHT, "policy.headroom is equal: the same for everybody"
+            return USUAL_WEIGHT, "policy.headroom is equal: the same for all"
         case Headroom.NONE:
             if group.has_apt:
-                return WEIGHT, "policy.headroom is none; not less than it was measured with"
+                return USUAL_WEIGHT, "policy.headroom is none; not less than it was measured with"
             return LAST, "policy.headroom is none, and no APT was measured that a low weight could falsify"
         case _:
             assert_never(group.headroom)

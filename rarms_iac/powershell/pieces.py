@@ -15,7 +15,7 @@ from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Reading, Readings, Step
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import SECURE_BOOT_OFF, RegistryValue, StartAction, StopAction, ValueKind
-from rarms_iac.powershell.literals import Literal, literal
+from rarms_iac.powershell.literals import Literal, NoLiteral, literal
 from rarms_iac.powershell.templates import VM
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.json_text import canonical
@@ -92,6 +92,8 @@ def pieces_of(step: Step) -> tuple[ScriptPiece, ...]:
     match step.operation:
         case operations.CreatePartition() as creation:
             return _creation_pieces(step, creation)
+        case operations.RestorePartition(partition=partition):
+            raise NoLiteral(partition, "a machine of Hyper-V is not made again")
         case operations.RemoveDisk() as removal:
             return (_disk_removal_piece(str(step.address), step.title, literal(removal.path), removal.parent),)
         case operation:

@@ -1,6 +1,7 @@
 """Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab`.
 
-A partition that rarms stopped has a word more at the end: `stopped` or `measuring` (`StoppedBy`).
+A partition that rarms stopped has a word more: `stopped` or `measuring` (`StoppedBy`), and one that the manifest
+protects ends with `protected`.
 
 The other lines are the user's and stay as they are. A mark counts only where it names the machine that it stands on,
 and no other machine carries a mark of the same partition; a machine whose mark does not count is unmanaged.
@@ -13,17 +14,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from rarms_iac.model.names import BETWEEN, NAME_PATTERN
-from rarms_iac.model.state import Mark, StoppedBy
-
-ID_DIGITS = 8
-"""How much of a machine's id its mark repeats."""
+from rarms_iac.model.state import ID_DIGITS, PROTECTED, Mark, StoppedBy
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
 _BETWEEN = re.escape(BETWEEN)
 _STOPPED = "|".join(word.value for word in StoppedBy if word.value)
 _LINE = re.compile(
     rf"rarms/1 (?P<application>{_NAME})/(?P<name>{_NAME}(?:{_BETWEEN})?) "
-    rf"vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})(?P<stopped_by>(?: (?:{_STOPPED}))?)"
+    rf"vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})"
+    rf"(?P<stopped_by>(?: (?:{_STOPPED}))?)(?P<protected>(?: {PROTECTED})?)"
 )
 _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
 
@@ -118,4 +117,5 @@ def _mark_of(line: re.Match[str]) -> Mark:
         machine=line["machine"],
         set=line["set"],
         stopped_by=StoppedBy(line["stopped_by"].strip()),
+        protected=bool(line["protected"]),
     )

@@ -13,11 +13,11 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
-from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
+from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
 from rarms_iac.model.quantities import guaranteed, plain, show_bytes, show_milliseconds, show_percent, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
 from rarms_iac.views.findings_text import findings_text
@@ -111,10 +111,11 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
     if verbose and part.unchanged:
         yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
     yield from _held_back(part, plan)
-    for name in part.unused:
+    for unused in part.unused:
+        name, holds = unused.name, describe_held(unused)
         yield paragraph(
             prose(
-                f"partition/{name} is unused and stopped: the manifest no longer wants it. Remove it with ",
+                f"partition/{name} is unused and stopped: the manifest no longer names it{holds}. Remove it with ",
                 command("destroy", target=f"partition/{name}"),
                 ".",
             ),
@@ -152,6 +153,13 @@ def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
     for change in part.changes:
         if change not in machines and not (change.address.is_in_guest and change.address.partition in created):
             yield _line(change, part)
+
+
+def describe_held(unused: UnusedPartition) -> str:
+    """Say what an unused partition still holds, after a comma; empty: nothing."""
+    held = [counted(len(unused.disks), "disk") + f" ({', '.join(unused.disks)})"] if unused.disks else []
+    held += [f"{show_bytes(unused.memory_on_disk)} on the host's disk for saving it"] if unused.memory_on_disk else []
+    return f", and it still holds {in_a_row(held)}" if held else ""
 
 
 def _resource(change: Create | Delete) -> object:

@@ -24,8 +24,18 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_processors,
 )
-from rarms_iac.model.system import Component, Measured, PartitionRequest, RunsOn, System
-from rarms_iac.model.wording import counted, list_names
+from rarms_iac.model.system import (
+    MOST_WEIGHT,
+    USUAL_WEIGHT,
+    Component,
+    Headroom,
+    Measured,
+    PartitionRequest,
+    RunsOn,
+    System,
+    weight_of_criticality,
+)
+from rarms_iac.model.wording import counted, in_a_row, list_names
 
 RESERVE_OVER_LIMIT = Finding.error("RARMS060", "The reserve is above the limit")
 RESERVE_OVER_HOST = Finding.error("RARMS061", "The reserve is larger than any host can give")
@@ -34,10 +44,8 @@ MORE_PROCESSORS_THAN_HOST = Finding.error("RARMS064", "More virtual processors t
 RESERVE_OVER_PROCESSORS = Finding.error("RARMS078", "The reserve is larger than its virtual processors can use")
 DIFFERENT_CPU = Finding.error("RARMS094", "A partition and its only component have different CPU settings")
 HELD_BACK = Finding.note("RARMS130", "A fixed limit or weight slows a component with an APT")
-
 WEIGHT_ON_LINUX = Finding.warning("RARMS315", "A weight has no effect on a Linux host")
-
-USUAL_WEIGHT = 100
+CRITICALITIES_ALIKE = Finding.warning("RARMS330", "Different criticalities give the same weight")
 
 
 def weight_on_linux(system: System) -> Iterator[Violation]:
@@ -243,3 +251,28 @@ def _caps(limit: CpuAmount, processors: int | None, inside: Sequence[Component],
         return in_processors(limit, host.logical_processors) < usable
 
     return on_every(hosts, is_below)
+
+
+def criticalities_alike(system: System) -> Iterator[Violation]:
+    """Different criticalities that end in the same, highest weight."""
+    if system.policy.headroom is not Headroom.BY_CRITICALITY:
+        return
+    fixed = {name for partition in system.partitions.values() if partition.cpu.weight for name in partition.components}
+    alike = [
+        component
+        for component in system.components.values()
+        if component.runs_on is RunsOn.PARTITION and component.cpu.weight is None and component.name not in fixed
+        if weight_of_criticality(component.criticality) == MOST_WEIGHT
+    ]
+    if len({component.criticality for component in alike}) < 2:
+        return
+    first, *others = sorted(alike, key=lambda component: (-component.criticality, component.name))
+    said = in_a_row([f"{component.name} ({component.criticality})" for component in (first, *others)])
+    yield Violation(
+        path=("components", first.name, "criticality"),
+        detail=f"{said} all get the weight {MOST_WEIGHT}, the highest there is: a weight is {USUAL_WEIGHT} times the "
+        "criticality.",
+        advice=f"Write criticalities of at most {MOST_WEIGHT // USUAL_WEIGHT} in the same order, or fix the weights: "
+        "`cpu: { weight: 5000 }`.",
+        related=tuple((("components", other.name, "criticality"), False, "alike") for other in others),
+    )

@@ -11,7 +11,7 @@ from rarms_iac.manifest.document.quantities import Duty, PositiveMemory, Positiv
 from rarms_iac.manifest.document.texts import CODE_PATTERN, Code, Day, Filled, LeastVersion, Name, Stressor, TaskName
 from rarms_iac.model.loads import DEFAULT_LOADS
 from rarms_iac.model.names import TASK_PATTERN
-from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
+from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory, Unused
 from rarms_iac.model.wording import in_a_row
 
 Level = Annotated[int, Field(ge=1, le=8)]
@@ -49,6 +49,11 @@ class PolicyBlock(Block):
         "host_restart",
     )
     measuring: Maybe[MeasuringLimitsBlock] = optional("How long may be measured to make one thing clear.")
+    unused: Annotated[Unused, Field(strict=False)] = optional(
+        "What becomes of a partition on Hyper-V that the manifest no longer names: `keep`, stopped, or `remove`, which "
+        "needs `max_disruption: removal`. Elsewhere it is removed in any case: it holds nothing that could be lost.",
+        "keep",
+    )
     accept: Maybe[Annotated[dict[Code, AcceptanceBlock], KeysLike(CODE_PATTERN)]] = optional(
         "Findings that are known and accepted, by their id."
     )

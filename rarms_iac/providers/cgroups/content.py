@@ -16,6 +16,7 @@ from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
     RenamePartition,
+    RestorePartition,
     SetActions,
     SetCpu,
     SetMemory,
@@ -36,7 +37,7 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.providers.cgroups.groups import USUAL_PERIOD_US, GroupValues
 from rarms_iac.providers.cgroups.machine import NAMESPACE, LinuxMachine
-from rarms_iac.providers.marks import MarkReading, erase_mark, mark_for, read_marks, write_mark
+from rarms_iac.providers.marks import MarkReading, erase_mark, read_marks, write_mark
 from rarms_iac.storage.codec import decode, encode
 from rarms_iac.storage.json_text import parse_json
 
@@ -98,6 +99,13 @@ def new_definition(operation: CreatePartition, name: str, host: str, taken: Iter
     return GroupDefinition(id=number, settings=_new_settings(name, operation.memory))
 
 
+def restored_definition(operation: RestorePartition) -> GroupDefinition:
+    """Define a partition again that was removed: off, under its id."""
+    notes = operation.other_notes
+    notes = write_mark(notes, operation.mark) if operation.mark else notes
+    return GroupDefinition(id=operation.machine, settings=operation.settings, notes=notes)
+
+
 def foreign_definition(name: str, group: RunningGroup, machine: LinuxMachine) -> GroupDefinition:
     """Return a group that no definition names as a partition, under an id that is always the same.
 
@@ -131,9 +139,8 @@ def _new_settings(name: str, memory: int) -> PartitionSettings:
 def changed(definition: GroupDefinition, operation: SettingOperation) -> GroupDefinition:
     """Return the definition after an operation on it."""
     match operation:
-        case WriteMark(application=application, name=name, set=digest, stopped_by=stopped_by):
-            mark = mark_for(definition.id, application, name, digest, stopped_by)
-            return replace(definition, notes=write_mark(definition.notes, mark))
+        case WriteMark():
+            return replace(definition, notes=write_mark(definition.notes, operation.mark(definition.id)))
         case EraseMark():
             return replace(definition, notes=erase_mark(definition.notes))
         case _:

@@ -17,6 +17,7 @@ from rarms_iac.model.operations import (
     Operation,
     RemoveDisk,
     RemovePartition,
+    RestorePartition,
     SetActions,
     SetCpu,
     SetMemory,
@@ -41,6 +42,7 @@ from rarms_iac.providers.cgroups.content import (
     new_definition,
     out_of_range,
     read_definition,
+    restored_definition,
     slice_limit,
     to_partitions,
     values_of,
@@ -289,6 +291,8 @@ class LinuxHostProvider(JournaledHost):
         match operation:
             case CreatePartition():
                 self._create(operation, state, scope)
+            case RestorePartition():
+                self._make_again(operation, state, scope)
             case RemoveDisk() | SetSecureBoot():
                 raise self._plan_again(f"a control group cannot do this: {operation}")
             case _ if isinstance(operation, TaskOperation):
@@ -304,6 +308,15 @@ class LinuxHostProvider(JournaledHost):
             raise self._plan_again(f"there is a partition {operation.partition} already")
         taken = [partition.id for partition in state.partitions]
         definition = new_definition(operation, scope.pending(operation.partition), state.facts.id, taken)
+        if problem := out_of_range(definition.settings):
+            raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
+        self._save(definition)
+
+    def _make_again(self, operation: RestorePartition, state: State, scope: Scope) -> None:
+        known = {partition.id for partition in state.partitions}
+        if operation.machine in known or resolve(state.partitions, operation.partition, scope):
+            raise self._plan_again(f"there is a partition {operation.partition} already")
+        definition = restored_definition(operation)
         if problem := out_of_range(definition.settings):
             raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
         self._save(definition)

@@ -23,8 +23,8 @@ from rarms_iac.model.state import (
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.providers.marks import erase_mark, mark_for, write_mark
-from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, Values, next_id
+from rarms_iac.providers.marks import erase_mark, write_mark
+from rarms_iac.providers.simulated.content import FRESH, Content, Registry, SimulatedMachine, Values, next_id
 from rarms_iac.providers.simulated.rules import Refusal
 
 T = TypeVar("T")
@@ -36,7 +36,7 @@ LONGEST_KEY = 255
 def address_of(operation: operations.Operation) -> Address:
     """The address of what the operation changes, as faults name it."""
     match operation:
-        case operations.CreatePartition():
+        case operations.CreatePartition() | operations.RestorePartition():
             return Address(partition=operation.partition)
         case operations.RemoveDisk():
             return Address(partition=operation.partition, disk=operation.path)
@@ -73,6 +73,20 @@ def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
     return replace(content, made=content.made + 1).with_machine(machine)
 
 
+def with_restored_machine(content: Content, operation: operations.RestorePartition) -> Content:
+    """With a machine again that was removed, off, and with rarms' task classes in its guest."""
+    notes = write_mark(operation.other_notes, operation.mark) if operation.mark else operation.other_notes
+    machine = SimulatedMachine(id=operation.machine, settings=operation.settings, state=RunState.OFF, notes=notes)
+    if not operation.tasks:
+        return content.with_machine(machine)
+    registry = replace(
+        FRESH,
+        tasks={**FRESH.tasks, **{task.name: task.values for task in operation.tasks if task.values}},
+        records={task.name.lower(): task.record for task in operation.tasks if task.record},
+    )
+    return content.with_machine(machine).with_registry(machine.id, registry)
+
+
 def with_new_disk(
     content: Content, machine: str, operation: operations.CreatePartition, folder: str, scope: Scope
 ) -> Content:
@@ -99,9 +113,8 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: opera
     match operation:
         case operations.RemovePartition():
             return content.without_machine(machine.id)
-        case operations.WriteMark(application=application, name=name, set=settings_digest, stopped_by=stopped_by):
-            mark = mark_for(machine.id, application, name, settings_digest, stopped_by)
-            changed = replace(machine, notes=write_mark(machine.notes, mark))
+        case operations.WriteMark():
+            changed = replace(machine, notes=write_mark(machine.notes, operation.mark(machine.id)))
         case operations.EraseMark():
             changed = replace(machine, notes=erase_mark(machine.notes))
         case operations.StartPartition():

@@ -9,7 +9,14 @@ from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.host import Fault, FaultEffect, Host
-from rarms_iac.model.operations import CreatePartition, MachineOperation, Operation, RemoveDisk, TaskOperation
+from rarms_iac.model.operations import (
+    CreatePartition,
+    MachineOperation,
+    Operation,
+    RemoveDisk,
+    RestorePartition,
+    TaskOperation,
+)
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
@@ -34,6 +41,7 @@ from rarms_iac.providers.simulated.operations import (
     refuse_task_change,
     with_new_disk,
     with_new_machine,
+    with_restored_machine,
 )
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
 from rarms_iac.storage.replace import remove_leftovers
@@ -141,6 +149,10 @@ class SimulatedHostProvider(JournaledHost):
         match operation:
             case CreatePartition():
                 return self._after_creation(content, state, operation, scope)
+            case RestorePartition():
+                if operation.machine in content.machines or resolve(state.partitions, operation.partition, scope):
+                    raise HostRefused(self.name, f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+                return with_restored_machine(content, operation)
             case RemoveDisk():
                 if refusal := refuse_disk_removal(content, operation):
                     raise self._refused(refusal)

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f261df998bbb of application robot, for the guest of partition vision.
+    rarms undo script: plan 5bcadde7aa3f of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 7785495c2f80, rarms 0.1.0.
+    Manifest ac71332e2c48, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f261df998bbb'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '5bcadde7aa3f'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = 'vision'
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan c7c6f474517f of application robot, for the host itself.
+    rarms undo script: plan 0b5b37d2f04e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there)
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 1dcdbb02daa5, rarms 0.1.0.
+    Manifest 9727a9818d24, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'c7c6f474517f'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '0b5b37d2f04e'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

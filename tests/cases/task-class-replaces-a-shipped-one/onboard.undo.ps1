@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 20861c8d9170 of application robot, for the host itself.
+    rarms undo script: plan b5c52b6f04d2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium; forget it: it is no longer ours)
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest a9326d298f28, rarms 0.1.0.
+    Manifest e5f5edd3eae7, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '20861c8d9170'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'b5c52b6f04d2'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

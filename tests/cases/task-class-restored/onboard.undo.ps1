@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 6d38e5eb69dd of application robot, for the host itself.
+    rarms undo script: plan 762802547088 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium)
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 3f7d02250fb2, rarms 0.1.0.
+    Manifest 7e4a30f86028, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '6d38e5eb69dd'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '762802547088'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

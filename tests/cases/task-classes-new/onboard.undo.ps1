@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 08f2dca58de1 of application robot, for the host itself.
+    rarms undo script: plan 813c0a4c1d64 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (remove the class; forget it: it is no longer ours)
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 1dcdbb02daa5, rarms 0.1.0.
+    Manifest 9727a9818d24, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '08f2dca58de1'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '813c0a4c1d64'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

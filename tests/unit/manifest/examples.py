@@ -106,6 +106,7 @@ policy:
   minimise: reservation
   headroom: equal
   max_disruption: partition_stop
+  unused: keep
   measuring: { setting: 5 min, proof: 1 h }
   accept:
     RARMS041: { at: [partition/senses], reason: Known., until: '2027-01-31' }

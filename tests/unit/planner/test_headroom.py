@@ -4,9 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.system import Headroom, System
-from rarms_iac.planner.groups import ranks_of
-from rarms_iac.planner.headroom import MAX_WEIGHT, WEIGHT, weight_of_rank
+from rarms_iac.model.system import MOST_WEIGHT, USUAL_WEIGHT, Headroom, System, weight_of_criticality
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_system, at_most
@@ -34,12 +32,12 @@ def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
     found = placed(a_robot())
 
     assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
-        "vision": (100, 300),
-        "speech": (100, 200),
+        "vision": (100, 3000),
+        "speech": (100, 1000),
         "logging": (100, 100),
     }
     assert found["vision"].why_limit == "left open: a cap would falsify what was measured"
-    assert "criticality 3 of 3" in found["vision"].why_weight
+    assert "100 times the criticality 30" in found["vision"].why_weight
 
 
 def test_what_one_needs_moves_nobody_elses_share() -> None:
@@ -52,7 +50,7 @@ def test_what_one_needs_moves_nobody_elses_share() -> None:
 
 
 def test_equal_hands_out_the_same() -> None:
-    assert {partition.settings.weight for partition in placed(a_robot(), Headroom.EQUAL).values()} == {WEIGHT}
+    assert {partition.settings.weight for partition in placed(a_robot(), Headroom.EQUAL).values()} == {USUAL_WEIGHT}
 
 
 def test_none_keeps_those_without_an_apt_to_their_reservation() -> None:
@@ -74,12 +72,19 @@ def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
         assert found.why_weight == "the manifest fixes it for speech"
 
 
-@given(st.sets(st.integers(0, 1_000_000), min_size=1, max_size=300))
-def test_the_order_of_criticalities_is_the_order_of_weights(criticalities: set[int]) -> None:
-    ranks = ranks_of(a_component(f"c{at}", criticality=criticality) for at, criticality in enumerate(criticalities))
+def test_a_new_component_moves_no_other_weight() -> None:
+    system = a_robot()
+    more = replace(system, components={**system.components, "arm": a_component("arm", criticality=7, reserve="5 %")})
 
-    weights = [weight_of_rank(ranks[criticality]) for criticality in sorted(criticalities)]
+    before, after = placed(system), placed(more)
 
-    assert weights == sorted(set(weights))
-    assert weights[0] == WEIGHT
-    assert weights[-1] <= MAX_WEIGHT
+    assert {name: after[name] for name in before} == before
+
+
+@given(st.lists(st.integers(0, 1_000_000), min_size=1))
+def test_the_order_of_criticalities_is_the_order_of_weights_up_to_a_hundred(criticalities: list[int]) -> None:
+    weights = [weight_of_criticality(criticality) for criticality in sorted(criticalities)]
+
+    assert weights == sorted(weights)
+    assert all(USUAL_WEIGHT <= weight <= MOST_WEIGHT for weight in weights)
+    assert len({weight_of_criticality(criticality) for criticality in range(1, 101)}) == 100

@@ -39,10 +39,10 @@ def test_the_delivery_robot_gets_what_it_fixes() -> None:
         partition.name: (partition.settings.reserve, partition.settings.limit, partition.settings.weight)
         for partition in found.partitions
     } == {
-        "face-detection": (40, 100, 400),
-        "speech-recognition": (30, 100, 300),
-        "path-planning": (20, 60, 200),
-        "video-streaming": (10, 100, 100),
+        "face-detection": (40, 100, 4000),
+        "speech-recognition": (30, 100, 3000),
+        "path-planning": (20, 60, 2000),
+        "video-streaming": (10, 100, 1000),
     }
     assert found.placement is None, "there was one host to choose"
 

@@ -122,7 +122,7 @@ def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:
     [
         "Host onboard (simulated, 2 LP, 4 GiB)",
         "Host workshop (simulated, 4 LP, 4 GiB)",
-        "  partition/former is unused and stopped: the manifest no longer wants it.",
+        "  partition/former is unused and stopped: the manifest no longer names it.",
         "    partition/old, remove the machine: not at all; it is not made again",
         "  ~ speech  processors 1 -> 2; stops the partition",
         "  Afterwards: 1.9 of 2 LP (95 %) and 2 GiB reserved; 0.1 LP and 2 GiB free.",
