@@ -34,6 +34,7 @@ from rarms_iac.model.quantities import (
     parse_quantity,
 )
 from rarms_iac.model.run import Closed, Command, Elapsed, FromEnvironment, Periodic, Run, SampleCount, Samples, Stop
+from rarms_iac.model.state import ID_DIGITS, Mark
 from rarms_iac.model.system import (
     Application,
     AtLeast,
@@ -322,6 +323,11 @@ class PathPlaces:
     def key(self, *path: str | int) -> Place:
         """The same as `value`: there is no text in which they could differ."""
         return self.value(*path)
+
+
+def a_mark(machine: str, application: str, name: str, digest: str) -> Mark:
+    """The mark that makes the machine of this id the application's partition."""
+    return Mark(application=application, name=name, machine=machine[:ID_DIGITS].lower(), set=digest)
 
 
 def codes(diagnostics: Iterable[Diagnostic]) -> list[str]:

@@ -36,14 +36,6 @@ class MarkReading:
     other_notes: str
 
 
-def mark_for(
-    machine: str, application: str, name: str, settings_digest: str, stopped_by: StoppedBy = StoppedBy.NO_USER
-) -> Mark:
-    """The mark that makes the machine of this id the application's partition."""
-    short = machine[:ID_DIGITS].lower()
-    return Mark(application=application, name=name, machine=short, set=settings_digest, stopped_by=stopped_by)
-
-
 def write_mark(notes: str, mark: Mark) -> str:
     """The notes with this mark, in place of any other; the user's lines stay."""
     line = f"rarms/1 {mark.application}/{mark.name} vm={mark.machine} set={mark.written}"

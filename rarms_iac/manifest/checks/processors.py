@@ -275,4 +275,5 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
         advice=f"Write criticalities of at most {MOST_WEIGHT // USUAL_WEIGHT} in the same order, or fix the weights: "
         "`cpu: { weight: 5000 }`.",
         related=tuple((("components", other.name, "criticality"), False, "alike") for other in others),
+        values={"components": tuple(component.name for component in (first, *others)), "weight": MOST_WEIGHT},
     )

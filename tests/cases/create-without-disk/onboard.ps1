@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 9e71365fc7cb of application robot, for the host itself.
+    rarms apply script: plan 5b5a1e8ed4ff of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 3f7d02250fb2, rarms 0.1.0.
+    Manifest 7e4a30f86028, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '9e71365fc7cb'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5b5a1e8ed4ff'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f7e18fe73f2057d815e5a924760142dfe79b90ba6b61a8c9ca84e39da425b732'
+        UndoDigest = 'fde58fb762a78fa105d18cfce5eb624bcc0b99e36aeab7c8b4a9487d165540f1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -692,7 +692,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e2f16cf0ab86 of application robot, for the host itself.
+    rarms apply script: plan c7b742e02977 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -25,7 +25,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest d692ce1616c2, rarms 0.1.0.
+    Manifest a2bf30ff37fc, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -41,9 +41,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e2f16cf0ab86'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c7b742e02977'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4449874521aa08c896e2582aa6444712427e321b813d02e3ecd59edad479c181'
+        UndoDigest = 'e5d830b07c91b3e33b2426aa48e614603404f25789009455d5daaca65eb43d81'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -730,7 +730,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ca08d12a2d48 of application robot, for the host itself.
+    rarms apply script: plan 6c47d15d0ed8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -24,7 +24,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest ecb1b47be5b8, rarms 0.1.0.
+    Manifest 3eea3a0c2c74, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -40,9 +40,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ca08d12a2d48'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '6c47d15d0ed8'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8d0b92e58559d8c18cd50912e17d2af94de2f4c7ab800fcea06770fbe472d0dd'
+        UndoDigest = 'a5ca74be2ed55d8ee5414f0ee2e464ecb48dcc586d5aa6f040a8a7cb861148e4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -725,7 +725,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3646a804f2f2 of application robot, for the host itself.
+    rarms apply script: plan db1440676384 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 4d23db3f84bd, rarms 0.1.0.
+    Manifest b7d3c6585bb8, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3646a804f2f2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'db1440676384'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ee9b35352166b864b8c8521b536d453e04e6c9172e5694aa8f2b5eb52df3979b'
+        UndoDigest = 'd17f5a73321eccb2e5c2d25fef1a1a596831597f4ab1c82efdee30c220c7bb80'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -692,7 +692,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ac6c2fc703e8 of application robot, for the host itself.
+    rarms apply script: plan fc2a382847b5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (reserve 40 -> 20 %; processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest e002180b1f5c, rarms 0.1.0.
+    Manifest b1f15d8b63ee, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ac6c2fc703e8'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'fc2a382847b5'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0e439140d655126cbd1d9eeae7031dc9d762f2568db496a3b576cfae1e395faa'
+        UndoDigest = 'a9e8f82f965b9407aca978e95344c99ba76b7b9f75b174a49d434f0d7b818ee2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -690,7 +690,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a9ba31a13a10 of application robot, for the host itself.
+    rarms apply script: plan ee33b3889fe5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -22,7 +22,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 3ba68d2b3341, rarms 0.1.0.
+    Manifest 4d5682a33575, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a9ba31a13a10'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'ee33b3889fe5'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '27c1c37a2cca3025778950abdccd70ad76ab78a6a7e12cca44b5ad91fcaa1b5d'
+        UndoDigest = '23e112e05d6ccd2ef62e14a605756312bb234d897c0793d675f6dc9437104d80'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +48,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: it is not wanted on this host (rarms.yaml:11:1) ==================================
+    # === speech: the manifest no longer names it (rarms.yaml:11:1) ================================
     Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
@@ -685,7 +685,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 30286ec8e3ca of application robot, for the host itself.
+    rarms apply script: plan b4bbfa339e1a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     voice: changed (name speech -> voice)
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 6c594f432f20, rarms 0.1.0.
+    Manifest 99bc47caa5e2, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '30286ec8e3ca'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'b4bbfa339e1a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '965067a31548885148dde8d51d5fd82b1f322761ad3a9e60e3ac0462318d98c2'
+        UndoDigest = 'ecd1e735689debc8eb4c75f1c82bcc8ac336954dd0ee820f701906971e954315'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -682,7 +682,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

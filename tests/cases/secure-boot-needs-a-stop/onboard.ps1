@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f5eac9ca65b0 of application robot, for the host itself.
+    rarms apply script: plan e7c57c060f2b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (secure boot MicrosoftWindows -> off). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest a7b3bc867c78, rarms 0.1.0.
+    Manifest 8c6af2d9181e, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f5eac9ca65b0'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e7c57c060f2b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '90a0c573f93a139aa89a1b6955b007c71f51f043ec4da9ca9b139daf896a4348'
+        UndoDigest = '1920067cc15e3fb06a626703d7c0b1d90aa07bb9b48f6c98b05a75d47ea8a7a1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -690,7 +690,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan fa9d52368100 of application robot, for the host itself.
+    rarms apply script: plan 064acfdcf39a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -22,7 +22,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest f0ed3a264425, rarms 0.1.0.
+    Manifest 591d58bc2b56, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fa9d52368100'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '064acfdcf39a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6f4ded655fb3baae009cb7f415ecce5ee8e148da48aee1f81e581fcff84b1700'
+        UndoDigest = '04bb419d63b5a3cb8a0462fea9561b409655c536dfedb676bd0d20b82b2ef51b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2
@@ -738,7 +738,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 644d5ba1b048 of application robot, for the host itself.
+    rarms apply script: plan 7e69e1380c78 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -22,7 +22,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest b1bd658d1c20, rarms 0.1.0.
+    Manifest 50d1c3071fb5, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '644d5ba1b048'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '7e69e1380c78'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c5e69bdd5f9d03ae9b51c31fbbea186acfc70dc2d8c891de4eeb22988dd69a16'
+        UndoDigest = '8d236a7aa76d78b48a0b1028a5ce705f2add6bfab925b6bdab29f82859f0fedd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -737,7 +737,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f261df998bbb of application robot, for the guest of partition vision.
+    rarms apply script: plan 5bcadde7aa3f of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 7785495c2f80, rarms 0.1.0.
+    Manifest ac71332e2c48, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f261df998bbb'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '5bcadde7aa3f'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '13df33e550b9c6fc94356fe81e1c4b6112f2c3e99d9e2549cf54ab78e05d085f'
+        UndoDigest = '941d8e8c45608ea3857f177848f5224ebd3c9e773d1442180fc7f203aaf0bcfa'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c7c6f474517f of application robot, for the host itself.
+    rarms apply script: plan 0b5b37d2f04e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5)
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 1dcdbb02daa5, rarms 0.1.0.
+    Manifest 9727a9818d24, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c7c6f474517f'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '0b5b37d2f04e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2db375cb62fbd9a15443d7d014550ac910bd1d22594dc48d9723124fc80643db'
+        UndoDigest = '499e60e396bd6d47173712e9bf40a01b146b708486750db86ae093216f86b350'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 20861c8d9170 of application robot, for the host itself.
+    rarms apply script: plan b5c52b6f04d2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4)
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest a9326d298f28, rarms 0.1.0.
+    Manifest e5f5edd3eae7, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '20861c8d9170'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'b5c52b6f04d2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1e4398726415113f05b8e490978bc4b693d633a36e356bb0ac132fc4201826d8'
+        UndoDigest = '48336242fe05f765154d2e42b02ed4271671a9149706b956447128d982431d54'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6d38e5eb69dd of application robot, for the host itself.
+    rarms apply script: plan 762802547088 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
@@ -20,7 +20,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 3f7d02250fb2, rarms 0.1.0.
+    Manifest 7e4a30f86028, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6d38e5eb69dd'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '762802547088'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bc939c79386c9af6d13ad3a49fde106ba03c5be2db775809809a89182f398ad0'
+        UndoDigest = '967323672d4e81bc166937a6bda1039d76609f2f4858077a93e245df2dd9c815'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 08f2dca58de1 of application robot, for the host itself.
+    rarms apply script: plan 813c0a4c1d64 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     task/Localization: changed (record that it is ours, and what was there; set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium)
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 1dcdbb02daa5, rarms 0.1.0.
+    Manifest 9727a9818d24, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '08f2dca58de1'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '813c0a4c1d64'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4576824858327d6168c81b3e31b38b835c63ef95ef0e38267f8494d6ac084b0b'
+        UndoDigest = 'ee022a39218de406db13afefe358412f599dd2ebfd337aa9e623fd0248d60fc9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7965d7f00d46 of application robot, for the host itself.
+    rarms apply script: plan 73c9f5e3fd2c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped (when the host starts: nothing). It is off after 120 s at the latest, and stays off
@@ -21,7 +21,7 @@
     Exit code 0: done, or all is as wanted already.
     Exit code 1: a call failed, a step was declined, or it was asked to stop. Run it again to go on.
     Exit code 3: the host is not as the plan saw it, another run holds it, or the plan was used.
-    Manifest 3ba68d2b3341, rarms 0.1.0.
+    Manifest 4d5682a33575, rarms 0.1.0.
 #>
 
 #Requires -Version 5.1
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7965d7f00d46'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '73c9f5e3fd2c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '78c515e2870d0e06c7172f359e6694e2d61c6624f4a27a02919eaef0c762a79e'
+        UndoDigest = '64f8a8493b9a1ea5409653cf7f8a617753e2faa7578cc67ffd4769305105d816'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +47,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: the manifest no longer wants it (rarms.yaml:11:1) ================================
+    # === speech: the manifest no longer names it (rarms.yaml:11:1) ================================
     Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
@@ -687,7 +687,7 @@ function Test-RootScheduler {
 
 $script:Vm = $null              # the one that was read last
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {

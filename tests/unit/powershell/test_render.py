@@ -9,8 +9,9 @@ from rarms_iac.model.names import BETWEEN
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_scripts, render_undo, script_name
 from rarms_iac.powershell.templates import fill, part_text
-from rarms_iac.providers.marks import mark_for, write_mark
+from rarms_iac.providers.marks import write_mark
 from tests import builders_plan as build
+from tests.builders import a_mark
 from tests.effort import examples
 from tests.unit.powershell.hostile import hostile_texts
 from tests.unit.powershell.plans import all_changes, marked, rendered_plan, same_structure
@@ -90,7 +91,7 @@ def test_the_runtime_reads_every_mark_that_rarms_writes_also_while_two_partition
     pattern = re.compile(form["form"].replace("NAME", name_form["name"]).replace("(?<", "(?P<"))
 
     for name in ("vision", "vision" + BETWEEN):
-        mark = mark_for("0a1b2c3d-0000", "robot", name, "0123456789ab")
+        mark = a_mark("0a1b2c3d-0000", "robot", name, "0123456789ab")
         written = write_mark("my notes\r\n", mark).replace("\n", "\r\n").split("\n")
         (found,) = filter(None, map(pattern.search, written))
         assert found.groupdict() == {"app": "robot", "name": name, "vm": "0a1b2c3d", "set": "0123456789ab"}

@@ -4,10 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.providers.marks import erase_mark, mark_for, read_mark, read_marks, write_mark
+from rarms_iac.providers.marks import erase_mark, read_mark, read_marks, write_mark
+from tests.builders import a_mark
 
 FIRST, SECOND = "aaaaaaaa-1111-4111-8111-111111111111", "bbbbbbbb-1111-4111-8111-111111111111"
-MARK = mark_for(FIRST, "robot", "vision", "0123456789ab")
+MARK = a_mark(FIRST, "robot", "vision", "0123456789ab")
 LINE = "rarms/1 robot/vision vm=aaaaaaaa set=0123456789ab"
 
 
@@ -18,7 +19,7 @@ def test_a_mark_is_one_line_below_the_users() -> None:
 
 
 def test_writing_again_replaces_the_line() -> None:
-    newer = mark_for(FIRST, "robot", "vision", "ffffffffffff")
+    newer = a_mark(FIRST, "robot", "vision", "ffffffffffff")
 
     assert read_mark(write_mark(write_mark("Ask Ann.", MARK), newer)) == newer
 
@@ -58,7 +59,7 @@ def test_of_a_machine_and_its_copy_only_the_machine_is_ours() -> None:
 
 
 def test_a_partition_on_two_machines_is_on_none() -> None:
-    twice = read_marks({FIRST: LINE, SECOND: write_mark("", mark_for(SECOND, "robot", "vision", "0" * 12))})
+    twice = read_marks({FIRST: LINE, SECOND: write_mark("", a_mark(SECOND, "robot", "vision", "0" * 12))})
 
     assert [reading.mark for reading in twice.values()] == [None, None]
     assert {reading.foreign for reading in twice.values()} == {"the mark of robot/vision stands on 2 machines"}

@@ -21,8 +21,9 @@ from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.cgroups.systemd import GroupTreeSystemd
 from rarms_iac.providers.channel import CommandResult
 from rarms_iac.providers.interface import HostRefused
-from rarms_iac.providers.marks import mark_for, write_mark
+from rarms_iac.providers.marks import write_mark
 from tests import builders
+from tests.builders import a_mark
 from tests.contracts.benches import on_linux
 
 pytestmark = pytest.mark.needs("linux")
@@ -226,7 +227,7 @@ def test_a_restart_keeps_partitions_but_those_that_start_by_hand(lab: Lab) -> No
 def test_over_a_channel_the_first_partition_brings_the_limit_of_the_slice_in_the_same_batch() -> None:
     described = on_linux(builders.a_host(keep_processor="10 %"))
     made = new_definition(CreatePartition(partition="vision", generation=0, memory=64 * MIB), "vision", "cell", ())
-    notes = write_mark("", mark_for(made.id, "robot", "vision", "0" * 12))
+    notes = write_mark("", a_mark(made.id, "robot", "vision", "0" * 12))
     definition = replace(made, settings=replace(made.settings, processors=2, reserve=40), notes=notes)
     shown = {
         "/sys/fs/cgroup/cgroup.controllers": "cpuset cpu io memory",
