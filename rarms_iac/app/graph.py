@@ -21,7 +21,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
-from rarms_iac.statistics.curves import Curve, components_not_shown
+from rarms_iac.statistics.curves import Curve, components_not_shown, highest_missed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,7 +213,8 @@ def _answers(measurements: Measurements, host: Host, names: Members, states: Map
     for reserve in log.measured:
         enough = least is not None and reserve >= least.reserve
         worse = () if enough else components_not_shown(_curves(group, log), reserve)
-        yield Answer(members=names, reserve=reserve, worse=worse)
+        unresolved = bool(worse) and reserve > highest_missed(_curves(group, log))
+        yield Answer(members=names, reserve=reserve, worse=worse, unresolved=unresolved)
 
 
 def _curves(group: Group, log: MeasuredTogether) -> Iterator[tuple[Curve, Threshold]]:

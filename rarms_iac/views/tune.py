@@ -9,7 +9,7 @@ from rarms_iac.model.quantities import plain, show_lp_percent
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import ASSUMED
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
-from rarms_iac.storage.datalog.decisions import TunedPartition
+from rarms_iac.storage.datalog.decisions import TunedPartition, TuningRun
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 
 if TYPE_CHECKING:
@@ -91,10 +91,26 @@ def _sentences(result: TuningResult) -> Sequence[str]:
         case "stopped":
             return [f"{hosts}: stopped, {before} are reserved{fixed}, and there are {capacity}."]
         case "unable":
-            return [f"{hosts}: {before} are reserved{fixed}, and there are {capacity}. {run.message}."]
+            doubts = describe_doubts(run)
+            return [f"{hosts}: {before} are reserved{fixed}, and there are {capacity}. {run.message}.", *doubts]
         case "successful":
-            claim = [f"No other layout is better, if {ASSUMED}."] if run.proved else []
-            return [f"{hosts}: {run.message}, {before} became {after} of {capacity}{fixed}.", *claim]
+            return [f"{hosts}: {run.message}, {before} became {after} of {capacity}{fixed}.", *describe_proof(run)]
+
+
+def describe_proof(run: TuningRun) -> Sequence[str]:
+    """Say whether another layout may be better, and what that rests on."""
+    rests = "on reservations that were shown to be too little, and not on those that were unresolved"
+    proved = [f"No other layout is better, if {ASSUMED}. That rests {rests}."] if run.proved else []
+    return [*proved, *describe_doubts(run)]
+
+
+def describe_doubts(run: TuningRun) -> Sequence[str]:
+    """Name the compounds by which nothing is proved, a sentence each."""
+    return [
+        f"Nothing is proved: {'+'.join(doubt.components)} may be enough with {doubt.shown} %, as its samples could not "
+        f"tell at {doubt.unresolved} %."
+        for doubt in run.doubts
+    ]
 
 
 def _number(percent: int) -> str:

@@ -28,7 +28,7 @@ from rarms_iac.planner.combining.paper import SUCCESSFUL, UNABLE, Inquiry
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
-from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy
+from rarms_iac.storage.datalog.decisions import TrailSetting, TunedPartition, TuningRun, TuningStrategy, UnprovedNeed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,6 +287,10 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
         after=end.after,
         proved=end.proved,
         contradictions=tuple(contradiction.message for contradiction in end.contradictions),
+        doubts=tuple(
+            UnprovedNeed(components=doubt.members, shown=doubt.shown, unresolved=doubt.unresolved)
+            for doubt in end.doubts
+        ),
         partitions=tuple(
             TunedPartition(
                 name=coi.name,
@@ -301,7 +305,11 @@ def tuning_run(end: TuningConclusion, strategy: TuningStrategy, *, written: bool
         ),
         trail=tuple(
             TrailSetting(
-                components=answer.members, reserve=answer.reserve, worse=answer.worse, predicted=answer.predicted
+                components=answer.members,
+                reserve=answer.reserve,
+                worse=answer.worse,
+                unresolved=answer.unresolved,
+                predicted=answer.predicted,
             )
             for answer in end.trail
         ),

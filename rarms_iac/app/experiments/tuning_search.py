@@ -10,7 +10,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, PlannerReporter, Unanswered, total
 from rarms_iac.planner.combining.paper import Inquiry, ordered, tune_performance_to_use_less_resource
-from rarms_iac.planner.combining.questions import Best, search, tuning_of
+from rarms_iac.planner.combining.questions import Best, Doubt, search, tuning_of
 from rarms_iac.storage.datalog.decisions import TuningEnding, TuningStrategy
 
 
@@ -24,6 +24,7 @@ class TuningConclusion:
     trail: tuple[Answer, ...] = ()
     proved: bool = False
     contradictions: tuple[Contradiction, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
     still_stopped: tuple[Diagnostic, ...] = ()  # of `starting_again`
 
@@ -127,8 +128,8 @@ def _by_the_graph(start: TuningConclusion, inquiry: Inquiry) -> TuningConclusion
     best, _ = search(tuning, inquiry, recorded=recorded)
     proved = best.proved and not layout_fit.unsure
     if not isinstance(best, Best):
-        return replace(start, ending="unable", proved=proved, contradictions=best.contradictions)
-    end = replace(start, cois=best.cois, proved=proved, contradictions=best.contradictions)
+        return replace(start, ending="unable", proved=proved, contradictions=best.contradictions, doubts=best.doubts)
+    end = replace(start, cois=best.cois, proved=proved, contradictions=best.contradictions, doubts=best.doubts)
     for compound in end.compounds:
         inquiry.reporter.combined(compound, total(end.parts_of(compound)))
     return replace(end, ending="successful" if end.compounds else "nothing_to_do")

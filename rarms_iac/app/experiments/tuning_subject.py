@@ -29,7 +29,7 @@ from rarms_iac.planner.packing.values import Item, NoPacking, Packing, free_on, 
 from rarms_iac.planner.prediction.members import Predict, alone_in, predictor_of, unpredicted
 from rarms_iac.planner.problem import HostView, Problem, host_view, problem_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
-from rarms_iac.statistics.curves import components_not_shown, curves_of
+from rarms_iac.statistics.curves import components_not_shown, curves_of, highest_missed
 from rarms_iac.storage.datalog.decisions import TuningStrategy
 
 
@@ -267,6 +267,7 @@ class Experiments:
     strategy: TuningStrategy = "default"  # by which it is asked
     samples: int | None = None  # of each component; None: as its `run.until` says
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
+    _unresolved: set[tuple[Members, int]] = field(default_factory=set)
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
         """Run this setting, unless its answer is known.
@@ -287,6 +288,18 @@ class Experiments:
         if (members, reserve) not in self._known:
             self._known[members, reserve] = self._measured(members, reserve)
         return self._known[members, reserve]
+
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        """Tell whether none of those that are worse there was shown to miss a threshold.
+
+        Args:
+            members: sorted names, of which `worse` was asked.
+            reserve: likewise.
+
+        Returns:
+            Whether its samples could not tell.
+        """
+        return (members, reserve) in self._unresolved
 
     def _measured(self, members: Members, reserve: int) -> frozenset[str]:
         if reserve > (highest := self.subject.highest(members)):
@@ -309,7 +322,15 @@ class Experiments:
                 )
             case _:
                 pass
-        return worse_on_the_curve(experiment, result.settings, reserve)
+        worse = worse_on_the_curve(experiment, result.settings, reserve)
+        if worse and not _shown_to_miss(experiment, result.settings, reserve):
+            self._unresolved.add((members, reserve))
+        return worse
+
+
+def _shown_to_miss(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> bool:
+    """Whether a threshold was shown to be missed at this CR or a higher one, which is then too little, too."""
+    return reserve <= highest_missed(curves_of(settings, experiment.runs, apts_of(experiment)))
 
 
 def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> frozenset[str]:

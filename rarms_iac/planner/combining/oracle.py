@@ -47,7 +47,8 @@ class Answer:
 
     members: Members
     reserve: int  # CR: per cent of P1's own VPs
-    worse: tuple[str, ...]  # members that miss an APT there, by name
+    worse: tuple[str, ...]  # members that were not shown to meet every APT there, by name
+    unresolved: bool = False  # none of these was shown to miss one: this may yet be enough
     predicted: int | None = None  # the CR that was expected to do when it was asked; None: nothing was
 
     @property
@@ -119,6 +120,18 @@ class PerformanceOracle(Protocol):
 
         Raises:
             Unanswered: there is no verdict, or an end was asked for.
+        """
+        ...
+
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        """Tell whether a setting that is not enough was not shown to be too little, either.
+
+        Args:
+            members: as of `worse`, which was asked before.
+            reserve: likewise.
+
+        Returns:
+            True where none of those that are worse was shown to miss an APT: no proof may rest on it.
         """
         ...
 

@@ -52,7 +52,13 @@ class Inquiry:
             Unanswered: the oracle has no answer.
         """
         worse = self.oracle.worse(members, reserve)
-        answer = Answer(members=members, reserve=reserve, worse=tuple(sorted(worse)), predicted=predicted)
+        answer = Answer(
+            members=members,
+            reserve=reserve,
+            worse=tuple(sorted(worse)),
+            unresolved=bool(worse) and self.oracle.unresolved(members, reserve),
+            predicted=predicted,
+        )
         self.reporter.setting_answered(answer)
         return answer
 

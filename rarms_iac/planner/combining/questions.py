@@ -37,6 +37,15 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """A compound that may need less than it was taken to need: at the settings between, its samples could not tell."""
+
+    members: Members
+    shown: int  # whole per cent of each of its processors that it needs at least, as was shown
+    unresolved: int  # the highest CR that was not enough, and not shown to be too little
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Best:
     """The best layout, its compounds at their measured least reservations."""
 
@@ -44,11 +53,12 @@ class Best:
     total: int  # in per cent of one logical processor
     contradictions: tuple[Contradiction, ...]  # answers that contradict the assumption: with any, nothing is proved
     complete: bool  # whether every layout was considered
+    doubts: tuple[Doubt, ...] = ()  # compounds of a layout that may yet be better: with any, nothing is proved
 
     @property
     def proved(self) -> bool:
         """Whether no other layout is better, under the assumption `ASSUMED` (candidates.py)."""
-        return self.complete and not self.contradictions
+        return self.complete and not self.contradictions and not self.doubts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,11 +67,12 @@ class NothingFits:
 
     contradictions: tuple[Contradiction, ...]
     complete: bool
+    doubts: tuple[Doubt, ...] = ()  # compounds of a layout that may yet fit: with any, nothing is proved
 
     @property
     def proved(self) -> bool:
         """Whether no layout fits, under the assumption `ASSUMED`, with every layout considered."""
-        return self.complete and not self.contradictions
+        return self.complete and not self.contradictions and not self.doubts
 
 
 Decision = Ask | Best | NothingFits
@@ -121,13 +132,14 @@ def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
     known = informed(tuning.candidates, answers)
     best = best_layout(known, tuning.objective)
     if best is None:
-        return NothingFits(contradictions=known.contradictions, complete=tuning.complete)
+        doubts = _doubts(tuning, known, answers, None)
+        return NothingFits(contradictions=known.contradictions, complete=tuning.complete, doubts=doubts)
     unknown = [candidate for mask in best.blocks if not (candidate := known.by_mask[mask]).is_known]
     if not unknown:
-        return _best(tuning, known, best)
+        return _best(tuning, known, best, answers)
     best_measured = best_layout(known.measured, tuning.objective)
     if best_measured is not None and best_measured.value == best.value:
-        return _best(tuning, known.measured, best_measured)
+        return _best(tuning, known.measured, best_measured, answers)
     return _next_question(
         max(unknown, key=lambda each: (each.coi.processors * (each.highest_open - each.low), each.coi.members)),
         tuning.predict,
@@ -159,12 +171,41 @@ def expected(candidate: Candidate, predict: Predict) -> int | None:
     return max(candidate.low, predicted if candidate.passed is None else min(predicted, candidate.passed))
 
 
-def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice) -> Best:
+def _best(tuning: Tuning, candidates: Candidates, best: LayoutChoice, answers: Sequence[Answer]) -> Best:
     return Best(
         cois=ordered(cois_of(candidates, best.blocks)),
         total=best.total,
         contradictions=candidates.contradictions,
         complete=tuning.complete or _needs_no_other_coi(tuning, best),
+        doubts=_doubts(tuning, informed(tuning.candidates, answers), answers, best),
+    )
+
+
+def _doubts(
+    tuning: Tuning, known: Candidates, answers: Sequence[Answer], best: LayoutChoice | None
+) -> tuple[Doubt, ...]:
+    """The compounds by which another layout may be better, or fit at all, if unresolved settings are enough.
+
+    A proof rests on lower ends that were shown: each other compound is taken at what it needs by settings that were
+    shown to miss, and what the best layout's own compounds need is as it was measured.
+    """
+    shown = informed(tuning.candidates, [answer for answer in answers if not answer.unresolved])
+    own = best.blocks if best is not None else ()
+    measured = known.measured.by_mask
+    taken = {mask: measured[mask] if mask in own else candidate for mask, candidate in shown.by_mask.items()}
+    other = best_layout(replace(shown, by_mask=taken), tuning.objective)
+    if other is None or (best is not None and other.value >= best.value):
+        return ()
+    by_members = {candidate.coi.members: candidate for candidate in shown.by_mask.values()}
+    parts = [taken[mask].coi.members for mask in other.blocks if mask not in own]
+    unresolved: dict[Members, int] = {}
+    for answer in answers:
+        if answer.unresolved and any(set(answer.members) <= set(members) for members in parts):
+            unresolved[answer.members] = max(answer.reserve, unresolved.get(answer.members, 0))
+    return tuple(
+        Doubt(members=members, shown=by_members[members].low, unresolved=reserve)
+        for members, reserve in sorted(unresolved.items())
+        if members in by_members
     )
 
 

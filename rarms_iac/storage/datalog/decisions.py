@@ -152,6 +152,7 @@ class TrailSetting:
     components: tuple[str, ...]
     reserve: int  # CR
     worse: tuple[str, ...]  # those that were not shown to meet every threshold; none: it was enough
+    unresolved: bool = False  # it was not enough, and not shown to be too little
     predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
 
     @property
@@ -159,6 +160,15 @@ class TrailSetting:
     def met(self) -> bool:
         """Whether it was enough."""
         return not self.worse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnprovedNeed:
+    """A compound that may need less than it was taken to need, so that another layout may be better."""
+
+    components: tuple[str, ...]
+    shown: int  # CR that it needs at least, as was shown
+    unresolved: int  # the highest CR that was not enough, and not shown to be too little
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +187,7 @@ class TuningRun:
     after: Internal[int]
     proved: bool  # that no other layout is better
     contradictions: tuple[str, ...]
+    doubts: tuple[UnprovedNeed, ...] = ()  # with any, nothing is proved
     partitions: tuple[TunedPartition, ...]
     trail: tuple[TrailSetting, ...]
     written: bool  # into the manifest

@@ -5,7 +5,7 @@ from fractions import Fraction
 from rarms_iac.app.report_model import HostStatus, PlatformCapacity, PlatformTuning
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
 from rarms_iac.model.quantities import show_lp_percent
-from rarms_iac.planner.combining.candidates import ASSUMED
+from rarms_iac.views.tune import describe_proof
 
 
 def fit_text(fit: PlatformCapacity) -> str:
@@ -32,7 +32,7 @@ def tuning_text(tuning: PlatformTuning) -> str:
     run = tuning.run
     before, after, capacity = (show_lp_percent(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
-    proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
+    proof = "".join(f" {sentence}" for sentence in describe_proof(run))
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
     ending = (run.message or run.ending.replace("_", " ")).capitalize()

@@ -96,6 +96,9 @@ class Once:
         self.asked.append(members)
         return frozenset()
 
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        return False
+
 
 def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path) -> None:
     write(MANIFEST.replace("0.8 LP", "1 LP") + VIDEO)
@@ -123,6 +126,9 @@ class AsIfBroken:
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
         return frozenset() if reserve >= self.needs.get(members, 64) else frozenset(members)
+
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        return False
 
 
 def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved(tmp_path: Path) -> None:

@@ -18,6 +18,9 @@ class Scripted:
         self.asked.append(("+".join(members), reserve))
         return frozenset(name for name, least in self.needs[members].items() if reserve < least)
 
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        return False
+
 
 @dataclass
 class Answers:

@@ -21,10 +21,14 @@ class Needs:
 
     needs: Mapping[Members, int]
     asked: list[tuple[Members, int]] = field(default_factory=list)
+    noise: int = 0  # points below a need at which samples cannot tell
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
         self.asked.append((members, reserve))
         return frozenset() if reserve >= self.needs[members] else frozenset(members)
+
+    def unresolved(self, members: Members, reserve: int) -> bool:
+        return self.needs[members] - self.noise <= reserve < self.needs[members]
 
 
 @dataclass
@@ -200,6 +204,39 @@ def test_where_no_layout_can_fit_nothing_is_measured() -> None:
     assert isinstance(found, NothingFits)
     assert found.proved
     assert trail == (), "40 % are needed at least, whoever shares with whom"
+
+
+def test_what_its_samples_could_not_tell_proves_nothing_of_another_layout() -> None:
+    """74 % is the least: with a and b 75 %, and less, if what its samples could not tell were enough for them."""
+    of = cois(a=40, b=30, c=25)
+    needs = {("a", "b"): 50, ("a", "c"): 44, ("b", "c"): 36, ("a", "b", "c"): 94}
+
+    def found(noise: int) -> Best:
+        aim = objective(of, 80, Minimise.RESERVATION)
+        best, _ = search(tuning_of(of, aim, anyone), Inquiry(oracle=Needs(needs, noise=noise)))
+        assert isinstance(best, Best)
+        return best
+
+    assert found(0).proved
+    assert not found(12).proved
+    assert [(doubt.members, doubt.shown < doubt.unresolved) for doubt in found(12).doubts] == [(("a", "b"), True)]
+    assert found(12).total == found(0).total == 74, "what was found stays what it is"
+
+
+def test_that_nothing_fits_is_not_proved_by_settings_that_could_not_tell() -> None:
+    of = cois(a=40, b=30)
+    aim = objective(of, 55)
+
+    def nothing(noise: int) -> NothingFits:
+        found, _ = search(tuning_of(of, aim, anyone), Inquiry(oracle=Needs({("a", "b"): 60}, noise=noise)))
+        assert isinstance(found, NothingFits)
+        return found
+
+    assert nothing(0).proved
+    assert not nothing(8).proved
+    (doubt,) = nothing(8).doubts
+    assert doubt.members == ("a", "b")
+    assert doubt.shown <= 55 < doubt.unresolved < 60
 
 
 def test_an_answer_that_contradicts_another_voids_the_proof() -> None:

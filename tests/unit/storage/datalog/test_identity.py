@@ -57,6 +57,7 @@ OF_A_RUN: dict[str, object] = {
     "samples": Samples(source="json_lines", response_time=Field(name="response")),
     "deadline": milliseconds("50 ms"),
     "failures": 3,
+    "success_within": milliseconds("400 ms"),
 }
 OF_A_SIMULATION: dict[str, object] = {
     "work": milliseconds("62 ms"),
