@@ -66,7 +66,7 @@ sys.exit(code)
 """
 
 
-def consumed(folder: Path, *words: str) -> tuple[float, float]:
+def consumed(folder: Path, *words: str, expect: int = 0) -> tuple[float, float]:
     """One run of `rarms`: its processor time in seconds, start-up and all, and its peak of resident memory in MiB.
 
     NOTE: not the time that passes: the command does one thing at a time, and other programs would be counted in.
@@ -80,7 +80,7 @@ def consumed(folder: Path, *words: str) -> tuple[float, float]:
         encoding="utf-8",
         check=False,
     )
-    if done.returncode:
+    if done.returncode != expect:
         raise RuntimeError(f"rarms {' '.join(words)} ended with exit code {done.returncode}: {done.stderr[-2000:]}")
     user, system, kibibytes = map(float, done.stderr.rpartition("\n")[2].split())
     return user + system, kibibytes / 1024

@@ -32,12 +32,12 @@ def drift_of_hosts(
         unknown what is wanted, and only what was changed on the hosts is told. With one, those of hosts that fail.
     """
     hosts, findings = desired_hosts(request, observed)
-    application, last_runs = request.application, request.after_last_run
+    application, after_last_run = request.application, request.after_last_run
     if not hosts:
-        by_marks = {name: drift_of_marks(state, application, last_runs.get(name)) for name, state in observed.items()}
+        by_marks = {name: drift_of_marks(state, application, after_last_run(name)) for name, state in observed.items()}
         return by_marks, findings
     drifts = {
-        name: drift(desired.state, desired.observed, application, desired.unused, last_runs.get(name))
+        name: drift(desired.state, desired.observed, application, desired.unused, after_last_run(name))
         for name, desired in hosts.items()
     }
     return drifts, tuple(finding for finding in findings if outcome_of((finding,)) is Outcome.FAILED)
@@ -103,7 +103,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     states = observe_hosts(hosts)
     runs = dict(last_runs(hosts))
     present = {name: partitions_after_last_run(run, system.application.name) for name, run in runs.items()}
-    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present)
+    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present.get)
     drifts, problems = drift_of_hosts(request, states)
     if outcome_of(problems) is Outcome.FAILED:
         raise UseCaseError(Outcome.FAILED, problems, hosts.manifest.sources)

@@ -301,8 +301,24 @@ def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
     """
     for name in hosts.chosen:
         if name not in hosts.snapshots.hosts:
-            with host_errors():
-                yield name, hosts.open(name).journal()
+            yield name, last_run(hosts, name)
+
+
+def last_run(hosts: Hosts, name: str) -> Journal | ScriptRun | None:
+    """Read the journal of the last run on a host.
+
+    Args:
+        hosts: of the manifest.
+        name: a live host's.
+
+    Returns:
+        The run; None where there was none.
+
+    Raises:
+        UseCaseError: the journal cannot be read.
+    """
+    with host_errors():
+        return hosts.open(name).journal()
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts, refuse_unfinished
+from rarms_iac.app.hosts import Hosts, last_run, observe_hosts, refuse_unfinished
 from rarms_iac.app.requests import HostSelection, PlanLimits
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import NO_RIGHTS
@@ -62,7 +62,11 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
     refuse_unfinished(hosts)
     states = observe_hosts(hosts)
     application = hosts.system.application.name
-    after_last_run = {name: partitions_after_last_run(run, application) for name, run in last_runs(hosts)}
+
+    def after_last_run(host: str) -> frozenset[str] | None:
+        is_live = host not in hosts.snapshots.hosts
+        return partitions_after_last_run(last_run(hosts, host), application) if is_live else None
+
     return make_plan(hosts, replace(request or plan_request(hosts), after_last_run=after_last_run), states)
 
 

@@ -233,7 +233,7 @@ def _statuses_of(hosts: Hosts) -> tuple[tuple[HostStatus, ...], tuple[Diagnostic
     application = hosts.system.application.name
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
     present = {name: partitions_after_last_run(journal, application) for name, journal in last_runs(hosts)}
-    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present)
+    request = replace(with_reservations(hosts, plan_request(hosts), states), after_last_run=present.get)
     drifts, problems = drift_of_hosts(request, states)
     if has_errors(problems):
         return tuple(HostStatus(host=name, is_planned=False) for name in hosts.chosen), problems

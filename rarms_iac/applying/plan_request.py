@@ -1,6 +1,6 @@
 """What `prepare` is asked for: a manifest, a purpose, and the limits of the plan."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 
@@ -29,9 +29,9 @@ class PlanRequest:
     stopped_by: StoppedBy = StoppedBy.USER  # what a stop is marked with; a measurement starts only its own
     remove_disks: bool = False  # of a destroy: also the disks that rarms made
     state_paths: Mapping[str, str] = field(default_factory=dict)  # by host: the file of a simulated one
-    after_last_run: Mapping[str, frozenset[str] | None] = field(
-        default_factory=dict
-    )  # by host, its partitions when its last run ended, where that is known
+    # By host's name, its partitions when its last run ended, where that is known; asked only of hosts with changes,
+    # since it reads a whole journal.
+    after_last_run: Callable[[str], frozenset[str] | None] = lambda _: None
     findings: tuple[Diagnostic, ...] = ()  # of the manifest and of snapshots, told with those of the plan
     reservations: ReservationSource = FixedReservations()
 

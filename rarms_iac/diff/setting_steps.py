@@ -30,6 +30,7 @@ from rarms_iac.model.system import GRACE, Disruption
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
 _NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, message="it was paused: it is not so again")
 _WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, message="it goes with the machine, which is removed")
+_EXISTS: Readings = {"exists": True}
 
 _FIELDS = {
     Facet.PROCESSORS: ("processors",),
@@ -65,14 +66,16 @@ class StepBuilder:
             The step, done live; from now on the builder's machine is as the operation leaves it.
         """
         before, self.now = self.now, partition_after(self.now, operation)
-        undo = Undo(level=UndoLevel.FULL, operation=reverse(operation, before, grace_ms=self.grace_ms))
+        undo = _WITH_ITS_MACHINE
+        if not self.new:
+            undo = Undo(level=UndoLevel.FULL, operation=reverse(operation, before, grace_ms=self.grace_ms))
         return Step(
             address=self.address,
             title=title or str(operation),
             operation=operation,
-            before=some_readings(before, () if self.new else names),
+            before=_EXISTS if self.new else some_readings(before, names),
             after=some_readings(self.now, names),
-            undo=_WITH_ITS_MACHINE if self.new else undo,
+            undo=undo,
             disruption=Disruption.LIVE,
             claim_before=claim_of(before),
             claim_after=claim_of(self.now),

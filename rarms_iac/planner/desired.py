@@ -49,9 +49,8 @@ class Desired:
     @property
     def placed(self) -> tuple[PlacedPartition, ...]:
         """The partitions that the layout places here, by name."""
-        return tuple(
-            partition for partition in (self.layout.partitions if self.layout else ()) if partition.host == self.host
-        )
+        host, everywhere = self.host, self.layout.partitions if self.layout else ()
+        return tuple(partition for partition in everywhere if partition.host == host)
 
 
 def desired_state(

@@ -24,6 +24,7 @@ class HostView:
     facts: HostFacts | None = None
     claims: tuple[Claim, ...] = ()  # of unmanaged machines
     present: Mapping[str, CoreSharing] = field(default_factory=dict)  # our partitions that are there now
+    made: CoreSharing = ANY_THREAD  # how a machine that is made there takes cores
 
     def sharing(self, partition: str) -> CoreSharing:
         """Return how a partition takes cores there: as its machine does, or as one that is made.
@@ -34,8 +35,7 @@ class HostView:
         Returns:
             How many threads a core has, and how many of them the partition uses.
         """
-        made = ANY_THREAD if self.facts is None else core_sharing(self.facts)
-        return self.present.get(partition, made)
+        return self.present.get(partition, self.made)
 
 
 def host_view(state: State, application: str) -> HostView:
@@ -54,6 +54,7 @@ def host_view(state: State, application: str) -> HostView:
         present={
             partition.mark.name: partition.sharing for partition in state.of(application).partitions if partition.mark
         },
+        made=core_sharing(state.facts),
     )
 
 
@@ -177,7 +178,7 @@ def _sizes(
             continue
         for host in allowed:
             sharing = views[host.name].sharing(group.name) if host.name in views else answer.sharing
-            found[host.name] = answer if sharing == answer.sharing else replace(answer, sharing=sharing)
+            found[host.name] = answer if sharing is answer.sharing else replace(answer, sharing=sharing)
     return dict(sorted(found.items())), tuple(causes)
 
 

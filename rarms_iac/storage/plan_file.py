@@ -6,8 +6,9 @@ bytes: line ends that git changes do no harm, while one changed character of a s
 """
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import ClassVar, cast
+from typing import Any, ClassVar, cast
 
 from rarms_iac.model.commands import PLAN_OUT, Wording, prose
 from rarms_iac.model.diagnostics import Finding
@@ -77,22 +78,21 @@ def plan_id(plan: Plan) -> str:
     """
     hosts = tuple(replace(host, scripts={}) for host in plan.hosts)
     bare = replace(plan, id="", manifest="", findings=(), accepted=(), hosts=hosts)
-    document = cast("dict[str, Json]", _without_files(encode(bare)))
+    document = cast("dict[str, Any]", encode(bare))
+    for place in _places_in(document["hosts"]):
+        if place is not None:
+            del place["file"]
     if bare.placement is None:  # a plan that chose nothing says nothing of it
         del document["placement"]
     return short(digest(document))
 
 
-def _without_files(value: Json) -> Json:
-    """The value, places in it without the names of their files."""
-    match value:
-        case dict():
-            is_place = "file" in value and "line" in value
-            return {name: _without_files(each) for name, each in value.items() if not (is_place and name == "file")}
-        case list():
-            return [_without_files(each) for each in value]
-        case _:
-            return value
+def _places_in(hosts: list[Any]) -> Iterator[dict[str, Json] | None]:
+    """Yield the places of the manifest in the encoded parts of a plan."""
+    for host in hosts:
+        changes = [*host["changes"], *(held["change"] for held in host["held_back"])]
+        yield from (change["reason"]["place"] for change in changes)
+        yield from (step["place"] for step in (*host["steps"], *(host["guest_tasks"] or ())))
 
 
 def write_plan(plan: Plan) -> bytes:

@@ -36,11 +36,11 @@ SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name"
 
 def review_changes_from_outside(request: PlanRequest, desired: Desired, plan: HostPlan) -> Iterator[Diagnostic]:
     """Tell which differences the plan takes away that did not come from the manifest."""
-    if request.purpose is not Purpose.APPLY:
+    if request.purpose is not Purpose.APPLY or not plan.changes:
         return
     addresses = {change.address: change for change in plan.changes}
     by_name = {str(address): address for address in addresses}
-    for drift in drift_of_marks(desired.observed, request.application, request.after_last_run.get(desired.host)):
+    for drift in drift_of_marks(desired.observed, request.application, request.after_last_run(desired.host)):
         address = by_name.get(str(drift.address))
         if address is not None:
             yield CHANGED_OUTSIDE.at(

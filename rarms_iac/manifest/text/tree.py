@@ -12,7 +12,14 @@ from itertools import takewhile
 from typing import Any
 
 from yaml._yaml import CParser
-from yaml.events import AliasEvent, CollectionEndEvent, MappingStartEvent, ScalarEvent, SequenceStartEvent
+from yaml.events import (
+    AliasEvent,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+)
 
 from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.model.diagnostics import Place
@@ -159,19 +166,15 @@ class _Builder:
     def root(self) -> Node:
         """The whole document; an empty one is an empty scalar."""
         for event in _events(self.text):
-            match event:
-                case ScalarEvent():
-                    self._scalar(event, event.value, event.style or "")
-                case AliasEvent():  # refused when it was read
-                    self._scalar(event, "*" if self._expects_key() else "", "")
-                case MappingStartEvent():
-                    self._start(event, is_mapping=True)
-                case SequenceStartEvent():
-                    self._start(event, is_mapping=False)
-                case CollectionEndEvent():
-                    self._end(event)
-                case _:  # where stream and document begin and end
-                    pass
+            kind = type(event)
+            if kind is ScalarEvent:
+                self._scalar(event, event.value, event.style or "")
+            elif kind is AliasEvent:  # refused when it was read
+                self._scalar(event, "*" if self._expects_key() else "", "")
+            elif kind is MappingStartEvent or kind is SequenceStartEvent:
+                self._start(event, is_mapping=kind is MappingStartEvent)
+            elif kind is MappingEndEvent or kind is SequenceEndEvent:
+                self._end(event)
         self._take_comments(len(self.text) + 1)
         if isinstance(self.result, Collection):
             self.result.tail += _lines(self.pending)
@@ -269,7 +272,9 @@ class _Builder:
 
     def _take_comments(self, until: int) -> None:
         """Take what stands between the last token and this place: every `#` there begins a comment."""
-        for found in _COMMENT.finditer(self.text, self.position, max(until, self.position)):
+        if self.text.find("#", self.position, until) < 0:
+            return
+        for found in _COMMENT.finditer(self.text, self.position, until):
             start, text = found.start(), found[0]
             self.comments.append((start, text))
             newlines = self.text.count("\n", self.position, start)

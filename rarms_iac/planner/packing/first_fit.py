@@ -82,16 +82,18 @@ class _RemainingCapacity:
         self.free = free_in(host)
         self._capacity = host.capacity
         self._claims = list(host.foreign_claims)
+        self._refused: set[tuple[int, int]] = set()  # processors and reserve of claims that found no places as it is
 
     def take(self, claim: Claim) -> bool:
         """Take the claim, where the host has room for it and virtual processors find their places quickly."""
         free = Load(percent=self.free.percent - claim.percent, memory=self.free.memory - claim.memory)
         if free.percent < 0 or free.memory < 0:
             return False
-        claims = [*self._claims, claim]
-        if not packs_by_size(claims, self._capacity):
+        claims, places = [*self._claims, claim], (claim.processors, claim.reserve)
+        if places in self._refused or not packs_by_size(claims, self._capacity):
+            self._refused.add(places)
             return False
-        self.free, self._claims = free, claims
+        self.free, self._claims, self._refused = free, claims, set()
         return True
 
 

@@ -3,7 +3,7 @@
 Of packings that are equally good the first by name, so that equal inputs have equal answers, however they were found.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import Effort, holds
@@ -45,33 +45,38 @@ def first_by_name(items: Sequence[Item], bins: Sequence[Bin], best: Objective) -
     least = [0] * (len(items) + 1)  # what the partitions from this number on reserve at least
     for number in reversed(range(len(items))):
         least[number] = least[number + 1] + least_cost(items[number])
-    tried = 0
     claims: dict[str, list[Claim]] = {host.name: list(host.foreign_claims) for host in bins}
     capacities = {host.name: host.capacity for host in bins}
     effort = Effort(STEPS)
-    host_of: dict[str, str] = {}
-
-    def place_from(number: int, reserved: int, moves: int) -> bool:
-        nonlocal tried
-        if reserved + least[number] > best[0] or moves > best[1]:
-            return False
-        if number == len(items):
-            return True
-        item = items[number]
-        for name, claim in sorted(item.claims.items()):
-            tried += 1
-            if tried > TRIED:
-                return False
-            claims[name].append(claim)
-            if holds(capacities[name], claims[name], effort):
-                host_of[item.name] = name
-                if place_from(number + 1, reserved + claim.percent, moves + is_move(item, name)):
-                    return True
-                del host_of[item.name]
+    hosts: list[str] = []  # of the partitions that are placed
+    untried: list[Iterator[tuple[str, Claim]]] = []  # of each of these and of the next one
+    reserved = moves = tried = 0
+    while len(hosts) < len(items):
+        number = len(hosts)
+        if len(untried) == number:
+            untried.append(iter(sorted(items[number].claims.items())))
+        name, claim = next(untried[-1], ("", None))
+        if claim is None:
+            if not hosts:
+                return None
+            untried.pop()
+            name = hosts.pop()
+            reserved -= claims[name].pop().percent
+            moves -= is_move(items[number - 1], name)
+            continue
+        tried += 1
+        if tried + len(items) - number - 1 > TRIED:  # each of the others takes one try at least
+            return None
+        move = is_move(items[number], name)
+        if reserved + claim.percent + least[number + 1] > best[0] or moves + move > best[1]:
+            continue
+        claims[name].append(claim)
+        if not holds(capacities[name], claims[name], effort):
             claims[name].pop()
-        return False
-
-    return dict(host_of) if place_from(0, 0, 0) else None
+            continue
+        hosts.append(name)
+        reserved, moves = reserved + claim.percent, moves + move
+    return {item.name: host for item, host in zip(items, hosts, strict=True)}
 
 
 NODES = 2_000_000
@@ -171,12 +176,12 @@ def _with_possible_claims(item: Item, kinds: Mapping[Hashable, Sequence[Bin]]) -
     """Each claim is looked at once for all hosts that are alike."""
     claims = {}
     for hosts in kinds.values():
-        possible: dict[Claim, bool] = {}
+        possible: dict[int, bool] = {}  # by the claim's identity: alike hosts share one, and most hosts are alike
         for host in hosts:
             if (claim := item.claims.get(host.name)) is not None:
-                if claim not in possible:
-                    possible[claim] = holds(host.capacity, (*host.foreign_claims, claim)) is not False
-                if possible[claim]:
+                if id(claim) not in possible:
+                    possible[id(claim)] = holds(host.capacity, (*host.foreign_claims, claim)) is not False
+                if possible[id(claim)]:
                     claims[host.name] = claim
     return replace(item, claims=dict(sorted(claims.items())))
 

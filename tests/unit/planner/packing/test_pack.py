@@ -174,6 +174,17 @@ def test_what_is_not_proven_says_how_far_from_the_bound_it_may_be() -> None:
 CELL = Capacity(logical_processors=8, processors=LogicalProcessors(Fraction(8)), memory=Bytes(32 << 30))
 
 
+def test_more_partitions_than_python_nests_calls_are_packed_by_name() -> None:
+    bins = [a_bin("left", 64), a_bin("right", 64)]
+    claims = {host.name: Claim(processors=1, reserve=1, memory=0) for host in bins}
+
+    packing = pack([Item(name=f"p{number:04}", claims=claims) for number in range(1_200)], bins)
+
+    assert isinstance(packing, Packing)
+    assert packing.proven
+    assert set(packing.host_of.values()) == {"left"}
+
+
 def test_a_large_fleet_is_packed_so_that_every_host_holds() -> None:
     cells = [Bin(name=f"cell-{number:02}", capacity=CELL) for number in range(50)]
     items = []
