@@ -14,8 +14,9 @@ from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import depends_on_a_log, names_of
 from rarms_iac.storage.datalog.files import append_setting, begin_log
-from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
+from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance, Recorded
+from rarms_iac.storage.datalog.named_files import Files
 from tests.builders_measured import a_bench, a_series, a_setting
 
 TAKEN = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")

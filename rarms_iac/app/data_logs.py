@@ -15,6 +15,7 @@ from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
+from rarms_iac.model.quantities import Bytes, show_bytes
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
 from rarms_iac.planner import planning_findings
@@ -31,8 +32,9 @@ from rarms_iac.planner.reservations import (
 from rarms_iac.statistics.curves import Curve, curve_of
 from rarms_iac.statistics.samples import usable_processors
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
-from rarms_iac.storage.datalog.identity import Files, LogSubject, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.named_files import MOST_BYTES, Files
 from rarms_iac.storage.datalog.staleness import Comparison, ObservedPlatform, compare
 
 LISTED = 4
@@ -283,7 +285,7 @@ def _measured_together(
         processors=log.header.setup.processors,
         measured=tuple(sorted({setting.reserve for setting in log.settings})),
         curves=curves_in(log, {member.name: member for member in group.members}),
-        remarks=tuple(_remarks(log, comparison, group, path_shown, again)),
+        remarks=tuple(_remarks(log, comparison, group, path_shown, again, folder.files.cut)),
         again=again,
         cpu_ms=_cpu_ms_in(log),
         usable=lambda component: usable_processors(log.settings, component, log.header.setup.processors),
@@ -322,16 +324,25 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
 
 
 def _remarks(
-    log: DataLog, comparison: Comparison, group: Group, path: str, again: RecommendedCommand
+    log: DataLog, comparison: Comparison, group: Group, path: str, again: RecommendedCommand, cut: str
 ) -> Iterator[Cause]:
     address = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
             address=address,
-            message=f"{path} was measured with {_list_some(comparison.unverified)}, not to be found here.",
+            message=f"{path} was measured with {_list_some(comparison.unverified)}: not looked at, since there is no "
+            f"such file here, or more than {show_bytes(Bytes(MOST_BYTES))} would be read.",
             code=planning_findings.NOT_VERIFIED.code,
             values={"log": path, "files": tuple(map(str, comparison.unverified))},
             advice="Plan where these files are, if it matters; nothing says that they changed.",
+        )
+    if cut:
+        yield Cause(
+            address=address,
+            message=f"{path}: {cut}. A change of the others is not noticed.",
+            code=planning_findings.NOT_VERIFIED.code,
+            values={"log": path, "reason": cut},
+            advice="Name fewer files in `run.files`, such as one folder.",
         )
     if comparison.warns:
         yield Cause(

@@ -22,7 +22,7 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, depends_on_a_log
 from rarms_iac.planner.sizes import size
 from rarms_iac.powershell.outline import ScriptDifference
-from rarms_iac.storage.datalog.identity import file_digest
+from rarms_iac.storage.datalog.named_files import file_digest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

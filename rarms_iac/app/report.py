@@ -32,8 +32,8 @@ from rarms_iac.planner.reservations import ReservationSource, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import FOLDER, configuration_path, read_log
-from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.named_files import Files
 
 DRIFTS = {
     DriftKind.HOST_CHANGED: "changed on the host",

@@ -19,8 +19,9 @@ from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.state import Partition
 from rarms_iac.model.version import __version__
 from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
-from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
+from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
+from rarms_iac.storage.datalog.named_files import Files
 from rarms_iac.storage.datalog.staleness import Changed, compare, known
 
 
@@ -99,9 +100,12 @@ def _header(session: MeasuringSession, experiment: Experiment) -> Header:
     """What the data log of this experiment begins with, as everything is now."""
     system, setup = session.hosts.system, experiment.setup
     subject = subject_of(system, experiment.host, setup.members, setup.interference)
-    files = Files(Path(session.hosts.folder))
+    files = Files(Path(session.hosts.folder), most_bytes=None)
     interpreters = files.interpreters(subject) if _runs_here(experiment.host) else {}
     identity = identity_of(subject, files.of(subject), interpreters)
+    if files.cut:
+        names = " and ".join(setup.members)
+        session.control.reporter.message(f"{names}: {files.cut}. A change of the others makes no log stale.")
     return header_of(subject, identity, session.host_of(experiment).platform_facts())
 
 

@@ -5,26 +5,20 @@ and the files that belong to them. Not in it: `apt`, `criticality`, the reserve,
 out, so that a field that a later rarms adds makes no log stale.
 """
 
-import hashlib
-import os
-import shutil
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from fractions import Fraction
-from glob import glob
-from pathlib import Path
 from typing import Any, get_type_hints
 
-from rarms_iac.model.loads import CommandLoad, Interference
+from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import CONFINEMENT, EnvironmentSetup, PlatformFacts
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
-from rarms_iac.model.run import Call, Command, Run
+from rarms_iac.model.run import Run
 from rarms_iac.model.system import Component, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
-from rarms_iac.storage.digest import digest, short
+from rarms_iac.storage.digest import digest
 from rarms_iac.storage.json_text import canonical
-from rarms_iac.storage.reading import open_regular
 
 FILE = "file "
 """What the part of a file begins with; its path follows, below the manifest's folder."""
@@ -184,126 +178,3 @@ def _default(part: Any) -> Any:
     if part.default is not MISSING:
         return part.default
     return part.default_factory() if part.default_factory is not MISSING else MISSING
-
-
-_LOOKED_AT = 8000  # bytes: git tells a text from other content by them
-_CHUNK = 2**20
-_DIGITS = 16
-
-
-@dataclass(slots=True)
-class Files:
-    """The files below a manifest's folder; each is read once, however many components name it."""
-
-    folder: Path
-    _known: MutableMapping[Path, str] = field(default_factory=dict)
-
-    def of(self, subject: LogSubject) -> dict[str, str]:
-        """The digest of every file that belongs to the subject, by path below the manifest's folder.
-
-        Args:
-            subject: what is, or would be, measured.
-
-        Returns:
-            Digests by path, sorted; a file that the manifest names and that is not here is missing.
-
-        Raises:
-            OSError: one of them cannot be read.
-        """
-        return {self._named(path): self._digest(path) for path in sorted(set(self._all(subject)))}
-
-    def interpreters(self, subject: LogSubject) -> dict[str, str]:
-        """The digest of every program outside the folder that the subject's commands begin with, by their word.
-
-        Args:
-            subject: what is, or would be, measured.
-
-        Returns:
-            Digests by word; a word that is not on the search path is missing.
-        """
-        found = {}
-        for word in _first_words(subject):
-            program = shutil.which(word)
-            if program is not None and not self._is_below(path := Path(program).resolve()):
-                found[word] = self._digest(path)
-        return found
-
-    def _all(self, subject: LogSubject) -> Iterator[Path]:
-        for component in subject.components:
-            if component.run is not None:
-                yield from self._of_run(component.run)
-        if isinstance(subject.load, CommandLoad):
-            yield from self._of_words(self.folder, subject.load.command)
-
-    def _of_run(self, run: Run) -> Iterator[Path]:
-        base = self.folder / run.folder
-        match run.start:
-            case Command(words=words):
-                yield from self._of_words(base, words)
-            case Call(module=module):
-                parts = base.joinpath(*module.split("."))
-                yield from self._that_are(parts.with_name(f"{parts.name}.py"), parts / "__init__.py")
-        for pattern in run.files:
-            if not self._is_below(Path(os.path.normpath(base.resolve() / pattern))):
-                continue  # it finds nothing that counts, and could walk all of the disk
-            names = glob(pattern, root_dir=base, recursive=True)  # noqa: PTH207 - Path.glob refuses an absolute pattern
-            yield from self._that_are(*(base / name for name in names))
-
-    def _of_words(self, base: Path, words: Sequence[str]) -> Iterator[Path]:
-        """A word that names nothing is a word; one that no path can be is none."""
-        return self._that_are(*(base / word for word in words if word and "\0" not in word))
-
-    def _that_are(self, *paths: Path) -> Iterator[Path]:
-        for path in paths:
-            try:
-                real = Path(os.path.realpath(path))
-                if real.is_file() and self._is_below(real):
-                    yield real
-            except OSError:  # too long to be a path
-                continue
-
-    def _is_below(self, path: Path) -> bool:
-        return path.is_relative_to(self.folder.resolve())
-
-    def _named(self, path: Path) -> str:
-        return path.relative_to(self.folder.resolve()).as_posix()
-
-    def _digest(self, path: Path) -> str:
-        if path not in self._known:
-            self._known[path] = file_digest(path)
-        return self._known[path]
-
-
-def file_digest(path: Path) -> str:
-    """A digest of the content, the same after all that git does to a text's line ends.
-
-    Args:
-        path: of a regular file; it is read in pieces.
-
-    Returns:
-        16 hex digits.
-
-    Raises:
-        OSError: it cannot be read.
-    """
-    total = hashlib.sha256()
-    with open_regular(path) as file:
-        chunk = file.read(_CHUNK)
-        is_text = b"\0" not in chunk[:_LOOKED_AT]
-        held = b""
-        while chunk:
-            data = held + chunk
-            held = b"\r" if is_text and data.endswith(b"\r") else b""
-            data = data[: len(data) - len(held)]
-            total.update(data.replace(b"\r\n", b"\n") if is_text else data)
-            chunk = file.read(_CHUNK)
-        total.update(held)
-    return short(total.hexdigest(), _DIGITS)
-
-
-def _first_words(subject: LogSubject) -> Iterator[str]:
-    for component in subject.components:
-        if component.run is not None and isinstance(component.run.start, Command):
-            yield from component.run.start.words[:1]
-    if isinstance(subject.load, CommandLoad):
-        yield from subject.load.command[:1]

@@ -13,8 +13,9 @@ from rarms_iac.app.requests import ManifestSource, today_utc
 from rarms_iac.storage.datalog import files as log_files
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
-from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
+from rarms_iac.storage.datalog.identity import header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
+from rarms_iac.storage.datalog.named_files import Files
 from tests.builders import at_most
 from tests.builders_measured import TAKEN, a_bench
 from tests.measured_robot import a_measured_setting, face_detection

@@ -11,8 +11,9 @@ from rarms_iac.model.loads import Browser, CommandLoad
 from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, Samples, Stop
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
-from rarms_iac.storage.datalog.identity import Files, LogSubject, file_digest, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import Identity
+from rarms_iac.storage.datalog.named_files import Files, file_digest
 from rarms_iac.storage.datalog.staleness import ObservedPlatform, compare, known
 from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds
 from tests.builders_measured import a_bench, a_header, a_subject

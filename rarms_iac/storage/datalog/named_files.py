@@ -1,0 +1,246 @@
+"""The files that belong to what is measured, below the manifest's folder, and their digests.
+
+A stranger may have written the manifest: nothing outside of its folder is opened, folders are walked once a pattern,
+and names and bytes are bounded by counts, so that the same folder gives the same files on every machine.
+"""
+
+import fnmatch
+import hashlib
+import os
+import re
+import shutil
+import time
+from collections.abc import Iterator, MutableMapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from rarms_iac.model.loads import CommandLoad
+from rarms_iac.model.run import Call, Command, Run
+from rarms_iac.storage.datalog.digest_cache import DigestCache
+from rarms_iac.storage.datalog.identity import LogSubject
+from rarms_iac.storage.digest import short
+from rarms_iac.storage.reading import open_regular
+
+MOST_ENTRIES = 100_000
+"""Entries of folders, and words of commands, that are looked at."""
+MOST_MATCHES = 1_000_000
+"""Comparisons of an entry with a part of a pattern."""
+MOST_FILES = 10_000
+"""Files that are read."""
+MOST_BYTES = 256 * 2**20
+"""Bytes that are read where files are only compared with what was measured; whole files are left out beyond."""
+
+_LOOKED_AT = 8000  # bytes: git tells a text from other content by them
+_CHUNK = 2**20
+_DIGITS = 16
+_WILD = re.compile(r"[*?\[]")
+_ANY_FOLDERS = "**"
+
+
+@dataclass(slots=True)
+class Files:
+    """The files below a manifest's folder; each is read once, however many components name it."""
+
+    folder: Path
+    most_bytes: int | None = MOST_BYTES  # that are read in all; None: no limit
+    cut: str = ""  # a bound that left out names of files, as the end of a sentence; empty: none did
+    _known: MutableMapping[Path, str] = field(default_factory=dict)
+    _cache: DigestCache = field(default_factory=DigestCache)
+    _entries: int = 0
+    _matches: int = 0
+    _bytes: int = 0
+
+    def of(self, subject: LogSubject) -> dict[str, str]:
+        """The digest of every file that belongs to the subject, by path below the manifest's folder.
+
+        Args:
+            subject: what is, or would be, measured.
+
+        Returns:
+            Digests by path, sorted. A file that is not here, or that a bound leaves out, is missing.
+
+        Raises:
+            OSError: one of them cannot be read.
+        """
+        found = {self._named(path): self._digest(path) for path in sorted(set(self._all(subject)))}
+        self._cache.save()
+        return {name: value for name, value in found.items() if value is not None}
+
+    def interpreters(self, subject: LogSubject) -> dict[str, str]:
+        """The digest of every program outside the folder that the subject's commands begin with, by their word.
+
+        Args:
+            subject: what is, or would be, measured.
+
+        Returns:
+            Digests by word; a word that is not on the search path is missing.
+        """
+        found = {}
+        for word in _first_words(subject):
+            program = shutil.which(word)
+            if program is not None and not self._is_below(path := Path(program).resolve()):
+                found[word] = file_digest(path)
+        return found
+
+    def _all(self, subject: LogSubject) -> Iterator[Path]:
+        for component in subject.components:
+            if component.run is not None:
+                yield from self._of_run(component.run)
+        if isinstance(subject.load, CommandLoad):
+            yield from self._of_words(self.folder, subject.load.command)
+
+    def _of_run(self, run: Run) -> Iterator[Path]:
+        base = self.folder / run.folder
+        match run.start:
+            case Command(words=words):
+                yield from self._of_words(base, words)
+            case Call(module=module):
+                parts = base.joinpath(*module.split("."))
+                yield from self._that_are(parts.with_name(f"{parts.name}.py"), parts / "__init__.py")
+        for pattern in run.files:
+            yield from self._that_are(*self._matching(Path(os.path.normpath(base.resolve() / pattern))))
+
+    def _of_words(self, base: Path, words: Sequence[str]) -> Iterator[Path]:
+        """A word that names nothing is a word; one that no path can be is none."""
+        for word in words:
+            if not self._may_look():
+                return
+            if word and "\0" not in word:
+                yield from self._that_are(base / word)
+
+    def _that_are(self, *paths: Path) -> Iterator[Path]:
+        for path in paths:
+            try:
+                real = Path(os.path.realpath(path))
+                if real.is_file() and self._is_below(real):
+                    yield real
+            except (OSError, ValueError):  # too long to be a path, or it holds a NUL
+                continue
+
+    def _matching(self, pattern: Path) -> Iterator[Path]:
+        """The files that a pattern names; none where it leads out of the folder."""
+        top = self.folder.resolve()
+        if not pattern.is_relative_to(top):
+            return
+        parts: list[str] = []
+        for part in pattern.relative_to(top).parts:
+            if part != _ANY_FOLDERS or parts[-1:] != [_ANY_FOLDERS]:
+                parts.append(part)
+        folders = [(top, _reached({0}, parts))]
+        while folders:
+            folder, at = folders.pop()
+            for entry in self._entries_of(folder, at, parts):
+                if not self._may_look():
+                    return
+                after = self._after(entry, at, parts)
+                if len(parts) in after:
+                    yield entry
+                if any(number < len(parts) for number in after) and entry.is_dir():
+                    folders.append((entry, after))
+
+    def _entries_of(self, folder: Path, at: frozenset[int], parts: Sequence[str]) -> Sequence[Path]:
+        """The entries that a part may name, in the order of their names; a plain name needs no look at the others."""
+        names = {parts[number] for number in at if number < len(parts)}
+        if not any(map(_WILD.search, names)):
+            return [folder / name for name in sorted(names) if os.path.lexists(folder / name)]
+        try:
+            return [folder / name for name in sorted(os.listdir(folder))]  # noqa: PTH208 - the names alone
+        except OSError:
+            return []
+
+    def _after(self, entry: Path, at: frozenset[int], parts: Sequence[str]) -> frozenset[int]:
+        """The parts that come next once this entry was matched; `**` goes through no link and no hidden folder."""
+        after: set[int] = set()
+        self._matches += len(at)
+        for number in at:
+            if number == len(parts):
+                continue
+            part = parts[number]
+            if part == _ANY_FOLDERS:
+                if not entry.name.startswith(".") and not (entry.is_symlink() and entry.is_dir()):
+                    after.add(number)
+            elif _part_pattern(part).fullmatch(os.path.normcase(entry.name)) and (
+                part.startswith(".") or not entry.name.startswith(".")
+            ):
+                after.add(number + 1)
+        return _reached(after, parts)
+
+    def _may_look(self) -> bool:
+        self._entries += 1
+        if self._entries > MOST_ENTRIES or self._matches > MOST_MATCHES:
+            self.cut = f"of more than {MOST_ENTRIES:,} names only the first were looked at"
+        return not self.cut
+
+    def _is_below(self, path: Path) -> bool:
+        return path.is_relative_to(self.folder.resolve())
+
+    def _named(self, path: Path) -> str:
+        return path.relative_to(self.folder.resolve()).as_posix()
+
+    def _digest(self, path: Path) -> str | None:
+        """The file's digest; None where a bound leaves it out."""
+        if path in self._known:
+            return self._known[path]
+        if len(self._known) >= MOST_FILES:
+            self.cut = f"of more than {MOST_FILES:,} files only the first were read"
+            return None
+        known = self._cache.digest_of(path)
+        if known is None:
+            status, now = path.stat(), time.time_ns()
+            if self.most_bytes is not None and self._bytes + status.st_size > self.most_bytes:
+                return None
+            self._bytes += status.st_size
+            known = file_digest(path)
+            self._cache.add(path, status, now, known)
+        self._known[path] = known
+        return known
+
+
+def _reached(at: set[int], parts: Sequence[str]) -> frozenset[int]:
+    """These places in a pattern, and those behind a `**`, which may stand for no folder."""
+    found = set(at)
+    for number in sorted(at):
+        if number < len(parts) and parts[number] == _ANY_FOLDERS:
+            found.add(number + 1)
+    return frozenset(found)
+
+
+@cache
+def _part_pattern(part: str) -> "re.Pattern[str]":
+    return re.compile(fnmatch.translate(os.path.normcase(part)))
+
+
+def file_digest(path: Path) -> str:
+    """A digest of the content, the same after all that git does to a text's line ends.
+
+    Args:
+        path: of a regular file; it is read in pieces.
+
+    Returns:
+        16 hex digits.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    total = hashlib.sha256()
+    with open_regular(path) as file:
+        chunk = file.read(_CHUNK)
+        is_text = b"\0" not in chunk[:_LOOKED_AT]
+        held = b""
+        while chunk:
+            data = held + chunk
+            held = b"\r" if is_text and data.endswith(b"\r") else b""
+            data = data[: len(data) - len(held)]
+            total.update(data.replace(b"\r\n", b"\n") if is_text else data)
+            chunk = file.read(_CHUNK)
+        total.update(held)
+    return short(total.hexdigest(), _DIGITS)
+
+
+def _first_words(subject: LogSubject) -> Iterator[str]:
+    for component in subject.components:
+        if component.run is not None and isinstance(component.run.start, Command):
+            yield from component.run.start.words[:1]
+    if isinstance(subject.load, CommandLoad):
+        yield from subject.load.command[:1]
