@@ -1,7 +1,16 @@
 """Wording of messages: words in a row, small numbers, and what was probably meant by a misspelt name."""
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from itertools import islice
+
+HIDDEN = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # control characters but tab and line ends
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # what turns the direction of the text around
+    "\u2028\u2029"  # line ends for YAML, but not for editors: line numbers would be wrong
+    "\ud800-\udfff\ufeff\ufffe\uffff]"  # halves of characters, byte order marks, no characters
+)
+"""Characters that a reviewer would not see."""
 
 MOST_NAMES = 4
 """Names that a message lists before it says how many more there are."""

@@ -4,7 +4,7 @@ import json
 from math import isfinite
 from typing import Any
 
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import HIDDEN, quoted
 from rarms_iac.storage.codec import Json, NotDecodable, encode
 
 _SHAPE = bytes.maketrans(b"123456789E", b"000000000e")
@@ -25,6 +25,19 @@ def canonical(value: object) -> str:
         One line of ASCII.
     """
     return json.dumps(value, default=encode, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def readable_json(document: Json) -> bytes:
+    """The document as JSON that a person can read and git can compare.
+
+    Args:
+        document: JSON.
+
+    Returns:
+        UTF-8 with LF, keys in their order; what a reader would not see, or no encoding has, is escaped.
+    """
+    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    return HIDDEN.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text).encode("utf-8")
 
 
 def parse_json(text: str) -> Json:

@@ -5,7 +5,6 @@ files, which depend on where it is made. The seal covers the whole file. Both ar
 bytes: line ends that git changes do no harm, while one changed character of a script does.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, ClassVar, cast
@@ -18,7 +17,7 @@ from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, short
-from rarms_iac.storage.json_text import parse_json
+from rarms_iac.storage.json_text import parse_json, readable_json
 
 FORMAT = "rarms-plan/2"
 MAX_BYTES = 64 * 2**20
@@ -106,7 +105,7 @@ def write_plan(plan: Plan) -> bytes:
     """
     document = cast("dict[str, Json]", encode(plan))
     sealed = {**document, "seal": _seal(document)}
-    return (json.dumps(sealed, indent=1, ensure_ascii=False) + "\n").encode("utf-8")
+    return readable_json(sealed)
 
 
 def read_plan(data: bytes) -> Plan:

@@ -1,13 +1,12 @@
 """The snapshot of a host as a file: `rarms plan --snapshot FILE` then needs no host."""
 
-import json
 from typing import ClassVar
 
 from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode
-from rarms_iac.storage.json_text import parse_json
+from rarms_iac.storage.json_text import parse_json, readable_json
 
 FORMAT = "rarms-snapshot/1"
 MAX_BYTES = 64 * 2**20
@@ -34,7 +33,7 @@ def write_snapshot(state: State) -> bytes:
         UTF-8 with LF; what no encoding has is escaped.
     """
     document = {"format_version": FORMAT, "state": encode(state)}
-    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode("utf-8", "backslashreplace")
+    return readable_json(document)
 
 
 def read_snapshot(data: bytes) -> State:

@@ -9,7 +9,8 @@ from rarms_iac.model.quantities import show_number
 from rarms_iac.model.series import Sample
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
-from rarms_iac.views.console import paragraph, stack, table, visible
+from rarms_iac.views.console import paragraph, stack, table
+from rarms_iac.views.harmless import visible
 from rarms_iac.views.measure import show_estimate
 
 if TYPE_CHECKING:

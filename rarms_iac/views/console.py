@@ -8,7 +8,6 @@ program reads (JSON, SARIF, JUnit, GitHub annotations, scripts) is plain `str` a
 
 import io
 import re
-import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 from rarms_iac.model.commands import Prose, plain_text
+from rarms_iac.views.harmless import GLUE, visible
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -38,35 +38,8 @@ NARROWEST_COLUMN = 8
 ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim", "bold"
 GOOD, CHANGED, BAD = "green", "yellow", "red"
 
-_HARMLESS = re.compile(r"[\x20-\x7e]*")
-_COMMAND = re.compile(r"(?:^|(?<=\s)):(?=:)|#(?=#\[)", re.MULTILINE)
-"""What begins a command in the log of a GitHub workflow, `::error` or `##[error]`; a line may be broken before it."""
 _UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)(?![\w/]))")
 _ITEM = re.compile(r" *- ")
-_ACTING = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-_GLUE = "\ue000"  # stands for a space that no line is broken at; rich would break at a no-break space
-
-
-def visible(text: str, keep: str = "\n") -> str:
-    """Spell out everything that could act on a terminal or on the runner of a workflow, or has no encoding: `<U+202E>`.
-
-    Control characters, bidirectional and other invisible formatting, line separators, lone surrogates, and the
-    beginning of a workflow's command.
-
-    Args:
-        text: from anywhere, also from an attacker.
-        keep: characters that stay as they are.
-    """
-    if _COMMAND.search(text):
-        text = _COMMAND.sub(lambda sign: f"<U+{ord(sign[0]):04X}>", text)
-    if _HARMLESS.fullmatch(text):
-        return text
-    return "".join(
-        character
-        if character in keep or (unicodedata.category(character) not in _ACTING and character != _GLUE)
-        else f"<U+{ord(character):04X}>"
-        for character in text
-    )
 
 
 def show_seconds(time: float) -> str:
@@ -93,7 +66,7 @@ def styled(*parts: Content | tuple[str, str]) -> "Text":
             text.append_text(part)
         else:
             words, style = (part, "") if isinstance(part, str) else part
-            text.append(_UNIT.sub(_GLUE, visible(words)), style)
+            text.append(_UNIT.sub(GLUE, visible(words)), style)
     return text
 
 
@@ -271,7 +244,7 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
     """Lay the content out as text that ends with a line end, without blanks at line ends.
 
     Args:
-        content: a renderable of rich; a `str` is taken as it is, not made harmless.
+        content: a renderable of rich.
         width: columns; `UNLIMITED` breaks no line.
         colour: with escape sequences; without, the same text in the same lines.
         manifest: what recommended commands end with, such as ` -f cell`.
@@ -279,11 +252,24 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
     out = io.StringIO()
     token = _MANIFEST.set(manifest)
     try:
-        _console(out, width, terminal=False, colour=colour).print(content, crop=False, end="")
+        _console(out, width, terminal=False, colour=colour).print(_Harmless(content), crop=False, end="")
     finally:
         _MANIFEST.reset(token)
-    text = out.getvalue().replace(_GLUE, " ")
+    text = out.getvalue().replace(GLUE, " ")
     return "".join(f"{line.rstrip(' ')}\n" for line in text.removesuffix("\n").split("\n"))
+
+
+@dataclass(frozen=True, slots=True)
+class _Harmless:
+    """What rich lays out, with nothing in it that could act on a terminal but what rich itself writes."""
+
+    content: "RenderableType"
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        from rich.segment import Segment
+
+        for segment in console.render(self.content, options):
+            yield segment if segment.control else Segment(visible(segment.text, keep=f"\n{GLUE}"), segment.style)
 
 
 def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
@@ -302,7 +288,7 @@ class _PlainSpaces:
 
     def write(self, text: str) -> int:
         """Write the text."""
-        return self._stream.write(text.replace(_GLUE, " "))
+        return self._stream.write(text.replace(GLUE, " "))
 
 
 def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Console":
@@ -343,7 +329,7 @@ class LiveTable:
             self._live = Live(console=self._console, transient=True, auto_refresh=False)
             self._live.start()
         wrapped = range(len(row))
-        self._live.update(table([*self.rows, row], header=self._header, wrap=wrapped), refresh=True)
+        self._live.update(_Harmless(table([*self.rows, row], header=self._header, wrap=wrapped)), refresh=True)
 
     def hide(self) -> None:
         """Take the table from the terminal, and give the cursor back."""

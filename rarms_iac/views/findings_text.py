@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.commands import prose, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.model.wording import counted
-from rarms_iac.views.console import DIM, ERROR, NOTE, STRONG, WARNING, columns, paragraph, stack, styled, visible
+from rarms_iac.views.console import DIM, ERROR, NOTE, STRONG, WARNING, columns, paragraph, stack, styled
+from rarms_iac.views.harmless import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

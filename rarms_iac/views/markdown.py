@@ -10,7 +10,7 @@ from html import escape
 from rarms_iac.model.commands import plain_text, sentences
 from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.wording import counted
-from rarms_iac.views.console import visible
+from rarms_iac.views.harmless import visible
 
 _LONGEST_TEXT = 500
 """Characters that are shown of one name, message or title."""

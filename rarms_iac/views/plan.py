@@ -19,8 +19,9 @@ from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
-from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
+from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.findings_text import findings_text
+from rarms_iac.views.harmless import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

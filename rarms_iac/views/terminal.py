@@ -12,6 +12,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
 
 from rarms_iac.model.commands import Prose, Wording, plain_text
+from rarms_iac.views.harmless import spell_out_hidden, visible
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -52,10 +53,17 @@ class Terminal:
             return True
         return False
 
-    def data(self, text: str) -> None:
-        """Write what was asked for."""
+    # Text leaves through `data`, `show`, `talk` or `status`, which let none act on a terminal, or through `exactly`.
+
+    def data(self, text: str, *, is_coloured: bool = False) -> None:
+        """Write what was asked for, in a form of its own; characters that a reader would not see are spelled out.
+
+        Args:
+            text: JSON, SARIF and the like, which have such characters escaped; or text of our own.
+            is_coloured: it is harmless text with escape sequences for colours.
+        """
         self.answered = True
-        self.out = write_text(self.out, text)
+        self.out = write_text(self.out, text if is_coloured else spell_out_hidden(text))
 
     def data_now(self, text: str) -> None:
         """Write a part of what was asked for, to be read before the rest is there."""
@@ -63,7 +71,7 @@ class Terminal:
         self.out = flush_stream(self.out)
 
     def exactly(self, text: str) -> None:
-        """Write ASCII text with its own line ends, also where the system would change them."""
+        """Write a script: ASCII text with its own line ends, also where the system would change them."""
         self.out = flush_stream(self.out)
         if isinstance(self.out, io.TextIOWrapper):
             try:
@@ -78,10 +86,10 @@ class Terminal:
         self.data(self._render(content, piped=self.piped, colour=self.colour))
 
     def talk(self, content: "RenderableType | Wording") -> None:
-        """Write what is said beside it, with a line end; text as it is, anything else laid out by rich."""
+        """Write what is said beside it, with a line end; text in its lines, anything else laid out by rich."""
         self.out = flush_stream(self.out)
         if isinstance(content, str | Prose):
-            text = plain_text(content, self.manifest_options) + "\n"
+            text = visible(plain_text(content, self.manifest_options)) + "\n"
         else:
             text = self._render(content, piped=self.talk_piped, colour=self.talk_colour)
         self.err = write_text(self.err, text)
@@ -119,7 +127,7 @@ class Terminal:
 
     def status(self, text: str) -> None:
         """Write a piece of progress as it is, and show it now."""
-        self.err = flush_stream(write_text(self.err, text))
+        self.err = flush_stream(write_text(self.err, visible(text)))
 
     def flush(self) -> None:
         """Push everything out; the last chance to hear that a disk is full."""

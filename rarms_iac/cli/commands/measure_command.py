@@ -125,7 +125,8 @@ def _show_scripts(session: Session, hosts: Hosts, request: MeasureRequest, out: 
         return ExitCode.DONE
     for script in scripts:
         session.terminal.data(f"# {script.name}\n")
-        session.terminal.data(script_text(script.text, colour=session.terminal.colour))
+        coloured = session.terminal.colour
+        session.terminal.data(script_text(script.text, colour=coloured), is_coloured=coloured)
     return ExitCode.DONE
 
 

@@ -157,4 +157,4 @@ def _show_transport(session: Session, *, raw: bool) -> ExitCode:
 
 def _show_script(session: Session, heading: str, text: str, *, whole: bool = False) -> None:
     numbered = script_text(text, colour=session.terminal.colour, whole=whole)
-    session.terminal.data(f"{heading}\n{numbered}\n")
+    session.terminal.data(f"{heading}\n{numbered}\n", is_coloured=session.terminal.colour)

@@ -15,14 +15,6 @@ EMPTY = Finding.error("RARMS012", "The file is empty")
 _BOM = b"\xef\xbb\xbf"
 _UTF16_32 = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
 
-HIDDEN = re.compile(
-    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # control characters but tab and line ends
-    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # what turns the direction of the text around
-    "\u2028\u2029"  # line ends for YAML, but not for editors: line numbers would be wrong
-    "\ud800-\udfff\ufeff\ufffe\uffff]"  # halves of characters, byte order marks, no characters
-)
-"""Characters that a reviewer would not see."""
-
 # The same in UTF-8: a file is searched as bytes, so that one emoji does not make it four times as large in memory.
 _HIDDEN_BYTES = re.compile(
     rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]|\xd8\x9c|\xe2\x80[\x8e\x8f\xa8-\xae]"

@@ -20,9 +20,10 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from rarms_iac.manifest.text.characters import HIDDEN, UnreadableText, hidden, place_of
+from rarms_iac.manifest.text.characters import UnreadableText, hidden, place_of
 from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.wording import HIDDEN
 
 MAX_DEPTH = 32
 MAX_NODES = 400_000

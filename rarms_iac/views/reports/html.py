@@ -16,7 +16,7 @@ from rarms_iac.model.commands import command, plain_text, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
-from rarms_iac.views.console import visible
+from rarms_iac.views.harmless import visible
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of, on_page
 from rarms_iac.views.reports.summary import fit_text, status_text, tuning_text
 from rarms_iac.views.reports.table import show_cell

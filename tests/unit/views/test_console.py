@@ -2,7 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.views.console import BAD, UNLIMITED, columns, indented, paragraph, render, stack, styled, table, visible
+from rarms_iac.views.console import BAD, UNLIMITED, columns, indented, paragraph, render, stack, styled, table
+from rarms_iac.views.harmless import visible
 
 
 def lines(content: object, width: int = 80) -> list[str]:

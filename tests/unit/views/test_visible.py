@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.views.console import visible
+from rarms_iac.views.harmless import visible
 
 
 @pytest.mark.parametrize(
