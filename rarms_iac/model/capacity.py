@@ -6,7 +6,7 @@ from fractions import Fraction
 from itertools import accumulate
 
 from rarms_iac.model.claims import ANY_THREAD, WHOLE, Claim, CoreSharing, load_of
-from rarms_iac.model.host import Host, SchedulerType
+from rarms_iac.model.host import SERVER_2019, Host, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
 from rarms_iac.model.state import HostFacts, State
 
@@ -31,9 +31,6 @@ class Capacity:
         """What virtual processors are laid onto: what two machines never have at once."""
         return self.logical_processors // self.sharing.threads
 
-
-SERVER_2019 = 17763
-"""The build from which servers have the core scheduler, and new machines SMT, unless said otherwise."""
 
 SMT_THREADS = 2
 

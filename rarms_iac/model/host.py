@@ -62,6 +62,10 @@ class Fault:
     times: int | None = None  # how often it strikes; None: always
 
 
+SERVER_2019 = 17763
+"""The build from which servers have the core scheduler, and new machines SMT, unless said otherwise (windows.md 2)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedHost:
     """The machine that a simulated host pretends to be."""
@@ -69,10 +73,18 @@ class SimulatedHost:
     windows_build: int = 26100  # Windows Server 2025
     guest_windows_build: int = 26100
     client: bool = False  # a client Windows, not a server
-    scheduler: SchedulerType = SchedulerType.CLASSIC
+    scheduler: SchedulerType | None = None  # None: the one that its Windows comes with, where that makes a difference
     smt: bool = False
     administrator: bool = True
     faults: Mapping[str, Fault] = field(default_factory=dict)
+
+    @property
+    def scheduler_type(self) -> SchedulerType:
+        """The hypervisor's scheduler: the core one of servers since 2019 where logical processors share cores."""
+        if self.scheduler is not None:
+            return self.scheduler
+        has_core = self.windows_build >= SERVER_2019 and not self.client
+        return SchedulerType.CORE if self.smt and has_core else SchedulerType.CLASSIC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

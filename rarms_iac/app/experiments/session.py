@@ -19,6 +19,7 @@ from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic, Facts
+from rarms_iac.model.host import Host, SimulatedHost
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.providers.measuring import MeasuringHost
 
@@ -43,6 +44,16 @@ class MeasuringSession:
     def host_of(self, experiment: Experiment) -> MeasuringHost:
         """Return the held host that an experiment is run on."""
         return self.held[experiment.host.name]
+
+
+UNMODELLED_SMT = (
+    "`smt: true` says which logical processors share a core, and so what partitions take of the host. What is measured "
+    "there does not change by it: the simulation runs every logical processor at full speed."
+)
+
+
+def _has_unmodelled_smt(host: Host) -> bool:
+    return isinstance(host.settings, SimulatedHost) and host.settings.smt
 
 
 @contextmanager
@@ -76,6 +87,8 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
                 )
                 session.control.reporter.findings([finding])
             held[name] = host
+            if _has_unmodelled_smt(session.hosts.system.hosts[name]):
+                session.control.reporter.message(f"{name}: {UNMODELLED_SMT}")
         yield replace(session, held=held)
 
 

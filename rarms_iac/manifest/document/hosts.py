@@ -58,10 +58,13 @@ class SimulatedBlock(Block):
     windows_build: int = optional("The build of the host's Windows; 26100 is Server 2025.", 26100, ge=6000, le=99999)
     guest_windows_build: int = optional("The build of the guests' Windows.", 26100, ge=2600, le=99999)
     client: bool = optional("Whether the host runs a client Windows instead of a server.", False)
-    scheduler: Annotated[SchedulerType, Field(strict=False)] = optional(
-        "The hypervisor's scheduler; under `root` reserves have no effect.", "classic"
+    scheduler: Maybe[Annotated[SchedulerType, Field(strict=False)]] = optional(
+        "The hypervisor's scheduler; under `root` reserves have no effect; absent: `core` with `smt` on a server since "
+        "2019, otherwise `classic`."
     )
-    smt: bool = optional("Whether two logical processors share a core.", False)
+    smt: bool = optional(
+        "Whether two logical processors share a core. It changes what partitions take, and not what is measured.", False
+    )
     administrator: bool = optional("Whether rarms has the rights it needs there.", True)
     faults: Maybe[Annotated[dict[Name, FaultBlock], by_name]] = optional("Faults that happen there, by name.")
 

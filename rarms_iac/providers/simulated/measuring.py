@@ -125,7 +125,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             processor=PROCESSOR,
             logical_processors=self._host.logical_processors,
             smt=described.smt,
-            scheduler=described.scheduler,
+            scheduler=described.scheduler_type,
             guest_image=GUEST.format(build=described.guest_windows_build),
             os_build=described.windows_build,
         )

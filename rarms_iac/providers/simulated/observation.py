@@ -61,7 +61,7 @@ def facts_of(content: Content, host: Host) -> HostFacts:
         computer_name=host.name,
         os_build=described.windows_build,
         client=described.client,
-        scheduler=described.scheduler,
+        scheduler=described.scheduler_type,
         smt=described.smt,
         logical_processors=host.logical_processors,
         memory=int(host.memory),

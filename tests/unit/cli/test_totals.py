@@ -28,7 +28,7 @@ hosts:
   onboard:
     logical_processors: 4
     memory: 4 GiB
-    simulated: { scheduler: core, smt: true }
+    simulated: { smt: true }
 """
 VISION = """\
 components:

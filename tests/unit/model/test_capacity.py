@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.model.capacity import SERVER_2019, Capacity, capacity_of, core_sharing, fits, packs
+from rarms_iac.model.capacity import Capacity, capacity_of, core_sharing, fits, packs
 from rarms_iac.model.claims import ANY_THREAD, Claim, CoreSharing, load_of
-from rarms_iac.model.host import SchedulerType
+from rarms_iac.model.host import SERVER_2019, SchedulerType
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from tests.builders import a_capacity, a_host
 from tests.strategies import facts_for

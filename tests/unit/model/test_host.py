@@ -2,7 +2,9 @@
 
 import hashlib
 
-from rarms_iac.model.host import host_identity
+import pytest
+
+from rarms_iac.model.host import SchedulerType, SimulatedHost, host_identity
 
 MACHINE = "5b0f6a3e-9d1c-4d57-8b7e-2f6a1c0d9e84"
 
@@ -14,3 +16,19 @@ def test_a_hosts_identity_is_the_beginning_of_a_digest_made_for_rarms() -> None:
 def test_blanks_and_case_do_not_matter_and_without_an_id_there_is_none() -> None:
     assert host_identity(f" {MACHINE.upper()}\n") == host_identity(MACHINE)
     assert host_identity(" \n") == ""
+
+
+@pytest.mark.parametrize(
+    ("host", "scheduler"),
+    [
+        (SimulatedHost(smt=True), SchedulerType.CORE),
+        (SimulatedHost(smt=True, windows_build=14393), SchedulerType.CLASSIC),
+        (SimulatedHost(smt=True, client=True), SchedulerType.CLASSIC),
+        (SimulatedHost(smt=True, scheduler=SchedulerType.CLASSIC), SchedulerType.CLASSIC),
+        (SimulatedHost(), SchedulerType.CLASSIC),
+    ],
+)
+def test_a_simulated_server_has_the_scheduler_of_its_windows_where_cores_are_shared(
+    host: SimulatedHost, scheduler: SchedulerType
+) -> None:
+    assert host.scheduler_type is scheduler
