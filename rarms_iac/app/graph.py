@@ -1,6 +1,6 @@
 """The data of `rarms graph`: the layout as the manifest alone places it, and the candidate graph."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -174,13 +174,10 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
         raise UseCaseError(Outcome.NEGATIVE, errors, manifest.sources)
     host = shared[0]
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
-    candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
+    by_first = {names_of(group.members)[0]: group for group in groups}
+    candidates = candidates_of(cois, lambda names: may_share(*(by_first[name] for name in names)), most=WHOLE)
     informed_candidates = informed(candidates, recorded_answers(measurements, host, candidates, {}))
     return informed_candidates, predictor_of(alone_in(groups, reservations, host))
-
-
-def _may_share(groups: Sequence[Group], names: Members) -> bool:
-    return may_share(*(group for group in groups if names_of(group.members)[0] in names))
 
 
 def recorded_answers(

@@ -123,7 +123,11 @@ def _files_in(path: str) -> Iterator[str]:
     if path == STANDARD_INPUT or not Path(path).is_dir():
         yield path
         return
-    found = [file for file in _walk(path) if Path(file).name == DEFAULT_NAME or _is_manifest(file) or _has_base(file)]
+    found = [
+        file
+        for file in _walk(path)
+        if Path(file).name == DEFAULT_NAME or _is_manifest(file) or (_is_overlay(file) and _manifest_of(file))
+    ]
     yield from found or [manifest_path(path)]
 
 
@@ -134,10 +138,6 @@ def _walk(folder: str) -> Iterator[str]:
             file = Path(root) / name
             if name.endswith(_SUFFIXES) and file.is_file() and not file.is_symlink():
                 yield str(file)
-
-
-def _has_base(file: str) -> bool:
-    return _is_overlay(file) and _manifest_of(file) is not None
 
 
 def _manifest_of(overlay: str) -> str | None:

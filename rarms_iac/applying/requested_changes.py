@@ -44,7 +44,9 @@ def stop_changes(
         after = stopped_partition(before, request.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
             findings.append(neither_off_nor_running(address, before.state, locate(address)))
-        elif before.settings.running or (before.mark != after.mark and _is_wanted_running(before)):
+        elif before.settings.running or (
+            before.mark != after.mark and before.settings.start_action is not StartAction.NOTHING
+        ):
             changes.append(_update(address, before, after, "rarms stop", locate))
     return tuple(changes), tuple(findings)
 
@@ -85,10 +87,6 @@ def _partitions(state: State, request: PlanRequest) -> Iterator[tuple[Address, P
     for name, partition in sorted(managed.items()):
         if not request.partitions or name in request.partitions:
             yield Address(partition=name, machine=partition.id), partition
-
-
-def _is_wanted_running(partition: Partition) -> bool:
-    return partition.settings.start_action is not StartAction.NOTHING
 
 
 def _update(address: Address, before: Partition, after: Partition, why: str, locate: Locator) -> Update:

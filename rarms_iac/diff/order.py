@@ -58,12 +58,9 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
     if isinstance(result, Deadlock):
         return result
     # A guest's classes are written where it runs already: a real one cannot be reached before.
-    in_guests = sorted((change for change in rest if change.change.address.is_in_guest), key=_by_address)
-    return replace(result, steps=(*result.steps, *(step for change in in_guests for step in change.steps)))
-
-
-def _by_address(planned: PlannedChange) -> tuple[str, str]:
-    return planned.change.address.partition, planned.change.address.task
+    in_guests = [planned for planned in rest if planned.change.address.is_in_guest]
+    in_guests.sort(key=lambda planned: (planned.change.address.partition, planned.change.address.task))
+    return replace(result, steps=(*result.steps, *(step for planned in in_guests for step in planned.steps)))
 
 
 @dataclass(slots=True)

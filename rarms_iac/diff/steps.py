@@ -105,7 +105,11 @@ def mark_moves(planned: Sequence[PlannedChange]) -> tuple[tuple[Step, ...], tupl
     Returns:
         Those steps, in an order in which each name is free when it is taken; and the changes with their other steps.
     """
-    moving = {name: change for change in planned if (name := _name_given_up(change)) and _starts_with_mark(change)}
+    moving = {
+        name: change
+        for change in planned
+        if (name := _name_given_up(change)) and change.steps and isinstance(change.steps[0].operation, WriteMark)
+    }
     steps: list[Step] = []
     waiting = dict(sorted(moving.items()))
     aside: set[str] = set()
@@ -132,10 +136,6 @@ def _name_given_up(planned: PlannedChange) -> str:
             return mark.name
         case _:
             return ""
-
-
-def _starts_with_mark(planned: PlannedChange) -> bool:
-    return bool(planned.steps) and isinstance(planned.steps[0].operation, WriteMark)
 
 
 def _step_aside(planned: PlannedChange) -> list[Step]:

@@ -124,7 +124,11 @@ def problem_of(
         items=tuple(
             _item(group, claims[group.name], current_hosts.get(group.name, ""), may_move=may_move) for group in groups
         ),
-        bins=tuple(_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
+        bins=tuple(
+            Bin(name=host.name, capacity=capacity_of(host, view.facts), foreign_claims=view.claims)
+            for host in by_name(system.hosts)
+            for view in [views.get(host.name, HostView())]
+        ),
         current_hosts=current_hosts,
         views=views,
     )
@@ -195,10 +199,6 @@ def _item(group: Group, claims: Mapping[str, Claim], current_host: str, *, may_m
         claims={current_host: claims[current_host]} if stays else claims,
         current_host=current_host,
     )
-
-
-def _bin(host: Host, view: HostView) -> Bin:
-    return Bin(name=host.name, capacity=capacity_of(host, view.facts), foreign_claims=view.claims)
 
 
 def solve(problem: Problem) -> Layout | Infeasible:

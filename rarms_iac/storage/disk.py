@@ -237,13 +237,12 @@ def make_room(path: Path) -> None:
     """
     make_folders(path.parent)
     private = next((folder for folder in path.parents if folder.name == PRIVATE), None)
-    if private is not None and not _has_content(ignore := private / ".gitignore"):
+    if private is None:
+        return
+    ignore = private / ".gitignore"
+    if not (ignore.exists() and ignore.stat().st_size):
         effects = current()
         # NOTE: not replaced but written: half of it says the same, and a kill leaves no other file behind.
         effects.write(ignore, b"*\n")
         effects.flush(ignore)
         effects.flush_folder(private)
-
-
-def _has_content(file: Path) -> bool:
-    return file.exists() and file.stat().st_size > 0

@@ -48,7 +48,7 @@ def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]
     yield "computer", facts.computer_name
     yield "Windows", _windows(facts)
     yield "PowerShell", condition.powershell or ""
-    yield "module Hyper-V", _module(condition)
+    yield "module Hyper-V", "" if condition.module is None else ", ".join(condition.module) or "not installed"
     yield "scheduler", "" if facts.scheduler.value == "none" else facts.scheduler.value
     yield "processors", _processors(facts, condition)
     available = condition.memory_available
@@ -60,10 +60,6 @@ def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]
 
 def _windows(facts: HostFacts) -> str:
     return f"build {facts.os_build}, {'client' if facts.client else 'server'}" if facts.os_build else ""
-
-
-def _module(condition: HostCondition) -> str:
-    return "" if condition.module is None else ", ".join(condition.module) or "not installed"
 
 
 def _processors(facts: HostFacts, condition: HostCondition) -> str:

@@ -71,7 +71,8 @@ def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     match result.conclusion:
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive):
             remarks = [_below(result, failed), _inconclusive(inconclusive), _planned(result, reserve), loads]
-            return f"{reserve} %", _processors(result, reserve), ", ".join(filter(None, remarks))
+            reserved = plain(guaranteed(reserve, result.experiment.setup.processors))
+            return f"{reserve} %", reserved, ", ".join(filter(None, remarks))
         case NotAchievable(reserve=reserve):
             return "-", "", ", ".join(filter(None, [f"not achievable at {reserve} %", loads]))
         case NotResolved():
@@ -94,10 +95,6 @@ def _loads(beside: Sequence[ExperimentResult]) -> str:
         return ""
     alone = f" ({first.interference} alone: {first.reserve} %)" if last is not first and first.reserve else ""
     return f"beside {last.interference}{alone}"
-
-
-def _processors(result: ExperimentResult, reserve: int) -> str:
-    return plain(guaranteed(reserve, result.experiment.setup.processors))
 
 
 def _below(result: ExperimentResult, failed: int | None) -> str:

@@ -207,8 +207,9 @@ def run_text(report: RunReport) -> "RenderableType":
 
 
 def _sentences(report: RunReport) -> Iterator[Wording]:
+    partial = any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.findings)
     for host in report.hosts:
-        yield f"{host.host}: {_reported_host(host, partial=_undo_is_partial(report))}"
+        yield f"{host.host}: {_reported_host(host, partial=partial)}"
     match report.ending:
         case RunEnding.NOTHING:
             yield "Nothing to do."
@@ -216,11 +217,6 @@ def _sentences(report: RunReport) -> Iterator[Wording]:
             yield prose("Stopped after the running step. ", GO_ON)
         case RunEnding.DONE | RunEnding.REFUSED | RunEnding.FAILED:
             pass
-
-
-def _undo_is_partial(report: RunReport) -> bool:
-    """Whether something of what an undo was to take back cannot be."""
-    return any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.findings)
 
 
 def _reported_host(report: HostReport, *, partial: bool) -> str:

@@ -91,7 +91,10 @@ def _is_above(reserve: CpuAmount, limit: CpuAmount, hosts: list[Host]) -> bool:
 
 def reserve_over_host(system: System) -> Iterator[Violation]:
     """Fixed reserves above what every possible host has less `keep_for_host`."""
-    capacity = {host.name: _capacity(host) for host in system.hosts.values()}
+    capacity = {
+        host.name: host.logical_processors - in_processors(host.keep_for_host.processor, host.logical_processors)
+        for host in system.hosts.values()
+    }
     for section, name, cpu, hosts in cpu_settings(system):
         reserve = cpu.reserve
         if reserve is None or isinstance(reserve, Measured):
@@ -111,11 +114,6 @@ def reserve_over_host(system: System) -> Iterator[Violation]:
                     "host_lp": largest.logical_processors,
                 },
             )
-
-
-def _capacity(host: Host) -> Fraction:
-    """The LPs that partitions may reserve."""
-    return host.logical_processors - in_processors(host.keep_for_host.processor, host.logical_processors)
 
 
 def _exceeds(reserve: CpuAmount, capacity: Fraction, host: Host) -> bool:

@@ -2,7 +2,8 @@
 
 It is the only thing that sees unchecked text, and it is what `rarms validate` spends its time in: so it is one
 loop over locals, makes nothing but the values, and remembers no positions (`tree.py` finds those again when
-there is something to report).
+there is something to report). NOTE: one pass for both was tried: nodes with places, and the values read from them, take
+66 ms for 1,000 components where this takes 36 and PyYAML's C loader 120.
 """
 
 from dataclasses import dataclass, field

@@ -76,7 +76,7 @@ falling_levels = st.lists(st.floats(1.0, 1e4), min_size=1, max_size=6).flatmap(
 )
 
 
-@settings(max_examples=examples(60), deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(index=st.sampled_from(["mean_response_time", "throughput"]), levels=falling_levels, cpu=st.floats(0.01, 1e3))
 def test_no_monotone_curve_takes_more_than_one_setting_more_than_bisection(
     index: str, levels: list[float], cpu: float
