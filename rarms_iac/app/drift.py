@@ -99,7 +99,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
     Raises:
         UseCaseError: a host cannot be read, or hides what is there (failed).
     """
-    system = hosts.system
+    system, hosts = hosts.system, hosts.with_one_look()
     states = observe_hosts(hosts)
     runs = dict(last_runs(hosts))
     present = {name: partitions_after_last_run(run, system.application.name) for name, run in runs.items()}

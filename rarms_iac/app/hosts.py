@@ -22,7 +22,7 @@ from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.providers.channel import CommandChannel
-from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
+from rarms_iac.providers.interface import DistantHost, HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.snapshot_file import write_snapshot
 
@@ -37,6 +37,7 @@ class Hosts:
     selection: HostSelection
     snapshots: Snapshots
     channels: Mapping[str, CommandChannel] = field(default_factory=dict)  # by host: in place of what `connect` says
+    looked_at_once: Mapping[str, LiveHost] = field(default_factory=dict)  # as `with_one_look` opened them
 
     @property
     def system(self) -> System:
@@ -87,7 +88,21 @@ class Hosts:
         Raises:
             UseCaseError: this version cannot reach it (failed).
         """
+        if host in self.looked_at_once:
+            return self.looked_at_once[host]
         return open_host(self.system.hosts[host], self.folder, self.state_path(host), self.channels.get(host))
+
+    def with_one_look(self) -> "Hosts":
+        """The same hosts, to be read and not changed: a distant one is looked at once, for all questions.
+
+        Returns:
+            A copy; the first question to a host looks at it, so what it answers is as old as that.
+        """
+        opened = {name: self.open(name) for name in self.system.hosts}
+        for host in opened.values():
+            if isinstance(host, DistantHost):
+                host.look_once()
+        return replace(self, looked_at_once=opened)
 
     def open_to_measure(self, host: str) -> MeasuringHost | None:
         """Return the live host to run components on; None: this version cannot run any there.

@@ -59,6 +59,7 @@ def plan(hosts: Hosts, request: PlanRequest | None = None) -> Plan:
         UseCaseError: a host cannot be read (failed), is busy or has an unfinished run (refused), or what the manifest
             asks for cannot be had (negative).
     """
+    hosts = hosts.with_one_look()
     refuse_unfinished(hosts)
     states = observe_hosts(hosts)
     application = hosts.system.application.name

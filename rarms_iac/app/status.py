@@ -133,6 +133,7 @@ def overview_of(hosts: Hosts) -> Overview:
     Raises:
         UseCaseError: a data log cannot be read (negative).
     """
+    hosts = hosts.with_one_look()
     report = _report(hosts)
     overviews = _host_overviews(hosts)
     stale = {log.log: log.stale for log in report.measurements if log.stale} if report else {}

@@ -31,6 +31,11 @@ class Connect:
 
     ssh: str  # user@host, or a name of the ssh configuration
     shell: str = "pwsh"  # pwsh or powershell
+    # Of ssh; what is None is as the user's own configuration says.
+    port: int | None = None
+    key: str | None = None  # path of a private key
+    jump: str | None = None  # user@host
+    control_path: str | None = None
 
 
 class SchedulerType(StrEnum):

@@ -23,6 +23,7 @@ from subprocess import PIPE
 from types import TracebackType
 from typing import Protocol
 
+from rarms_iac.model.host import Connect
 from rarms_iac.providers.interface import HostFailed, HostUnreachable
 from rarms_iac.storage.reading import STATE_LIMIT
 
@@ -38,6 +39,8 @@ SSH = (
     "-o",
     "ServerAliveCountMax=4",
 )
+CONTROL_PERSIST = "60s"
+"""How long a shared connection outlives the last one that used it."""
 SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
 CONNECT_SECONDS = 60.0
 LOOK_SECONDS = 0.1
@@ -172,14 +175,30 @@ else:
         return process, kill
 
 
-def ssh_words(target: str, command: Sequence[str]) -> tuple[str, ...]:
+def ssh_words(connect: Connect, command: Sequence[str]) -> tuple[str, ...]:
     """Return the whole argument list of ssh on this side; no shell reads it here.
 
     Args:
-        target: user@host, or a name of the user's ssh configuration.
+        connect: where to, and with what options.
         command: words without blanks or quotes for the shell at the other end, whichever that is.
     """
-    return (*SSH, "--", target, *command)
+    options = {
+        "Port": connect.port,
+        "IdentityFile": connect.key,
+        "ProxyJump": connect.jump,
+        "ControlPath": connect.control_path,
+        "ControlMaster": "auto" if connect.control_path else None,
+        "ControlPersist": CONTROL_PERSIST if connect.control_path else None,
+    }
+    words = [
+        word for name, value in options.items() if value is not None for word in ("-o", f"{name}={_quoted(value)}")
+    ]
+    return (*SSH, *words, "--", connect.ssh, *command)
+
+
+def _quoted(value: str | int) -> str:
+    """The value of an option as ssh reads a line of its configuration: a blank would end it."""
+    return f'"{value}"' if " " in str(value) else str(value)
 
 
 def open_channel(host: str, words: Sequence[str]) -> Channel:
@@ -205,7 +224,7 @@ def await_line(channel: Channel, host: str, target: str, is_wanted: Callable[[st
     Args:
         channel: of ssh.
         host: its name in the manifest.
-        target: as of `ssh_words`.
+        target: user@host, as the manifest names it.
         is_wanted: whether a line is that line.
 
     Returns:
@@ -299,11 +318,11 @@ class ProgramChannel:
         return HostFailed(self.host, f"the connection to {self.target} broke: {message}", advice)
 
 
-def ssh_channel(host: str, target: str) -> ProgramChannel:
+def ssh_channel(host: str, connect: Connect) -> ProgramChannel:
     """Return the system's ssh as a channel.
 
     Args:
         host: its name in the manifest.
-        target: user@host, or a name of the user's ssh configuration.
+        connect: how it is reached.
     """
-    return ProgramChannel(host=host, target=target, words=ssh_words(target, ()))
+    return ProgramChannel(host=host, target=connect.ssh, words=ssh_words(connect, ()))

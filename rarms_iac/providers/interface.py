@@ -315,6 +315,15 @@ class ScriptedHost(Protocol):
         ...
 
 
+@runtime_checkable
+class DistantHost(Protocol):
+    """A host to which each look is a way of its own: a connection, or a script that runs there."""
+
+    def look_once(self) -> None:
+        """Answer from now on from one look, the first that is asked for: of a host that is only read."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedHost:
     """One observation of a host: its State, its condition, and the findings of its provider."""

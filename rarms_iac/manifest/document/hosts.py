@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field
 from rarms_iac.manifest.document.fields import Block, Maybe, by_name, needed, optional
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshTarget
+from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshFile, SshTarget
 from rarms_iac.model.host import FaultEffect, Mechanism, ProviderKind, SchedulerType
 
 
@@ -37,6 +37,15 @@ class ConnectBlock(Block):
     ssh: SshTarget = needed("Where ssh connects to: `user@host`, or a name of your ssh configuration.")
     shell: Literal["pwsh", "powershell"] = optional(
         "The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).", "pwsh"
+    )
+    port: Maybe[Annotated[int, Field(ge=1, le=65535)]] = optional(
+        "The port that sshd listens at; absent: as your ssh configuration says."
+    )
+    key: Maybe[SshFile] = optional("The file of the private key; absent: as your ssh configuration says.")
+    jump: Maybe[SshTarget] = optional("The host that is jumped through, `user@host`; absent: none.")
+    control_path: Maybe[SshFile] = optional(
+        "The socket over which connections are shared (ssh's `ControlPath`): one login for all. Absent: as your "
+        "ssh configuration says."
     )
 
 

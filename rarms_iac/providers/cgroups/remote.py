@@ -339,7 +339,7 @@ def open_remote(host: Host, connect: Connect) -> LinuxHostProvider:
         host: as the manifest describes it.
         connect: how it is reached.
     """
-    return through_channel(host, ssh_channel(host.name, connect.ssh))
+    return through_channel(host, ssh_channel(host.name, connect))
 
 
 def through_channel(

@@ -100,6 +100,10 @@ class LinuxHostProvider(JournaledHost):
         self._known_tree = tree
         self._described_machine = self._known_machine = machine
         self._is_held = False
+        self._looks_once = self._has_looked = False
+
+    def look_once(self) -> None:
+        self._looks_once = True
 
     @property
     def tree(self) -> GroupTree:
@@ -167,9 +171,12 @@ class LinuxHostProvider(JournaledHost):
             self._refresh()
 
     def _refresh(self) -> None:
+        if self._looks_once and self._has_looked:
+            return
         with self._report_failure(self._folder):
             self._effects.look()
         self._known_machine = self._described_machine
+        self._has_looked = True
 
     def observe(self) -> State:
         return self._look()[0]

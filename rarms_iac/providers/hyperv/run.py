@@ -44,12 +44,17 @@ _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 
 
 class LiveHypervHost:
-    """A `ScriptedHost`. It keeps nothing: every question is asked of the host anew."""
+    """A `ScriptedHost`. Every question is asked of the host anew, unless it is told to `look_once`."""
 
     def __init__(self, host: Host, transport: Transport, signed: Path | None = None) -> None:
         self._host = host
         self._transport = transport
         self._signed = signed
+        self._looks_once = False
+        self._document = ""  # of the one look
+
+    def look_once(self) -> None:
+        self._looks_once = True
 
     @property
     def name(self) -> str:
@@ -138,6 +143,13 @@ class LiveHypervHost:
         return self._read(self._printed())
 
     def _printed(self) -> str:
+        """What `observe.ps1` prints now, or printed at the one look."""
+        if self._looks_once and self._document:
+            return self._document
+        self._document = self._print()
+        return self._document
+
+    def _print(self) -> str:
         """What `observe.ps1` prints, or on the computer itself what WMI and the registry show."""
         if sys.platform == "win32" and self._host.connect is None:
             from rarms_iac.providers.hyperv.local_windows import observe_here

@@ -172,7 +172,7 @@ class SshTransport:
             yield session
 
     def _ready(self) -> AbstractContextManager[Channel]:
-        words = ssh_words(self._connect.ssh, remote_words(self._connect.shell))
+        words = ssh_words(self._connect, remote_words(self._connect.shell))
         return _ready_channel(self._host, self._connect.ssh, program_of(self._connect.shell), words)
 
 

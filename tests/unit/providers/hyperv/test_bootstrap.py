@@ -4,6 +4,7 @@ from base64 import b64decode
 
 import pytest
 
+from rarms_iac.model.host import Connect
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.channel import ssh_words
 from rarms_iac.providers.hyperv.bootstrap import arguments_of, command, frame, remote_words, render_bootstrap
@@ -33,10 +34,24 @@ def test_the_command_fits_and_means_the_same_to_every_shell(shell: str) -> None:
 
 
 def test_no_target_is_an_option_of_ssh() -> None:
-    words = ssh_words("-oProxyCommand=evil", ("pwsh",))
+    words = ssh_words(Connect(ssh="-oProxyCommand=evil"), ("pwsh",))
 
     assert words[words.index("--") + 1] == "-oProxyCommand=evil"
     assert words.index("--") < words.index("pwsh")
+
+
+def test_what_connect_says_comes_ahead_of_the_target() -> None:
+    connect = Connect(
+        ssh="ann@cell", port=2222, key="/keys/the cell", jump="gate.example", control_path="~/.ssh/rarms-%C"
+    )
+
+    words = ssh_words(connect, ("sh",))
+
+    options = dict(word.split("=") for word in words[1 : words.index("--")] if "=" in word)
+    assert options["Port"] == "2222"
+    assert options["IdentityFile"] == '"/keys/the cell"'
+    assert options["ProxyJump"] == "gate.example"
+    assert (options["ControlPath"], options["ControlMaster"]) == ("~/.ssh/rarms-%C", "auto")
 
 
 def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest() -> None:

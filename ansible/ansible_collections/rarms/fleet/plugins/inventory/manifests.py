@@ -47,6 +47,7 @@ keyed_groups:
     prefix: platform
 """
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -142,9 +143,19 @@ def _connection(host: Host) -> dict[str, Any]:
     """How Ansible reaches the host, by what the manifest says; a simulated one is a file beside the manifest."""
     if host.connect is None or host.provider is ProviderKind.SIMULATED:
         return {"ansible_connection": "local"}
-    user, at, address = host.connect.ssh.rpartition("@")
-    windows = {"ansible_shell_type": "powershell"} if host.provider is ProviderKind.HYPERV else {}
-    return {"ansible_host": address, **({"ansible_user": user} if at else {}), **windows}
+    connect = host.connect
+    user, _, address = connect.ssh.rpartition("@")
+    common = {"ProxyJump": connect.jump, "ControlPath": connect.control_path}
+    options = " ".join(shlex.quote(f"-o{name}={value}") for name, value in common.items() if value)
+    variables = {
+        "ansible_host": address,
+        "ansible_user": user,
+        "ansible_port": connect.port,
+        "ansible_ssh_private_key_file": connect.key,
+        "ansible_ssh_common_args": options,
+        "ansible_shell_type": "powershell" if host.provider is ProviderKind.HYPERV else "",
+    }
+    return {name: value for name, value in variables.items() if value}
 
 
 def _reason(error: UseCaseError | RequestError) -> str:
