@@ -20,7 +20,7 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 
 | exit code | what it says |
 |---|---|
-| 0 | done, nothing to do, or warnings only |
+| 0 | what was asked is done, nothing was to do, or warnings only |
 | 1 | the tool or a host failed |
 | 2 | `plan`: there are changes; `validate`, `doctor`: errors; `fmt --check`: not formatted; `drift`: the host changed |
 | 3 | refused: the host moved, is busy or held; the plan is stale, edited or used; another run is unfinished |
@@ -28,6 +28,9 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 | 5 | `drift`: only not applied yet |
 | 64 | wrong usage |
 | 130, 143 | interrupted by Ctrl-C or SIGTERM: can be resumed |
+
+A command that finds an unfinished run finishes that, and does nothing else: the exit code is 0 where that is what was
+asked (`rarms apply` without PLAN and a run of its own application), and 3 where only another run was finished.
 """
 
 

@@ -74,7 +74,8 @@ class Lab:
         return apply_plan(plan, self.hosts, ORIGIN, RunReporter(), should_stop)
 
     def finish(self) -> RunReport | None:
-        return finish_unfinished(list(self.hosts.values()), RunReporter(), never)
+        finished = finish_unfinished(list(self.hosts.values()), RunReporter(), never)
+        return None if finished is None else finished.report
 
     def undo(self, should_stop: Callable[[], bool] = never) -> list[RunReport]:
         return [undo(host, ORIGIN, RunReporter(), should_stop) for host in self.hosts.values()]

@@ -11,7 +11,8 @@ from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
-from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying import refusals
+from rarms_iac.applying.execute import FinishedRuns, apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
@@ -94,7 +95,7 @@ def finish_runs(
     waits: WaitLimits = NO_WAITING,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
-) -> RunReport | None:
+) -> FinishedRuns | None:
     """Finish what an earlier run left on these hosts, each from its own journal.
 
     Args:
@@ -104,7 +105,7 @@ def finish_runs(
         stop: asked after each step; the run can be finished later.
 
     Returns:
-        How that ended; None where no host has an unfinished run.
+        How that ended, and whose runs they were; None where no host has an unfinished run.
 
     Raises:
         UseCaseError: a host is held (refused).
@@ -236,6 +237,8 @@ class UndoPreview:
 def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
     """The chosen hosts whose last apply can be taken back; where none has such, the first host alone.
 
+    An application takes back its own applies only.
+
     Args:
         hosts: the chosen ones are read, in name order.
 
@@ -244,12 +247,20 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
 
     Raises:
         RequestError: their last applies are of different plans.
-        UseCaseError: a host cannot be reached or read (failed).
+        UseCaseError: a host cannot be reached or read (failed), or its last run is another application's (refused).
     """
     with host_errors():
         opened = (hosts.open(name) for name in hosts.chosen)
         all_hosts = tuple(LastApply(host=host, journal=host.journal()) for host in opened)
     chosen = tuple(last for last in all_hosts if last.can_be_undone) or all_hosts[:1]
+    application = hosts.system.application.name
+    others = [
+        refusals.run_of_another(last.host.name, last.journal, application)
+        for last in chosen
+        if last.can_be_undone and last.journal is not None and last.journal.started.application != application
+    ]
+    if others:
+        raise UseCaseError(Outcome.REFUSED, others)
     if len({last.journal.started.plan for last in chosen if last.journal is not None}) > 1:
         names = ", ".join(last.host.name for last in chosen)
         raise RequestError(f"The hosts have different last applies. Choose with --host: {names}.")

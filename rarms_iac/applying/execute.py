@@ -1,7 +1,7 @@
 """Applying a plan to live hosts, and finishing what an earlier run left."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.applying import refusals
@@ -19,39 +19,42 @@ from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, Scrip
 LastRun = Journal | ScriptRun | None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedRuns:
+    """How finishing what was begun ended, and whose it was."""
+
+    report: RunReport
+    applications: frozenset[str]
+
+
 def finish_unfinished(
     hosts: Sequence[LiveHost], reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
-) -> RunReport | None:
+) -> FinishedRuns | None:
     """Finish what was begun on these hosts, each from its own journal; None where nothing was. They are held."""
     reports: list[RunReport] = []
+    applications: set[str] = set()
     for host in hosts:
         try:
-            report = _finish(host, reporter, should_stop, waits)
-            if report is None:
+            run = host.unfinished()
+            if run is None:
                 continue
-            reports.append(report)
+            applications.add(run.started.application)
+            reports.append(without_rights(host) or _finish(host, run, reporter, should_stop, waits))
         except HostError as error:
             reports.append(failed_run(error))
         if reports[-1].ending is not RunEnding.DONE:
             break
-    return combined_report(reports) if reports else None
+    return FinishedRuns(report=combined_report(reports), applications=frozenset(applications)) if reports else None
 
 
-def _finish(host: LiveHost, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits) -> RunReport | None:
-    match host:
-        case StepwiseHost():
-            journal = host.unfinished()
-            if journal is None:
-                return None
-            return without_rights(host) or run_steps(host, journal, reporter, should_stop)
-        case ScriptedHost():
-            run = host.unfinished()
-            if run is None:
-                return None
-            job = finish_job(host.name, run)
-            return without_rights(host) or run_job(host, job, reporter, should_stop, waits)
-        case _:
-            assert_never(host)
+def _finish(
+    host: LiveHost, run: Journal | ScriptRun, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
+) -> RunReport:
+    if isinstance(host, StepwiseHost) and isinstance(run, Journal):
+        return run_steps(host, run, reporter, should_stop)
+    assert isinstance(host, ScriptedHost), "a host keeps the runs of its kind"
+    assert isinstance(run, ScriptRun), "a host keeps the runs of its kind"
+    return run_job(host, finish_job(host.name, run), reporter, should_stop, waits)
 
 
 def apply_plan(

@@ -6,6 +6,7 @@ from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import (
     EventKind,
     HostDamaged,
@@ -29,6 +30,7 @@ DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
+OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's")
 UNKNOWN = Finding.error("RARMS250", "It is unknown how the run ended")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
 SCRIPT_FAILED = Finding.error("RARMS252", "The script failed on the host")
@@ -82,6 +84,25 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
         prose("Wait while that process still works. Otherwise run ", _EITHER),
         address=f"host/{host}",
         values={"host": host, "run": started.run.value, "plan": started.plan, "owner": started.started_by},
+    )
+
+
+def run_of_another(host: str, journal: Journal | ScriptRun, application: str) -> Diagnostic:
+    """What was done last on the host was done for another application, which alone may take it back."""
+    started = journal.started
+    return OTHERS_RUN.at(
+        None,
+        f"{_run(started)} on {host} is a run of the application {quoted(started.application)}, begun by "
+        f"{started.started_by}; this manifest is that of {quoted(application)}.",
+        prose("Nothing was changed. Take it back with the manifest of that application: ", UNDO, "."),
+        address=f"host/{host}",
+        values={
+            "host": host,
+            "plan": started.plan,
+            "application": started.application,
+            "own_application": application,
+            "owner": started.started_by,
+        },
     )
 
 

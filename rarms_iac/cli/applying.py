@@ -1,6 +1,7 @@
 """Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
 import sys
+from collections.abc import Callable
 
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
@@ -17,6 +18,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.plan import plan_text
@@ -35,22 +37,41 @@ def write_and_advise(session: Session, path: str, plan: Plan) -> None:
     session.terminal.talk(f"Wrote the plan to {path}.{advice}")
 
 
-def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
-    """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
+def finish_first(
+    session: Session, live: tuple[LiveHost, ...], how: RunOptions, is_asked: Callable[[frozenset[str]], bool]
+) -> ExitCode | None:
+    """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left.
+
+    Args:
+        session: of the command.
+        live: hosts, in any order.
+        how: how long to wait.
+        is_asked: whether finishing runs of these applications, and nothing else, is what the command was asked for.
+
+    Returns:
+        How the command ends: done where only what was asked was finished, refused where another run was.
+    """
     with TerminalReporter(session, steps_as_json=session.as_json) as reporter:
-        report = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts)
-    if report is not None and report.ending is RunEnding.DONE:
-        session.terminal.tell("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
-    return report
+        finished = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts)
+    if finished is None:
+        return None
+    code = report_end(session, finished.report)
+    if code is not ExitCode.DONE:
+        return code
+    is_done = is_asked(finished.applications)
+    whose = "the run" if is_done else f"a run of {' and '.join(map(quoted, sorted(finished.applications)))}"
+    session.terminal.tell(f"That finished {whose} that was begun earlier. Nothing else was done: run again to plan.")
+    return code if is_done else ExitCode.REFUSED
 
 
 def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions) -> ExitCode:
     """Plan, then write the plan (`how.out`), or show it, ask, and do it."""
     if how.out is not None:
         return _write_only(session, make_plan(hosts, request), how.out, hosts.manifest.sources)
-    finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
+    own = {hosts.system.application.name} if request.purpose is Purpose.APPLY else set()
+    finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how, lambda whose: whose == own)
     if finished is not None:
-        return report_end(session, finished)
+        return finished
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
             "There is no terminal to ask at.",

@@ -87,7 +87,7 @@ def apply_again(system: System, host: StepwiseHost) -> RunReport:
     with host.lock("ann@lab"):
         finished = finish_unfinished([host], RunReporter(), lambda: False)
         if finished is not None:
-            return finished
+            return finished.report
         return apply_plan(a_plan(system, host), {host.name: host}, builders.ORIGIN, RunReporter(), lambda: False)
 
 

@@ -126,6 +126,40 @@ def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     assert robot.run("plan").code == 0
 
 
+def test_only_its_own_application_takes_an_apply_back(robot: Robot) -> None:
+    assert robot.run("apply", "--auto-approve").code == 0
+    other = of_another_application(robot)
+
+    refused = rarms("undo", "-f", str(other), "--auto-approve")
+
+    assert refused.code == 3
+    assert "error[RARMS340]" in refused.err
+    assert '"robot"' in refused.err
+    assert robot.run("plan").code == 0
+    assert robot.run("undo", "--auto-approve").code == 0
+
+
+def of_another_application(robot: Robot) -> Path:
+    """A manifest beside it that shares its hosts."""
+    other = robot.manifest.with_name("two.yaml")
+    text = robot.manifest.read_text(encoding="utf-8")
+    assert "name: robot" in text
+    other.write_text(text.replace("name: robot", "name: two"), encoding="utf-8")
+    return other
+
+
+@pytest.mark.parametrize("command", ["apply", "destroy", "stop", "start"])
+def test_who_finished_only_another_run_did_not_do_what_was_asked(robot: Robot, command: str) -> None:
+    robot.fails_at("start_partition")
+    assert robot.run("apply", "--auto-approve").code == 1
+    manifest = of_another_application(robot) if command == "apply" else robot.manifest
+
+    finished = rarms(command, "-f", str(manifest), "--auto-approve")
+
+    assert finished.code == 3
+    assert "finished a run of" in " ".join(finished.err.split())
+
+
 def test_what_was_begun_is_finished_also_when_the_manifest_has_errors_by_now(robot: Robot) -> None:
     robot.fails_at("start_partition")
     assert robot.run("apply", "--auto-approve").code == 1

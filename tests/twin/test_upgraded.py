@@ -58,7 +58,8 @@ def live(host: WindowsHost) -> LiveHypervHost:
 
 
 def finished(host: WindowsHost) -> RunReport | None:
-    return finish_unfinished([live(host)], RunReporter(), lambda: False)
+    finished = finish_unfinished([live(host)], RunReporter(), lambda: False)
+    return None if finished is None else finished.report
 
 
 def seen(host: WindowsHost) -> dict[str, object]:

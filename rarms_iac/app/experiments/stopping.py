@@ -148,9 +148,9 @@ def finish_stop_or_start(host: MeasuringHost, reporter: Reporter) -> None:
     journal = host.unfinished()
     if journal is None or not is_for_measuring(journal):
         return
-    report = finish_unfinished([host], RunReporter(), _never)
-    if report is None or report.ending is not RunEnding.DONE:
-        raise UseCaseError(Outcome.FAILED, report.findings if report else ())
+    finished = finish_unfinished([host], RunReporter(), _never)
+    if finished is None or finished.report.ending is not RunEnding.DONE:
+        raise UseCaseError(Outcome.FAILED, finished.report.findings if finished else ())
     reporter.message(f"{host.name}: finished the stop or start of partitions that an earlier measurement had begun.")
 
 

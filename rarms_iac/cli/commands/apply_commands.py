@@ -81,8 +81,8 @@ def apply_command(
     if options.abandoning:
         return _abandon(session, live, how)
     if not isinstance(hosts, Hosts):
-        finished = finish_first(session, live, how) or RunReport(ending=RunEnding.NOTHING)
-        return report_end(session, finished)
+        finished = finish_first(session, live, how, lambda _: True)  # whose they should be is not known
+        return report_end(session, RunReport(ending=RunEnding.NOTHING)) if finished is None else finished
     code = plan_ask_apply(session, hosts, plan_request(hosts, limits), how)
     return _then_prove(session, source, host_selection, how, code) if options.proving else code
 
