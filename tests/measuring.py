@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.manifest.load import load
-from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import System
@@ -34,7 +33,7 @@ def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting],
     system, recorded = _system(folder), tuple(settings)
     host = system.hosts[min(system.hosts)]
     bench = replace(a_bench(), logical_processors=host.logical_processors, provider=host.provider, os_build=build)
-    subjects = [subject_of(system, host, tuple(members), load) for load in loads_of(system, tuple(members))]
+    subjects = [subject_of(system, host, tuple(members), load) for load in system.loads_of(tuple(members))]
     for subject in subjects:
         path = path_of(folder, subject)
         begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))

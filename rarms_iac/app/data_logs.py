@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.measuring.setup import experiment_of, loads_of
+from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
@@ -112,7 +112,7 @@ def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
     if gone := [name for name in members if name not in system.components]:
         return f"the manifest has no {', '.join(gone)} any more"
     reasons = (
-        _why_log_outdated(subject_of(system, host, members, load), folder, host) for load in loads_of(system, members)
+        _why_log_outdated(subject_of(system, host, members, load), folder, host) for load in system.loads_of(members)
     )
     return next(filter(None, reasons), "")
 
@@ -138,7 +138,7 @@ def logs_of(measurements: Measurements, host: Host, members: Names) -> tuple[Pat
     Returns:
         A path for each load that it must stand up to; the files need not exist.
     """
-    loads = loads_of(measurements.system, members)
+    loads = measurements.system.loads_of(members)
     return tuple(log_path(measurements.folder, host.platform, members, load) for load in loads)
 
 
@@ -227,7 +227,7 @@ def _beside_each_load(
 ) -> tuple[MeasuredTogether, ...] | NotMeasured:
     """The log of each load, or why the first of those is missing that are."""
     members, found = names_of(group.members), []
-    for load in loads_of(system, members):
+    for load in system.loads_of(members):
         log = _measured_together(subject_of(system, host, members, load), folder, group, host, platform_facts)
         if isinstance(log, NotMeasured):
             return log

@@ -14,7 +14,6 @@ from rarms_iac.app.explanation_steps import explain
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
-from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.host import Host
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
@@ -141,7 +140,7 @@ def _fixed_by(group: Group) -> str:
 
 
 def _data_log_summary(measurements: Measurements, group: Group, log: MeasuredTogether) -> DataLogSummary:
-    loads = loads_of(measurements.system, names_of(group.members))
+    loads = measurements.system.loads_of(names_of(group.members))
     whole = read_log(measurements.folder / log.path)
     assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
     platform, times = whole.header.platform_facts, sorted(recorded.provenance.when for recorded in whole.recorded)

@@ -19,7 +19,6 @@ from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatu
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.totals import totals_at_hand
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
-from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind, has_errors, in_order
 from rarms_iac.model.host import ProviderKind
@@ -143,7 +142,7 @@ def _log_beside_manifest(system: System, files: Files, path: Path, log: DataLog)
     return LogBesideManifest(
         path=path.relative_to(files.folder).as_posix(),
         log=log,
-        is_expected=setup.interference in loads_of(system, setup.members),
+        is_expected=setup.interference in system.loads_of(setup.members),
         stale=tuple(map(str, comparison.changed)),
     )
 

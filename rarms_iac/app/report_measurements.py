@@ -15,7 +15,6 @@ from rarms_iac.app.report_model import (
     Report,
 )
 from rarms_iac.app.totals import placed_without_log
-from rarms_iac.measuring.setup import loads_of
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import Cause
@@ -122,7 +121,7 @@ def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Me
     decisive = [
         beside[hardest([each.reserve for each in beside])]
         for (_, names), beside in logs.items()
-        if {each.interference for each in beside} == {*loads_of(system, names)}
+        if {each.interference for each in beside} == {*system.loads_of(names)}
     ]
     for measurement in measurements:
         yield replace(measurement, rests=any(measurement is each for each in decisive))

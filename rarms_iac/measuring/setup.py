@@ -84,21 +84,6 @@ def _with_samples(component: Component, samples: int | None) -> Component:
     return replace(component, run=replace(run_of(component), until=SampleCount(samples=samples)))
 
 
-def loads_of(system: System, members: tuple[str, ...]) -> tuple[str, ...]:
-    """The loads that a reservation of these must stand up to: their own where they agree, else the policy's.
-
-    Args:
-        system: names the components and the policy.
-        members: components that run together.
-
-    Returns:
-        Names of `interference`, in the order in which they are measured; each once.
-    """
-    own = {system.components[name].interference for name in members}
-    only = own.pop() if len(own) == 1 else ()
-    return tuple(dict.fromkeys(only or system.policy.interference))
-
-
 def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionRequest:
     """What the manifest says of the partition of just these components."""
     for request in system.partitions.values():

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import assert_never
 
 from rarms_iac.model.quantities import Milliseconds, Percent
 
@@ -75,6 +76,27 @@ class Cycle:
 
 
 Interference = BusyLoop | Bursts | Browser | CommandLoad | Stress
+
+
+def is_steady(load: Interference) -> bool:
+    """Tell whether a load never sleeps by design, so that it saves up no claim.
+
+    Args:
+        load: of a program of which nothing is known it is taken for granted.
+
+    Returns:
+        False for bursts with gaps, and for browsers.
+    """
+    match load:
+        case BusyLoop() | CommandLoad() | Stress():
+            return True
+        case Bursts(duty=duty):
+            return duty is not None and duty >= 100
+        case Browser():
+            return False
+        case _:
+            assert_never(load)
+
 
 BUSY_LOOP = "busy-loop"
 

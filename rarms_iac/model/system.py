@@ -4,7 +4,7 @@ Maps keep the manifest's order; they are not changed. Where a value may be left 
 its own (`MEASURED`, `None` said to mean "open"), never a guess.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date
 from enum import StrEnum
@@ -279,6 +279,19 @@ class System:
     tasks: Mapping[str, TaskRequest]
     policy: Policy
     moved: Mapping[str, str]  # old partition name -> new
+
+    def loads_of(self, members: Iterable[str]) -> tuple[str, ...]:
+        """List the loads that a reservation of these must stand up to: their own where they agree, else the policy's.
+
+        Args:
+            members: names of components that run together.
+
+        Returns:
+            Names of `interference`, in the order in which they are measured; each once.
+        """
+        own = {self.components[name].interference for name in members}
+        only = own.pop() if len(own) == 1 else ()
+        return tuple(dict.fromkeys(only or self.policy.interference))
 
     def section_of(self, partition: str) -> str:
         """The section of the manifest that asks for a partition: its own entry, or the component it is called after."""

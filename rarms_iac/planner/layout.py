@@ -12,20 +12,17 @@ from typing import assert_never
 
 from rarms_iac.model.commands import MEASURE, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Place, Places
-from rarms_iac.model.host import Host, Mechanism
-from rarms_iac.model.indexes import percentile_of
+from rarms_iac.model.host import Mechanism
 from rarms_iac.model.layout import Cause, Infeasible, Layout, Relaxation, RelaxationKind
 from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.state import USUAL_DEADLINE_PERCENT
-from rarms_iac.model.system import Component, Disruption, Measured, System, Threshold
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.system import Disruption, Measured, System
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.mechanism import deadline_problems, mechanism_of
+from rarms_iac.planner.neighbours import neighbour_findings
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
-
-SCHEDULER_WINDOW_MS = 100
-"""Over how many ms a hypervisor's scheduler gives a partition its share (docs/scheduling-model.md)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +65,7 @@ def plan_layout(
     if isinstance(answer, Layout):
         notes += _moves(answer, problem, places)
         notes += _remarks(answer, problem, places)
-        notes += _late_jobs(answer, problem, places)
+        notes += neighbour_findings(answer, problem, places)
         notes += _deadlines(answer, problem, hosts, places)
         notes += _placement(answer, places)
     else:
@@ -232,54 +229,6 @@ def remarks_as_findings(remarks: Iterable[Cause], places: Places) -> Iterator[Di
         )
 
 
-def _late_jobs(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
-    """Refuse the thresholds on late jobs that a share over the scheduler's window does not promise.
-
-    Beside neighbours that pause and save what they reserve, a share comes in bursts: means stay, percentiles and maxima
-    of jobs shorter than the window may grow (docs/measuring.md, "what a reservation does not promise"; decision 0028).
-    A deadline of Linux is kept within a tenth of the threshold.
-    """
-    groups = {group.name: group for group in problem.groups}
-    for host in by_name(problem.system.hosts):
-        here = [
-            partition for partition in answer.partitions if partition.host == host.name and partition.settings.reserve
-        ]
-        if len(here) < 2:
-            continue
-        for partition in here:
-            if mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE:
-                continue
-            for member in groups[partition.name].members:
-                late = [
-                    index for index, threshold in member.apt.items() if _is_about_late_jobs(index, threshold, member)
-                ]
-                if late:
-                    yield _late_finding(member, late, host, len(here) - 1, places)
-
-
-def _late_finding(member: Component, late: Sequence[str], host: Host, others: int, places: Places) -> Diagnostic:
-    return planning_findings.LATE_JOBS.at(
-        places.key("components", member.name, "apt", late[0]),
-        f"A reservation promises a share over {SCHEDULER_WINDOW_MS} ms, not when in them it comes: beside "
-        f"{counted(others, 'other partition')} on {host.name}, {in_a_row(late)} of {member.name} may be exceeded "
-        "although the mean stays as measured.",
-        prose(
-            f"Set a mean, or a threshold of at least {SCHEDULER_WINDOW_MS} ms, or place {member.name} alone "
-            "on a host. To apply it all the same, accept the finding; afterwards ",
-            command("prove", interference="busy-loop"),
-            " shows whether it holds.",
-        ),
-        address=f"component/{member.name}",
-        values={
-            "component": member.name,
-            "host": host.name,
-            "indexes": tuple(late),
-            "other_partitions": others,
-            "window_ms": SCHEDULER_WINDOW_MS,
-        },
-    )
-
-
 def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:
     """Report the deadlines of Linux hosts that the kernel would refuse, before anything is changed."""
     groups = {group.name: group for group in problem.groups}
@@ -299,15 +248,6 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
             place = places.key(problem.system.section_of(name), name)
             values: Facts = {"partition": name, "host": host.name, "admitted_percent": admitted}
             yield planning_findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)
-
-
-def _is_about_late_jobs(index: str, threshold: Threshold, member: Component) -> bool:
-    """Whether a threshold is on the latest jobs, and shorter than the scheduler's window."""
-    if index == "deadline_miss_rate":
-        deadline = member.run.deadline if member.run else None
-        return deadline is not None and deadline < SCHEDULER_WINDOW_MS
-    is_late = index in {"maximum_response_time", "jitter"} or percentile_of(index) is not None
-    return is_late and threshold.value < SCHEDULER_WINDOW_MS
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:

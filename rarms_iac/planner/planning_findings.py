@@ -23,7 +23,8 @@ CLASS_ORDER = Finding.warning("RARMS128", "Task classes cannot express the order
 NEIGHBOURS = Finding.note("RARMS129", "Threads of different criticality are one priority apart")
 IN_LOW = Finding.note("RARMS136", "A task class in Low goes first while those above are lowered")
 NOT_PROVEN = Finding.note("RARMS301", "The layout is not proved to be the best")
-LATE_JOBS = Finding.error("RARMS313", "No reservation promises this threshold beside other partitions")
+MEASURED_STEADY = Finding.warning("RARMS313", "Measured beside loads that never pause, and others may")
+ON_NEIGHBOURS = Finding.note("RARMS324", "A threshold depends on its neighbours")
 DEADLINES = Finding.error("RARMS314", "SCHED_DEADLINE cannot keep a reservation")
 KINDS = {
     finding.code: finding

@@ -11,7 +11,7 @@ from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout
 from rarms_iac.measuring import measuring_findings
 from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search, Verification
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
-from rarms_iac.measuring.setup import Experiment, experiment_of, loads_of
+from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.host import Host
 from rarms_iac.model.loads import BUSY_LOOP
@@ -253,7 +253,7 @@ def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[
     Returns:
         Names, in the order in which they are measured.
     """
-    loads = loads_of(system, members)
+    loads = system.loads_of(members)
     return (BUSY_LOOP,) if strategy == PAPER and len(loads) > 1 else loads
 
 

@@ -7,7 +7,7 @@ from rarms_iac.model.claims import ANY_THREAD
 from rarms_iac.model.host import HypervHost, ProviderKind
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import Partition, RunState
-from rarms_iac.model.system import Component, CpuRequest, Disruption, RunsOn, System
+from rarms_iac.model.system import CpuRequest, Disruption, RunsOn, System
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import FixedReservations
@@ -231,19 +231,3 @@ def test_an_open_reserve_of_a_partition_is_its_members() -> None:
     by_hand = replace(a_partition(), cpu=CpuRequest(reserve=None))
 
     assert layout(a_system(partitions=[by_hand])).partitions[0].settings.reserve == 20
-
-
-def test_a_threshold_on_late_jobs_within_the_schedulers_window_is_refused_beside_another_partition() -> None:
-    def found(*components: Component) -> list[tuple[str, str]]:
-        found = planned(a_system(components=components)).findings
-        return [(finding.severity.value, finding.detail) for finding in found]
-
-    short = a_component("vision", reserve="40 %", apt={"p95_response_time": at_most(18), "jitter": at_most(2)})
-    slow = a_component("speech", reserve="30 %", apt={"p95_response_time": at_most(400)})
-    mean = a_component("video", reserve="20 %", apt={"mean_response_time": at_most(9)})
-
-    assert found(short) == []
-    assert found(slow, mean) == []
-    ((severity, detail),) = found(short, slow, mean)
-    assert severity == "error"
-    assert "beside 2 other partitions on onboard, p95_response_time and jitter of vision may be exceeded" in detail

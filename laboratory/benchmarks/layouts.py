@@ -1,0 +1,275 @@
+"""Whether layouts hold that were measured beside a family of loads: random layouts on the simulated host.
+
+`python -m laboratory.benchmarks.layouts [LAYOUTS [FOLDER [FAMILY ...]]]` draws so many layouts (200 unless said): the
+even seeds are the half by which a family is chosen, the odd ones are unseen. Each is measured beside every load of a
+family, planned, applied, and proven without a load and beside each load of the family. FAMILY is `default`, `all`, or
+names joined by `+`; unless said, the default. FOLDER keeps the data logs and `layouts.jsonl`: what it has is not done
+again. It fails where the lower 95 % limit of the unseen layouts that miss exceeds 1 %.
+
+Layouts with a percentile, a success time or a deadline below work / reserve + window of a job that is shorter than the
+window are counted apart: what their neighbours do decides these.
+"""
+
+import json
+import math
+import os
+import random
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import Pool
+from pathlib import Path
+
+import rarms_iac as rarms
+from laboratory.benchmarks.timing import Figure, report
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.experiments.measure_request import MeasureRequest
+from rarms_iac.app.experiments.prove import ProveRequest
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.model.loads import BUSY_LOOP, DEFAULT_LOADS, LOADS_WITHOUT_ENTRY
+from rarms_iac.model.outcomes import Missed
+from rarms_iac.statistics.distributions import share_interval
+
+LAYOUTS = 200
+PROCESSES = int(os.environ.get("PROCESSES", "2"))
+WINDOW_MS = 100.0
+MOST_MISSED = 1.0  # per cent of the unseen layouts
+LONGEST = "60 s"  # so long a proof runs, and a setting that is not clear before, on the host's clock
+
+Family = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """A component of a random layout."""
+
+    name: str
+    processors: int
+    threads: int
+    work_ms: float  # of all threads together
+    blocked_ms: float
+    varies: int
+    every_ms: float  # 0: closed
+    threshold: str  # of `apt`
+    limit_ms: float  # by which an answer must be there in the tail; 0: a mean
+    success_within_ms: float
+    weight: int  # 0: left open
+
+    @property
+    def alone_ms(self) -> float:
+        """How long a job works with processors to itself."""
+        return self.work_ms / self.threads
+
+    def has_short_tail(self, reserve: float) -> bool:
+        """Whether what neighbours do within a window decides its threshold; `reserve`: a fraction of each processor."""
+        return 0.0 < self.limit_ms < self.alone_ms / reserve + WINDOW_MS and self.alone_ms < WINDOW_MS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnLayout:
+    """A host with components that fit it beside a load that never pauses, by what they demand."""
+
+    seed: int
+    logical_processors: int
+    kept_percent: int
+    components: tuple[Drawn, ...]
+
+    def manifest(self, family: Family) -> str:
+        """Return the manifest: measured beside a family."""
+        lines = [
+            "schema: rarms/v1",
+            f"application: {{ name: layout-{self.seed} }}",
+            "hosts:",
+            f"  onboard: {{ logical_processors: {self.logical_processors}, memory: 16 GiB, "
+            f"keep_for_host: {{ processor: {self.kept_percent} % }} }}",
+            f"policy: {{ interference: [{', '.join(family)}] }}",
+            "components:",
+        ]
+        for number, each in enumerate(self.components, start=1):
+            within = f", success_within: {each.success_within_ms:.3f} ms" if each.success_within_ms else ""
+            arrival = f", arrival: {{ every: {each.every_ms:.3f} ms }}" if each.every_ms else ""
+            weight = f", weight: {each.weight}" if each.weight else ""
+            lines += [
+                f"  {each.name}:",
+                f"    criticality: {number}",
+                f"    apt: {{ {each.threshold} }}",
+                f"    run: {{ command: [{each.name}], timeout: 10 min, until: {{ elapsed: {LONGEST} }}{arrival} }}",
+                f"    processors: {each.processors}",
+                "    memory: 256 MiB",
+                f"    cpu: {{ reserve: measured{weight} }}",
+                f"    simulation: {{ work: {each.work_ms:.3f} ms, blocked: {each.blocked_ms:.3f} ms, "
+                f"varies: {each.varies} %, threads: {each.threads}{within} }}",
+            ]
+        return "\n".join(lines) + "\n"
+
+
+def draw(seed: int) -> DrawnLayout:
+    """Draw a layout; every third has a neighbour whose period is 5 to 20 ms."""
+    chance = random.Random(f"layout/{seed}")
+    processors = chance.choice((1, 1, 2, 2, 4))
+    kept = chance.choice((0, 0, 10, 20))
+    count = chance.randint(2, 4 if processors == 1 else 6)
+    parts = [chance.uniform(0.3, 1.0) for _ in range(count)]
+    total = processors * (1.0 - kept / 100.0) * chance.uniform(0.45, 0.9)
+    has_tails = chance.random() < 0.4
+    shares = [total * part / sum(parts) for part in parts]
+    components = tuple(
+        _draw_component(
+            chance, f"c{number}", share, processors, is_short=number == 0 and seed % 3 == 0, has_tails=has_tails
+        )
+        for number, share in enumerate(shares)
+    )
+    return DrawnLayout(seed=seed, logical_processors=processors, kept_percent=kept, components=components)
+
+
+def _draw_component(
+    chance: random.Random, name: str, share: float, most: int, *, is_short: bool, has_tails: bool
+) -> Drawn:
+    processors = most if most > 1 and chance.random() < 0.3 else 1
+    threads = chance.choice((1, processors))
+    reserve = min(0.9, max(0.03, share / threads))
+    alone = math.exp(chance.uniform(math.log(1.0), math.log(100.0)))
+    is_periodic = is_short or chance.random() < 0.6
+    every, blocked, slower = 0.0, 0.0, 1.0 / reserve
+    if is_periodic:  # it saves claim between its jobs: what it demands decides what it needs, and it is hardly slower
+        every = chance.uniform(5.0, 20.0) if is_short else alone / (reserve * chance.uniform(0.6, 0.95))
+        alone = every * reserve * chance.uniform(0.6, 0.95) if is_short else alone
+        slower = min(1.0 / reserve, chance.uniform(1.05, 2.0))
+    else:
+        blocked = alone * chance.choice((0.0, chance.uniform(0.0, 1.0)))
+    mean = alone * slower * chance.uniform(1.0, 1.3) + blocked
+    tail = min(250.0, max(5.0, alone * slower * chance.uniform(1.2, 2.5) + blocked))
+    kinds = ("mean", "percentile", "success", "deadline" if every else "mean") if has_tails else ("mean",)
+    threshold, limit, within = f"mean_response_time: {{ at_most: {mean:.3f} ms }}", 0.0, 0.0
+    match chance.choice(kinds):
+        case "percentile":
+            threshold, limit = f"p{chance.choice((90, 95))}_response_time: {{ at_most: {tail:.3f} ms }}", tail
+        case "success":
+            threshold, limit, within = "success_rate: { at_least: 95 % }", tail, tail
+        case "deadline":
+            threshold, limit = "deadline_miss_rate: { at_most: 5 % }", every
+        case _:
+            pass
+    return Drawn(
+        name=name,
+        processors=processors,
+        threads=threads,
+        work_ms=alone * threads,
+        blocked_ms=blocked,
+        varies=chance.choice((0, 2, 10, 30)),
+        every_ms=every,
+        threshold=threshold,
+        limit_ms=limit,
+        success_within_ms=within,
+        weight=chance.choice((0, 0, 0, 50, 100)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a layout that was measured beside a family."""
+
+    seed: int
+    family: str
+    ending: str  # held, missed, or no plan: it does not fit, or a component has no answer
+    tails: bool  # a threshold depends on what neighbours do
+    reserved_lp: float = 0.0
+    missed: tuple[str, ...] = ()  # component, index and load; of no plan the findings
+
+
+def outcome_of(family: Family, folder: Path, seed: int) -> Outcome:
+    """Measure, plan, apply and prove a layout."""
+    layout, place = draw(seed), folder / str(seed)
+    place.mkdir(parents=True, exist_ok=True)
+    words = "+".join(family)
+    (place / "rarms.yaml").write_text(layout.manifest(family), encoding="utf-8")
+    shutil.rmtree(place / ".rarms", ignore_errors=True)
+    hosts = rarms.load(str(place / "rarms.yaml"))
+    for load in family[1:] or family:  # each begins at what the first one asks for: the logs serve every family
+        rarms.measure(hosts, MeasureRequest(interference=tuple(dict.fromkeys((family[0], load)))))
+    try:
+        plan = rarms.plan(hosts)
+    except UseCaseError as problem:
+        codes = sorted({diagnostic.code for diagnostic in problem.diagnostics})
+        return Outcome(seed=seed, family=words, ending="no plan", tails=False, missed=tuple(codes))
+    rarms.apply(plan)
+    state = hosts.open("onboard").observe()
+    partitions = {each.settings.name: each.settings for each in state.partitions}
+    tails = any(each.has_short_tail(partitions[each.name].reserve / 100) for each in layout.components)
+    missed = tuple(sorted(_missed(hosts, family)))
+    return Outcome(
+        seed=seed,
+        family=words,
+        ending="missed" if missed else "held",
+        tails=tails,
+        reserved_lp=sum(each.reserve * each.processors for each in partitions.values()) / 100,
+        missed=missed,
+    )
+
+
+def _missed(hosts: Hosts, family: Family) -> Iterator[str]:
+    """Each threshold that was shown to miss, without a load and beside each."""
+    for load in (None, *family):
+        for proof in rarms.prove(hosts, ProveRequest(interference=load)).proofs:
+            for verdict in proof.verdicts:
+                if isinstance(verdict.verdict, Missed):
+                    yield f"{verdict.measured.component} {verdict.measured.index} beside {load or 'no load'}"
+
+
+def figures(outcomes: Sequence[Outcome], half: str) -> list[Figure]:
+    """Of a half of the layouts by one family: how many were planned, and missed; those with tails apart."""
+    planned = [each for each in outcomes if each.ending != "no plan"]
+    rows = [
+        Figure(name=f"{half}: no plan", value=len(outcomes) - len(planned), unit=""),
+        Figure(name="  reserved", value=sum(each.reserved_lp for each in planned) / max(1, len(planned)), unit="LP"),
+    ]
+    for kind, tails in (("", False), (" with tails of short jobs", True)):
+        own = [each for each in planned if each.tails == tails]
+        amiss = sum(each.ending == "missed" for each in own)
+        least = 100 * share_interval(amiss, len(own), error=0.1)[0] if own else 0.0
+        limit = MOST_MISSED if half == "unseen" and not tails else None
+        rows += [
+            Figure(name=f"  {len(own)} layouts{kind}, missed", value=100 * amiss / max(1, len(own)), unit="%"),
+            Figure(name="    at least, by 95 %", value=least, unit="%", at_most=limit),
+        ]
+    return rows
+
+
+def families(words: Sequence[str]) -> list[Family]:
+    """Read the families that were named."""
+    named = {"default": DEFAULT_LOADS, "all": tuple(LOADS_WITHOUT_ENTRY), "busy": (BUSY_LOOP,)}
+    return [named.get(word) or tuple(word.split("+")) for word in words or ("default",)]
+
+
+def main() -> int:
+    """Print a table for each family; 1 where unseen layouts miss more often than may be."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else LAYOUTS
+    folder = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("/dev/shm/rarms-layouts")
+    folder.mkdir(parents=True, exist_ok=True)
+    code = 0
+    for family in families(sys.argv[3:]):
+        outcomes = _outcomes(family, folder, range(count))
+        print(f"== {'+'.join(family)}")
+        for half, parity in (("development", 0), ("unseen", 1)):
+            code |= report(figures([each for each in outcomes if each.seed % 2 == parity], half))
+    return code
+
+
+def _outcomes(family: Family, folder: Path, seeds: Sequence[int]) -> list[Outcome]:
+    file, words = folder / "layouts.jsonl", "+".join(family)
+    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+    known = [Outcome(**{**each, "missed": tuple(each["missed"])}) for each in map(json.loads, lines)]
+    found = [each for each in known if each.family == words and each.seed in seeds]
+    missing = [seed for seed in seeds if seed not in {each.seed for each in found}]
+    with Pool(PROCESSES) as pool, file.open("a", encoding="utf-8") as written:
+        for outcome in pool.imap_unordered(partial(outcome_of, family, folder), missing):
+            found.append(outcome)
+            written.write(f"{json.dumps(asdict(outcome))}\n")
+            written.flush()
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""Thresholds that depend on what other partitions of a host do, and measurements that did not see it.
+
+A scheduler guarantees a share over its window, not when in the window it comes. A neighbour that pauses saves up what
+it reserves, and takes it at once; so an answer may come a window later than beside a load that never pauses
+(docs/measuring.md, "what a reservation does not promise"). Linux keeps no claim for a window.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Places
+from rarms_iac.model.host import Host, ProviderKind
+from rarms_iac.model.indexes import percentile_of
+from rarms_iac.model.layout import Layout, PlacedPartition
+from rarms_iac.model.loads import is_steady
+from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.run import Periodic
+from rarms_iac.model.system import Component, Threshold, run_of
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.planner import planning_findings
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.problem import Problem, by_name
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, depends_on_a_log
+
+SCHEDULER_WINDOW_MS = 100
+"""Over how many ms a hypervisor's scheduler gives a partition its share (docs/scheduling-model.md)."""
+
+
+def neighbour_findings(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
+    """Report the thresholds that other partitions of the same host decide.
+
+    Args:
+        answer: the layout.
+        problem: what it answers, with where reservations come from.
+        places: lines of the manifest.
+
+    Yields:
+        A warning for a component that was measured beside steady loads alone, a note for one whose threshold depends on
+            its neighbours all the same.
+    """
+    groups = {group.name: group for group in problem.groups}
+    for host in by_name(problem.system.hosts):
+        here = [each for each in answer.partitions if each.host == host.name and each.settings.reserve]
+        if len(here) < 2 or host.provider is ProviderKind.LINUX:
+            continue
+        around = _Surroundings(problem, host, len(here) - 1)
+        for partition in here:
+            group = groups[partition.name]
+            for member in group.members:
+                yield from _of_member(member, group, partition, around, places)
+
+
+@dataclass(frozen=True, slots=True)
+class _Surroundings:
+    """Where a component runs."""
+
+    problem: Problem
+    host: Host
+    others: int  # partitions with a reservation on the host
+
+
+def _of_member(
+    member: Component, group: Group, partition: PlacedPartition, around: _Surroundings, places: Places
+) -> Iterator[Diagnostic]:
+    work_ms = _work_ms(member, group, partition, around)
+    if work_ms is not None and work_ms * partition.settings.reserve / 100 >= SCHEDULER_WINDOW_MS:
+        return  # a job that is longer than the window has seen whole windows
+    latest_ms = (work_ms or 0.0) + SCHEDULER_WINDOW_MS
+    tails = [name for name, bound in member.apt.items() if _is_below(_limit_ms(name, bound, member), latest_ms)]
+    means = [name for name, bound in member.apt.items() if _is_mean(name, member) and bound.value < latest_ms]
+    values: Facts = {
+        "component": member.name,
+        "host": around.host.name,
+        "other_partitions": around.others,
+        "window_ms": SCHEDULER_WINDOW_MS,
+        "latest_ms": latest_ms,
+    }
+    if depends_on_a_log(group) and _is_steady(group, around) and (tails or means):
+        yield _measured_steady(member, (*means, *tails), work_ms, {**values, "indexes": (*means, *tails)}, places)
+    elif tails:
+        yield planning_findings.ON_NEIGHBOURS.at(
+            places.key("components", member.name, "apt", tails[0]),
+            f"{in_a_row(tails)} of {member.name} depends on its neighbours: what "
+            f"{counted(around.others, 'other partition')} on {around.host.name} do within {SCHEDULER_WINDOW_MS} ms "
+            "decides it.",
+            prose("Prove it in the layout that is applied: ", command("prove"), "."),
+            address=f"component/{member.name}",
+            values={**values, "indexes": tuple(tails)},
+        )
+
+
+def _measured_steady(
+    member: Component, indexes: Sequence[str], work_ms: float | None, values: Facts, places: Places
+) -> Diagnostic:
+    late = f"up to {SCHEDULER_WINDOW_MS} ms later than that"
+    if work_ms is not None:
+        late = (
+            f"{show_milliseconds(round(work_ms + SCHEDULER_WINDOW_MS))} after they are due: "
+            f"{show_milliseconds(round(work_ms))} of work by its reservation, and a window of {SCHEDULER_WINDOW_MS} ms"
+        )
+    return planning_findings.MEASURED_STEADY.at(
+        places.key("components", member.name, "apt", indexes[0]),
+        f"{member.name} was measured beside loads that never pause. Beside partitions that pause, its jobs may answer "
+        f"{late}; {in_a_row(indexes)} allows less.",
+        prose(
+            "Measure it beside bursts, too (`policy.interference`, docs/measuring.md), and see in the layout that is "
+            "applied whether it holds: ",
+            command("prove"),
+            ".",
+        ),
+        address=f"component/{member.name}",
+        values=values,
+    )
+
+
+def _is_below(limit_ms: float | None, latest_ms: float) -> bool:
+    return limit_ms is not None and limit_ms < latest_ms
+
+
+def _limit_ms(index: str, threshold: Threshold, member: Component) -> float | None:
+    """By when the latest jobs have to answer; None: the index is not about them, or nothing says it."""
+    if index == "deadline_miss_rate":
+        deadline = run_of(member).deadline
+        return None if deadline is None else float(deadline)
+    if index == "success_rate":
+        within = member.simulation.success_within if member.simulation else None
+        return None if within is None else float(within)
+    is_late = index in {"maximum_response_time", "jitter"} or percentile_of(index) is not None
+    return float(threshold.value) if is_late else None
+
+
+def _is_mean(index: str, member: Component) -> bool:
+    """Whether it is the mean of jobs that come when they are due, and not when the share does."""
+    return index == "mean_response_time" and isinstance(run_of(member).arrival, Periodic)
+
+
+def _is_steady(group: Group, around: _Surroundings) -> bool:
+    system = around.problem.system
+    loads = system.loads_of([each.name for each in group.members])
+    return all(is_steady(system.interference[load]) for load in loads)
+
+
+def _work_ms(member: Component, group: Group, partition: PlacedPartition, around: _Surroundings) -> float | None:
+    """How long a job works by its reservation; None: it was not measured."""
+    reservations = around.problem.reservations
+    if not isinstance(reservations, MeasuredReservations):
+        return None
+    log = reservations.log(group.members, around.host)
+    cpu_ms = log.cpu_ms(member.name) if isinstance(log, MeasuredTogether) else None
+    if cpu_ms is None or not isinstance(log, MeasuredTogether):
+        return None
+    return cpu_ms / (log.usable(member.name) or log.processors) / (partition.settings.reserve / 100)
