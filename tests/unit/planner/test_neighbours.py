@@ -82,7 +82,7 @@ def test_measured_beside_bursts_a_tail_depends_on_its_neighbours_and_that_is_a_n
 
 
 @pytest.mark.parametrize(
-    ("component", "told"),
+    ("component", "count"),
     [
         (vision({"p95_response_time": at_most(111)}), 0),  # 10 ms of work and a window
         (vision(MEAN), 0),  # the next job begins when the last one ended: the share it gets is the share it has
@@ -94,8 +94,8 @@ def test_measured_beside_bursts_a_tail_depends_on_its_neighbours_and_that_is_a_n
         (vision({"success_rate": at_least(90)}), 0),  # nothing says by when
     ],
 )
-def test_what_allows_less_than_the_work_and_a_window_is_told(component: Component, told: int) -> None:
-    assert len(found(component)) == told
+def test_what_allows_less_than_the_work_and_a_window_is_told(component: Component, count: int) -> None:
+    assert len(found(component)) == count
 
 
 def test_who_is_alone_on_a_host_has_no_neighbours() -> None:
