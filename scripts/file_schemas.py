@@ -95,6 +95,11 @@ def _series() -> Schema:
                 "description": "Why a sample failed, by its number from 0; absent: none.",
             },
             "unsettled": {"type": "string", "description": "Why it gives no verdict: its host had not settled."},
+            "starts": {
+                "type": "array",
+                "items": {"type": "integer", "minimum": 0},
+                "description": "Numbers of the samples, from 0, with which its load began anew; absent: it did not.",
+            },
         },
         "required": ["component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms"],
         "additionalProperties": False,

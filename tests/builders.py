@@ -117,7 +117,7 @@ def a_run(
         files=(),
         environment=environment or {},
         folder=".",
-        until=until or SampleCount(samples=100),
+        until=until,
         timeout=milliseconds(timeout),
         stop=Stop(),
         arrival=Closed() if every is None else Periodic(period=milliseconds(every)),

@@ -17,7 +17,6 @@ from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search.trials import Goal, Member, is_clear
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion, Measure
-from rarms_iac.model.run import SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.error_probability import next_look
@@ -269,13 +268,13 @@ NAME = "coi"
 
 def goal_of(truth: Truth) -> Goal:
     """What is searched."""
-    run = a_run(until=SampleCount(samples=ALLOWED))
+    run = a_run()
     threshold = Fraction(truth.apt)
     if truth.limit_ms is None:
         member = Member(name=NAME, apt={"mean_response_time": AtMost(value=threshold)}, run=run)
     else:
         member = Member(name=NAME, apt={"success_rate": AtLeast(value=threshold)}, run=run)
-    return Goal(members=(member,), processors=PROCESSORS)
+    return Goal(members=(member,), processors=PROCESSORS, budget_ms=ALLOWED)  # a sample counts as a millisecond
 
 
 def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:
@@ -307,11 +306,11 @@ class Bench:
 
     truth: Truth
     goal: Goal
-    done: dict[tuple[int, bool, float | None], Setting] = field(default_factory=dict)
+    done: dict[tuple[int, float | None], Setting] = field(default_factory=dict)
 
     def measure(self, step: Measure) -> Setting:
         """The setting, ended as soon as the strategy says so, and as a data log gives it back."""
-        key = (step.reserve, step.until_clear, step.precision)
+        key = (step.reserve, step.precision)
         if key not in self.done:
             self.done[key] = self._setting(step)
         return self.done[key]
@@ -324,12 +323,14 @@ class Bench:
             consumed += work
             if len(samples) < min(look, ALLOWED):
                 continue
-            series = self._series(samples, consumed, step.reserve)
-            clear = step.until_clear and is_clear(
-                {NAME: series}, self.goal, precision=step.precision, patient=step.patient
+            setting = Setting(
+                reserve=step.reserve,
+                series=(self._series(samples, consumed, step.reserve),),
+                seed=1,
+                spent_ms=float(len(samples)),
             )
-            if len(samples) >= ALLOWED or clear:
-                return Setting(reserve=step.reserve, series=(series,), seed=1)
+            if is_clear(setting, self.goal, precision=step.precision):
+                return setting
             look = next_look(len(samples))
         raise AssertionError("jobs never end")
 

@@ -30,7 +30,7 @@ from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.bracketing import MOST as MOST_SETTINGS
-from rarms_iac.measuring.search.trials import Goal, trial_of
+from rarms_iac.measuring.search.trials import Goal, trials_of
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.statistics.curves import curves_of, holds
 from rarms_iac.statistics.error_probability import LOOK_ERROR
@@ -98,7 +98,7 @@ def _told_apart(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[
     if strict:
         passed = {each for each in reserves if all(holds(curve, apt, each) for curve, apt in curves)}
     else:
-        passed = {setting.reserve for setting in done.settings if trial_of(setting, goal).passed}
+        passed = {trial.reserve for trial in trials_of(done.settings, goal) if trial.passed}
     return passed, reserves - passed - inconclusive
 
 

@@ -216,11 +216,11 @@ def sequential_in(series: Series, apt: dict[str, Threshold], run: Run) -> tuple[
     look = FIRST_LOOK
     while look < len(series.samples):
         part = Series(component="coi", samples=series.samples[:look], elapsed_ms=series.samples[look].began_ms)
-        verdict = judge_early(part, apt, run)
+        verdict = judge_early(part, apt, run, done=look / len(series.samples))
         if verdict is not None:
             return look, verdict
         look = next_look(look)
-    verdict = judge_early(series, apt, run)
+    verdict = judge_early(series, apt, run, done=1.0)
     assert verdict is not None
     return len(series.samples), verdict
 

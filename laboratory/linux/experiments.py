@@ -216,7 +216,7 @@ class Laboratory:
             words, cwd=self.robot, env=dict(self.environment), stdout=subprocess.PIPE, text=True, check=True
         )
         (found,) = json.loads(done.stdout)["experiments"]
-        return float((found["planned"] or found)["reserve"])
+        return float(found["planned"] or found["reserve"])
 
     def _alone(self, component: Component) -> Record:
         """Nothing runs beside the component."""

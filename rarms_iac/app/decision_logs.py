@@ -70,7 +70,7 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
             log = reservations.log(group.members, host)
             if isinstance(sized, PlacedPartition) and isinstance(log, MeasuredTogether) and least is not None:
                 data_log, reserve = measurements.folder / log.path, sized.settings.reserve
-                entries = _entries(measurements, group, data_log, reserve, interpolated=least.interpolated)
+                entries = _entries(measurements, group, data_log, reserve)
                 paths += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
     return tuple(paths)
 
@@ -91,9 +91,7 @@ def describe_apt(component: Component) -> dict[str, str]:
     }
 
 
-def _entries(
-    measurements: Measurements, group: Group, path: Path, reserve: int, *, interpolated: bool
-) -> tuple[Chosen, ...]:
+def _entries(measurements: Measurements, group: Group, path: Path, reserve: int) -> tuple[Chosen, ...]:
     """What was chosen for each member, with the data log that asks for it."""
     log = read_log(path)
     if log is None:
@@ -106,7 +104,6 @@ def _entries(
             apt=describe_apt(member),
             partition=group.name,
             reserve=reserve,
-            interpolated=interpolated,
             task=member.task,
             data_log=path.relative_to(measurements.folder).as_posix(),
             identity=log.header.digest,

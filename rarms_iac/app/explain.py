@@ -22,7 +22,6 @@ from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.problem import by_name
 from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, depends_on_a_log, names_of
-from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
@@ -101,7 +100,7 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
     )
 
 
-def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLogSummary | None, LeastReserve | None]:
+def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLogSummary | None, int | None]:
     """The data log of a partition whose reserve is fixed, and the least that is enough by it."""
     group, system = partition.group, partition.system
     measured_members = {

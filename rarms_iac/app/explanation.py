@@ -9,7 +9,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, SchedulerType
 from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.system import Component, Threshold
-from rarms_iac.statistics.curves import Curve, LeastReserve
+from rarms_iac.statistics.curves import Curve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Explanation:
     wanted: LogicalProcessors | None  # before rounding; None: nothing says how much
     fixed_by: str  # who fixes the reserve in the manifest; empty: it rests on the data log, or there is none
     log: DataLogSummary | None  # that holds; beside a fixed reserve, which does not rest on it, too
-    least: LeastReserve | None  # by that log; None: no setting in it is enough
+    least: int | None  # by that log; None: no setting in it is enough
     curves: tuple[MemberCurve, ...] = ()  # that the reservation rests on
     remarks: tuple[str, ...] = ()
 
@@ -89,7 +89,7 @@ class ComponentExplanation:
     host: str | None = None  # where it runs; without a layout the first by name that could have it
     fits: bool = True  # false: there is no layout
     data_log: str | None = None
-    least: LeastReserve | None = None  # CR, of P1's virtual processors; None: nothing was looked up
+    least: int | None = None  # CR, of P1's virtual processors; None: nothing was looked up
     wanted_lp: LogicalProcessors | None = None  # before rounding to the provider's grain; None: nothing says how much
     reserved_lp: LogicalProcessors | None = None  # after it
     reserve: int | None = None  # whole per cent of each virtual processor

@@ -45,22 +45,13 @@ def verdicts(explanation: Explanation) -> Iterator[Wording]:
         yield _why_not_measured(explanation)
         yield from explanation.remarks
         return
-    at = explanation.least.reserve if explanation.least is not None else max(explanation.measured.reserves, default=0)
+    at = explanation.least if explanation.least is not None else max(explanation.measured.reserves, default=0)
     for apt in explanation.curves:
         point = apt.curve.value_at(at)
         if point is not None:
             yield _verdict(explanation, apt, point, at)
     if inconclusive := sorted({each for apt in explanation.curves for each in apt.curve.inconclusive}):
         yield f"measured without a verdict (no steady state, or too few answers): {_list_reserves(inconclusive)}"
-    if explanation.least is not None and explanation.least.interpolated:
-        reserves, least = explanation.measured.reserves, explanation.least.reserve
-        below = max((reserve for reserve in reserves if reserve < least), default=None)
-        above = min((reserve for reserve in reserves if reserve > least), default=None)
-        yield prose(
-            f"looked up on the curve between the settings at {below} % and {above} %, not measured itself: ",
-            explanation.measured.again.also(verify=True),
-            " measures it",
-        )
     yield from explanation.remarks
 
 
@@ -122,7 +113,7 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
         return f"{show_processors(processors)} ({share} of {explanation.place.host.name})"
 
     least = explanation.least
-    enough = f"{amount(guaranteed(least.reserve, log.processors))} is" if least else "no setting that was measured is"
+    enough = f"{amount(guaranteed(least, log.processors))} is" if least else "no setting that was measured is"
     fixed = f"; the manifest fixes {amount(explanation.wanted)}" if explanation.wanted is not None else ""
     return f"measured: {enough} enough{fixed}"
 
@@ -296,7 +287,7 @@ def _reservation(explanation: Explanation) -> Iterator[str]:
     if explanation.least is not None and explanation.measured is not None:
         processors = counted(explanation.measured.processors, "virtual processor")
         yield (
-            f"CR {explanation.least.reserve} %: the least whole per cent of P1's {processors} at which every APT of "
+            f"CR {explanation.least} %: the least whole per cent of P1's {processors} at which every APT of "
             "the partition is seen to hold"
         )
     elif not explanation.wanted:
@@ -422,7 +413,7 @@ def _other_reserves(explanation: Explanation) -> Iterator[str]:
         yield f"another reserve: {_what_is_missing(explanation)}"
     elif explanation.least is None:
         yield "a reserve: nothing asks for one"
-    elif explanation.least.reserve == 1:
+    elif explanation.least == 1:
         yield "a lower reserve: there is none"
     else:
-        yield from why_not_less(explanation, explanation.least.reserve - 1)
+        yield from why_not_less(explanation, explanation.least - 1)

@@ -208,7 +208,7 @@ def _answers(measurements: Measurements, host: Host, names: Members, states: Map
     if isinstance(log, NotMeasured):
         return
     for reserve in log.measured:
-        enough = least is not None and reserve >= least.reserve
+        enough = least is not None and reserve >= least
         worse = () if enough else components_not_shown(_curves(group, log), reserve)
         unresolved = bool(worse) and reserve > highest_missed(_curves(group, log))
         yield Answer(members=names, reserve=reserve, worse=worse, unresolved=unresolved)

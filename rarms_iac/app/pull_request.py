@@ -172,7 +172,7 @@ def _logs_of(manifest: Manifest) -> dict[str, tuple[LogUse, str]]:
             if not isinstance(log, NotMeasured):
                 least = reservations.least(group.members, host)
                 digest = file_digest(Path(manifest.folder) / log.path)
-                found[log.path] = ("not enough" if least is None else least.reserve, digest)
+                found[log.path] = ("not enough" if least is None else least, digest)
     return found
 
 

@@ -18,7 +18,7 @@ from rarms_iac.model.output import Internal, OpenBound, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import Threshold
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve
+from rarms_iac.statistics.curves import Curve, least_reserve
 from rarms_iac.storage.datalog.decisions import TuningRun
 
 
@@ -84,7 +84,7 @@ class IndexCurve:
 
     @property
     @output
-    def least(self) -> LeastReserve | None:
+    def least(self) -> int | None:
         """What the APT alone asks for; None: no APT, or none that was measured meets it."""
         return None if self.threshold is None else least_reserve([(self.curve, self.threshold)])
 
@@ -120,7 +120,7 @@ class Measurement:
 
     @property
     @output
-    def least(self) -> LeastReserve | None:
+    def least(self) -> int | None:
         """The least per cent at which every APT holds; None: no APT, or none that was measured is enough."""
         return least_reserve([(index.curve, index.threshold) for index in self.indexes if index.threshold is not None])
 
@@ -129,7 +129,7 @@ class Measurement:
     def reserve(self) -> int | None:
         """What the partition gets: that, or what the manifest fixes where it is more."""
         least = self.least
-        return None if least is None else max(least.reserve, self.floor)
+        return None if least is None else max(least, self.floor)
 
     @property
     @output

@@ -13,6 +13,7 @@ from rarms_iac.app.manifest_edits import write_level
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.options import argument, flag, option
 from rarms_iac.app.totals import states_at_hand
+from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.commands import Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -50,8 +51,13 @@ class SelectedLevel:
     processors: int  # virtual ones
     host: str  # the first of the platform
     host_lp: int  # LPs that it has
-    interpolated: bool
+    measured_below: int  # the next lower reserve that was measured; 0: none was
     expected: Estimate | Point | None  # the index there, and its band; None: not measured there
+
+    @property
+    def may_be_less(self) -> bool:
+        """Whether a search could find less: nothing close below was measured."""
+        return self.reserve - self.measured_below > WIDTH
 
     @property
     @output
@@ -328,7 +334,6 @@ def _levels(
         log = reservations.log(group.members, host)
         if not isinstance(sized, PlacedPartition) or isinstance(log, NotMeasured):
             continue
-        least = reservations.least(group.members, host)
         curve = log.curves(choice.component.name, choice.index.name)
         levels[host.platform] = SelectedLevel(
             platform=host.platform,
@@ -337,7 +342,7 @@ def _levels(
             processors=sized.settings.processors,
             host=host.name,
             host_lp=host.logical_processors,
-            interpolated=least is not None and least.interpolated,
+            measured_below=max((each for each in log.measured if each < sized.settings.reserve), default=0),
             expected=curve.estimate_at(sized.settings.reserve) or curve.value_at(sized.settings.reserve),
         )
     return tuple(levels.values())

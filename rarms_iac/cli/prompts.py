@@ -78,7 +78,7 @@ class TerminalLevelPrompt:
         return ask_yes_or_no(self._session, questions.WRITE_LEVEL)
 
     def refines(self, written: Selection) -> bool:
-        """Ask, naming the reservations that were not measured themselves."""
+        """Ask, naming the gaps between measured settings."""
         return ask_yes_or_no(self._session, questions.refine_question(written))
 
     def extends(self, beyond: BeyondMeasured) -> bool:

@@ -153,7 +153,6 @@ def _host(name: str, block: HostBlock) -> Host:
 _STOP = Stop()
 _CLOSED = Closed()
 _PER_RUN = Samples(source="per_run")
-_UNTIL = SampleCount(samples=200)
 _NOTHING_FIXED = CpuRequest()
 
 
@@ -169,7 +168,7 @@ def _run(block: RunBlock) -> Run:
         start=Command(words=tuple(block.command or ())) if block.call is None else _call(block.call),
         files=tuple(block.files or ()),
         environment=_converted(block.environment or {}),
-        until=_converted(block.until) or _UNTIL,
+        until=_converted(block.until),
         stop=_converted(block.stop) or _STOP,
         arrival=arrival,
         samples=_converted(block.samples) or _PER_RUN,
@@ -186,7 +185,7 @@ def _call(target: str) -> Call:
 def _until(block: UntilBlock) -> SampleCount | Elapsed:
     if block.elapsed is not None:
         return Elapsed(time=block.elapsed)
-    return _UNTIL if block.samples is None else SampleCount(samples=block.samples)
+    return SampleCount(samples=block.samples or 0)
 
 
 def _component(name: str, block: ComponentBlock) -> Component:

@@ -14,9 +14,9 @@ from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.quantities import Unit
-from rarms_iac.model.run import Elapsed, Periodic, Run
+from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.system import AtLeast, AtMost, Component, run_of
-from rarms_iac.statistics.error_probability import FIRST_LOOK
+from rarms_iac.statistics.error_probability import FIRST_LOOK, samples_needed
 
 STEPS_OF_PAPER = 10
 """Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""
@@ -26,10 +26,9 @@ STEPS_OF_PAPER = 10
 class DurationBounds:
     """Between what numbers the settings and the time of an experiment will lie.
 
-    `most_ms` is a bound where jobs answer as fast as their thresholds ask (those without a threshold of time: within
-    their timeout); a search ends a setting whose jobs are much slower at its first look. It may take longer, and more
-    settings than `most_settings`, where settings reach no steady state or noise turns the verdict on one at the
-    threshold.
+    Where settings go on until they are clear, `most_ms` has the whole budget of each; where they end at `run.until`, it
+    is a bound where jobs answer as fast as their thresholds ask (those without a threshold of time: within their
+    timeout). It may take more settings than `most_settings` where settings reach no steady state.
     """
 
     least_settings: int
@@ -46,6 +45,7 @@ class SettingCount:
     least: int
     most: int
     ends_early: bool  # a setting may end as soon as its samples tell
+    goes_on: bool = False  # and it goes on until they tell, or its budget is spent
 
 
 def settings_to_run(method: Method, recorded: Iterable[Setting], most: int) -> SettingCount:
@@ -60,7 +60,7 @@ def settings_to_run(method: Method, recorded: Iterable[Setting], most: int) -> S
         count = len(set(reserves_of(method, most)) - {setting.reserve for setting in recorded})
         return SettingCount(least=count, most=count, ends_early=False)
     bound = min(STEPS_OF_PAPER, ceil(most / STEPS_OF_PAPER)) if is_of_paper(method) else min(MOST, most)
-    return SettingCount(least=1, most=max(1, bound), ends_early=True)
+    return SettingCount(least=1, most=max(1, bound), ends_early=True, goes_on=not is_of_paper(method))
 
 
 def expected_duration(
@@ -79,28 +79,49 @@ def expected_duration(
         as fast as the fastest recorded, and without a record take no time unless they have a period.
     """
     # Members run together: a setting ends when each has what it needs.
-    shortest = max(_least_ms(run, name, earlier, early=settings.ends_early) for name, run in experiment.runs.items())
+    shortest = max(_least_ms(run_of(member), member, earlier, settings) for member in experiment.members)
     shortest = settles_ms + max(shortest, settles_ms)
-    longest = settles_ms + max(
-        settles_ms, *(_ends_ms(run_of(member), _allowed_ms(member)) for member in experiment.members)
-    )
+    ends = [_ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in experiment.members]
+    longest = settles_ms + max(settles_ms, *ends)
+    if settings.goes_on:
+        named = [member for member in experiment.members if run_of(member).until is not None]
+        longest = max(
+            float(experiment.limits.setting),
+            *(settles_ms + _ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in named),
+            2 * settles_ms,
+        )
     return DurationBounds(
         least_settings=settings.least,
         most_settings=settings.most,
         least_ms=settings.least * shortest,
         most_ms=settings.most * longest,
-        by_timeout=any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
+        by_timeout=not settings.goes_on
+        and any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
     )
 
 
-def _least_ms(run: Run, name: str, earlier: Sequence[Setting], *, early: bool) -> float:
+def least_samples(member: Component) -> int:
+    """Say how many samples a setting takes at least that shows all thresholds of a component to be met.
+
+    Args:
+        member: with thresholds, or without.
+
+    Returns:
+        `run.until`, where that is a number and larger; what jitter needs is known only after a first setting.
+    """
+    until = run_of(member).until
+    needed = max((samples_needed(index, threshold) for index, threshold in member.apt.items()), default=FIRST_LOOK)
+    return max(needed, until.samples) if isinstance(until, SampleCount) else needed
+
+
+def _least_ms(run: Run, member: Component, earlier: Sequence[Setting], settings: SettingCount) -> float:
     """A setting of a search may end as soon as its samples tell, a setting of a sweep goes on to its end."""
-    if isinstance(run.until, Elapsed) and not early:
-        return float(run.until.time)
-    between = float(run.arrival.period) if isinstance(run.arrival, Periodic) else _fastest_ms(name, earlier)
-    if isinstance(run.until, Elapsed):
-        return min(float(run.until.time), FIRST_LOOK * between)
-    return (min(FIRST_LOOK, run.until.samples) if early else run.until.samples) * between
+    between = float(run.arrival.period) if isinstance(run.arrival, Periodic) else _fastest_ms(member.name, earlier)
+    if settings.goes_on:
+        return least_samples(member) * between
+    if isinstance(run.ends, Elapsed):
+        return min(float(run.ends.time), FIRST_LOOK * between if settings.ends_early else inf)
+    return (min(FIRST_LOOK, run.ends.samples) if settings.ends_early else run.ends.samples) * between
 
 
 def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:
@@ -129,11 +150,9 @@ def _allowed_ms(member: Component) -> float:
     return min(max(times, default=inf), float(run.timeout))
 
 
-def _ends_ms(run: Run, job_ms: float) -> float:
+def _ends_ms(ends: SampleCount | Elapsed, run: Run, job_ms: float) -> float:
     """When a setting ends whose jobs take so long; the last one may begin when the time is up."""
-    if isinstance(run.until, Elapsed):
-        return float(run.until.time) + job_ms
-    return run.until.samples * _between_ms(run, job_ms)
+    return float(ends.time) + job_ms if isinstance(ends, Elapsed) else ends.samples * _between_ms(run, job_ms)
 
 
 def _between_ms(run: Run, job_ms: float) -> float:

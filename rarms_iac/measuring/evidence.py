@@ -47,18 +47,21 @@ def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | 
     return ""
 
 
-def with_evidence(setting: Setting, evidence: SettingEvidence, disturbances: Sequence[str]) -> Setting:
+def with_evidence(
+    setting: Setting, evidence: SettingEvidence, disturbances: Sequence[str], *, undisturbed: bool
+) -> Setting:
     """Have a setting say what was counted, and what disturbed its tries; where all were disturbed, it has no verdict.
 
     Args:
         setting: as it was measured in the last try.
         evidence: of that try.
-        disturbances: of each disturbed try, in order; `TRIES` of them: of the last one too.
+        disturbances: of each disturbed try, in order.
+        undisturbed: whether the last try was none of them.
 
     Returns:
         The setting with both.
     """
     proof = replace(evidence, disturbances=tuple(disturbances))
-    reason = f"disturbed in each of {TRIES} tries: {disturbances[-1]}" if len(disturbances) == TRIES else ""
+    reason = "" if undisturbed else f"disturbed in each of {len(disturbances)} tries: {disturbances[-1]}"
     series = tuple(replace(each, unsettled=each.unsettled or reason, wanders=True) for each in setting.series)
     return replace(setting, series=series, evidence=proof)

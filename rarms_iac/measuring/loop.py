@@ -6,7 +6,7 @@ setting that is recorded is never run a second time.
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -25,11 +25,14 @@ from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence, join_settings
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
-from rarms_iac.model.series import Series
+from rarms_iac.model.run import Run, SampleCount
+from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
+from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.storage.datalog.columns import as_recorded
 from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
@@ -111,21 +114,36 @@ class SettingsLog:
     path: Path
     header: Header
     provenance: Callable[[], Provenance]  # of what is recorded now
-    seed: int | None = None  # only settings of this seed count; None: all
+    anew: int | None = None  # a strategy sees reservations only once they were measured with this seed; None: all
     replaces_stale: bool = False  # what is there is stale, and gives way to the first setting
 
-    def settings(self) -> tuple[Setting, ...]:
-        """Read all that count for this run, in the order in which they were recorded.
+    @property
+    def is_simulated(self) -> bool:
+        """Whether samples are drawn from seeds."""
+        return self.header.platform_facts.provider is ProviderKind.SIMULATED
+
+    def runs(self) -> tuple[Setting, ...]:
+        """Read all that count, each run by itself, in the order in which they were recorded.
 
         Returns:
-            The settings of this seed, or all; none where there is no log yet, or it is stale.
+            None where there is no log yet, or it is stale.
 
         Raises:
             LogUnreadable: the file is no whole data log.
         """
         log = None if self.replaces_stale else read_log(self.path)
-        known = () if log is None else log.settings
-        return tuple(setting for setting in known if self.seed is None or setting.seed == self.seed)
+        return () if log is None else tuple(record.setting for record in log.counting)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Join what counts to one setting a reservation (`join_settings`).
+
+        Returns:
+            As `runs`.
+
+        Raises:
+            LogUnreadable: the file is no whole data log.
+        """
+        return join_settings(self.runs(), simulated=self.is_simulated)
 
     def add(self, setting: Setting) -> None:
         """Record a setting, whole or not at all; it is on the disk when this returns.
@@ -181,25 +199,71 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
         HostError: the host did not do what was asked; what is recorded stays.
         OSError: the log cannot be written.
     """
-    settings, new = log.settings(), 0
-    context.reporter.experiment_started(experiment, settings)
+    known, new = _Known(runs=log.runs(), simulated=log.is_simulated), 0
+    context.reporter.experiment_started(experiment, known.settings)
     with ExitStack() as ends:
         ends.callback(context.reporter.experiment_ended)
         partitions: _TestPartitions | None = None
-        while isinstance(step := strategy.step(settings), Measure):
+        anew = log.anew
+        while True:
+            step = strategy.step(known.seen_with(anew))
+            if not isinstance(step, Measure):
+                if anew is None:
+                    break
+                anew = None  # what was asked for is measured anew: all that counts gives the answer
+                continue
             if context.should_stop():
                 step = Stopped()
                 break
             partitions = partitions or _make_test_partitions(experiment, context, ends)
-            context.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
-            setting = _run_setting(experiment, context, partitions, step)
+            context.reporter.setting_started(experiment, step.reserve, len(known.seen_with(anew)) + 1)
+            setting = _run_setting(experiment, context, partitions, step, known)
             if not isinstance(setting, Setting):
                 step = setting
                 break
             log.add(setting)
-            settings, new = (*(known for known in settings if not setting.repeats(known)), setting), new + 1
-            context.reporter.setting_ended(experiment, setting)
-    return LoopResult(conclusion=step, settings=settings, new=new)
+            known, new = known.with_run(setting), new + 1
+            context.reporter.setting_ended(experiment, known.at(setting.reserve))
+    return LoopResult(conclusion=step, settings=known.settings, new=new)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Known:
+    """What was measured, each run by itself, and joined to one setting a reservation."""
+
+    runs: tuple[Setting, ...]
+    simulated: bool
+    joined: dict[int, Setting] = field(default_factory=dict)  # by reserve, what `at` worked out
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        return tuple(map(self.at, dict.fromkeys(run.reserve for run in self.runs)))
+
+    def seen_with(self, seed: int | None) -> tuple[Setting, ...]:
+        """The settings that were measured with this seed, with all that counts there; None: all."""
+        reserves = {run.reserve for run in self.runs if seed is None or run.seed == seed}
+        return tuple(setting for setting in self.settings if setting.reserve in reserves)
+
+    def at(self, reserve: int) -> Setting:
+        """NOTE: worked out once, since estimates are kept with the samples that they are made of."""
+        if reserve not in self.joined:
+            self.joined[reserve] = self.joined_with(reserve)
+        return self.joined[reserve]
+
+    def joined_with(self, reserve: int, *more: Setting) -> Setting:
+        """The setting of a reservation, with a run more."""
+        runs = [run for run in self.runs if run.reserve == reserve]
+        (joined,) = join_settings((*runs, *more), simulated=self.simulated)
+        return joined
+
+    def spent_ms(self, reserve: int, seed: int) -> float:
+        """The host's time that was spent there before: a simulated host runs through that of the same seed again."""
+        runs = [run for run in self.runs if run.reserve == reserve and not (self.simulated and run.seed == seed)]
+        return join_settings(runs, simulated=self.simulated)[0].host_ms if runs else 0.0
+
+    def with_run(self, run: Setting) -> "_Known":
+        joined = {reserve: setting for reserve, setting in self.joined.items() if reserve != run.reserve}
+        return replace(self, runs=(*self.runs, run), joined=joined)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,7 +317,7 @@ def _task_classes(experiment: Experiment) -> tuple[ClassValues, ...]:
 
 
 def _run_setting(
-    experiment: Experiment, context: MeasuringContext, partitions: _TestPartitions, step: Measure
+    experiment: Experiment, context: MeasuringContext, partitions: _TestPartitions, step: Measure, known: _Known
 ) -> Setting | SettingFailed | Stopped:
     """One setting, of a reservation that the budget has; where something disturbed it, measured again."""
     beside = reserve_for_load(partitions.budget, experiment.setup, step.reserve)
@@ -262,43 +326,62 @@ def _run_setting(
     set_reserves(context.host, experiment.application, partitions.shapes, {P1: step.reserve, P2: beside})
     processors = partitions.budget.capacity.logical_processors
     takes = beside * processors / 100 if wants_all_processors(experiment.load, processors) else None
+    left_ms = float(experiment.limits.setting) - known.spent_ms(step.reserve, context.seed)
     disturbances: list[str] = []
+    spent_ms = 0.0
     while True:
-        setting, evidence = _try_setting(experiment, context, partitions, step, beside)
+        empty = Setting(reserve=step.reserve, series=(), beside=beside, seed=context.seed, spent_ms=spent_ms)
+        setting, evidence = _try_setting(experiment, context, partitions, step, empty, known)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
+        spent_ms = setting.host_ms
         reason = disturbance(evidence, processors, takes)
         disturbances += [reason] if reason else []
-        if not reason or len(disturbances) == TRIES:
-            return as_recorded(with_evidence(setting, evidence, disturbances))
+        if not reason or len(disturbances) == TRIES or (step.until_clear and spent_ms >= left_ms):
+            return as_recorded(with_evidence(setting, evidence, disturbances, undisturbed=not reason))
         context.reporter.setting_disturbed(experiment, step.reserve, reason)
 
 
 def _try_setting(
-    experiment: Experiment, context: MeasuringContext, partitions: _TestPartitions, step: Measure, beside: int
+    experiment: Experiment,
+    context: MeasuringContext,
+    partitions: _TestPartitions,
+    step: Measure,
+    empty: Setting,
+    known: _Known,
 ) -> tuple[Setting | SettingFailed | Stopped, SettingEvidence | None]:
     """A setting from the first sample to the last, and what the host counted meanwhile."""
+    goal = replace(goal_of(experiment), ends_at_until=step.within_until)
+
+    def so_far(seen: Mapping[str, Series], elapsed_ms: float) -> Setting:
+        """As the log records it, so that a run that goes on from the log decides by the same numbers."""
+        series = tuple(seen[name] for name in sorted(seen))
+        return as_recorded(replace(empty, series=series, spent_ms=empty.host_ms + elapsed_ms))
 
     def is_enough(seen: Mapping[str, Series]) -> bool:
         context.reporter.samples_came(experiment, step.reserve, seen)
-        if not step.until_clear:
+        if not step.until_clear or not all(_has_until(seen[name], run) for name, run in goal.runs.items()):
             return False
-        recorded = _setting(step.reserve, beside, context.seed, seen)
-        by_component = {series.component: series for series in recorded.series}
-        return is_clear(by_component, goal_of(experiment), precision=step.precision, patient=step.patient)
+        joined = known.joined_with(step.reserve, so_far(seen, running.elapsed_ms()))
+        return is_clear(joined, goal, precision=step.precision)
 
     settling = Settling(
         memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, partitions.budget, step.reserve)
     )
-    work = replace(_work(experiment, context, step.reserve), least_ms=settling.least_ms)
+    work = replace(_work(experiment, context, step), least_ms=settling.least_ms)
+    limit_ms = goal.budget_ms - known.spent_ms(step.reserve, context.seed) - empty.host_ms
     with context.host.run(work) as running:
-        series = watch(running, experiment.members, settling, is_enough, context.should_stop)
-        evidence = running.evidence()
+        series = watch(running, experiment.members, settling, is_enough, context.should_stop, max(0.0, limit_ms))
+        evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
     if series is None:
         return Stopped(), None
     if isinstance(series, TooManyFailures):
         return SettingFailed(reserve=step.reserve, verdict=series), None
-    return _setting(step.reserve, beside, context.seed, series), evidence
+    return so_far(series, elapsed_ms), evidence
+
+
+def _has_until(series: Series, run: Run) -> bool:
+    return run.until is None or until_share(series, run.until) >= 1.0
 
 
 def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -> tuple[Contender, ...]:
@@ -311,23 +394,15 @@ def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -
     return (Contender(components=names, processors=processors, excess_forbids_verdict=True),)
 
 
-def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:
-    """The setting, rounded as the log records it.
-
-    So a run that goes on from the log decides by the same numbers.
-    """
-    series = tuple(seen[name] for name in sorted(seen))
-    return as_recorded(Setting(reserve=reserve, series=series, beside=beside, seed=seed))
-
-
-def _work(experiment: Experiment, context: MeasuringContext, reserve: int) -> Work:
+def _work(experiment: Experiment, context: MeasuringContext, step: Measure) -> Work:
     """What runs at this setting.
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
     """
+    goes_on, all_samples = step.until_clear and not step.within_until, SampleCount(samples=MOST_SAMPLES)
     return Work(
         application=experiment.application,
         partitions=(*work_in_test_partitions(experiment), *context.others),
-        until={name: run.until for name, run in experiment.runs.items()},
-        seed=context.seed * SEEDS_APART + reserve,
+        until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
+        seed=context.seed * SEEDS_APART + step.reserve,
     )

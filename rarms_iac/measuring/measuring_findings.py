@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from math import isfinite, isinf
+from math import ceil, isfinite
 from typing import assert_never
 
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model.commands import RecommendedCommand, command, prose
+from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding, Places
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Setting
@@ -22,15 +22,17 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import show_amount, show_processors
-from rarms_iac.model.system import AtMost, Measured
+from rarms_iac.model.quantities import show_amount, show_duration, show_processors
+from rarms_iac.model.series import MOST_SAMPLES
+from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.error_probability import LOOK_ERROR, describe_extreme
 from rarms_iac.statistics.overload import find_overload, more_processors_help
 from rarms_iac.statistics.samples import usable_processors
+from rarms_iac.statistics.verdicts import LONG
 
 NOT_ACHIEVABLE = Finding.error("RARMS110", "Threshold performance is not achievable on this platform.")
-NOT_RESOLVED = Finding.error("RARMS111", "The samples cannot tell whether a threshold is met")
+NOT_RESOLVED = Finding.error("RARMS111", "It is not shown yet whether a threshold is met")
 NO_STEADY_STATE = Finding.error("RARMS112", "A component reaches no steady state")
 FAILED_SAMPLES = Finding.error("RARMS113", "Too many samples failed")
 NOTHING_TO_RUN = Finding.error("RARMS114", "This host cannot run the component")
@@ -56,9 +58,6 @@ NO_MORE_CPU = (
 )
 """The advice to a component that falls behind on all processors."""
 
-LONG = 2000
-"""Samples of a series that is to show a steady state which a shorter one did not."""
-
 SHOWN_FAILURES = 3
 """How many of the reasons why samples failed a finding lists."""
 
@@ -80,8 +79,8 @@ def findings_of(
     match conclusion:
         case NotAchievable(reserve=reserve):
             yield from _not_achievable(experiment, reserve, settings, places)
-        case NotResolved(reason=reason):
-            yield from _not_resolved(experiment, reason, settings, places)
+        case NotResolved():
+            yield from _not_resolved(experiment, conclusion, settings, places)
         case SettingFailed(reserve=reserve, verdict=TooManyFailures(component=component, failures=failures)):
             reasons = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
             yield FAILED_SAMPLES.at(
@@ -185,48 +184,51 @@ def _waits_elsewhere(setting: Setting, experiment: Experiment) -> list[str]:
 
 
 def _not_resolved(
-    experiment: Experiment, reason: str, settings: tuple[Setting, ...], places: Places
+    experiment: Experiment, end: NotResolved, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     first = experiment.members[0].name
     unsteady = _unsteady(settings[-1:])
     for reserve, component, why in unsteady:
-        longer = prose(", or give it more samples: ", _again(experiment))
         yield NO_STEADY_STATE.at(
             places.key("components", component),
             f"{component} at {reserve} %: {why}.",
-            prose("Look for what grows while it runs", "" if _is_long(settings[-1]) else longer, "."),
+            f"Look for what grows while it runs{_or_more_time(settings[-1], experiment)}.",
             address=f"component/{component}",
             values={"component": component, "reserve_percent": reserve, "reason": why},
         )
-    if not unsteady:
-        move = "Move the threshold away from what the component just reaches"
-        again = _again(experiment)
-        was_long = bool(settings) and _is_long(settings[-1])
-        unbounded = [] if was_long else [show_index(index) for index in _without_bound(settings[-1:], experiment)]
+    if unsteady:
+        return
+    highest = max(settings, key=lambda setting: setting.reserve, default=None)
+    shown = [show_index(index) for index in measured_indexes(highest, experiment)] if highest else []
+    values: Facts = {
+        "components": tuple(member.name for member in experiment.members),
+        "reason": end.reason,
+    }
+    advice = f"Move the threshold away from what the component just reaches: {MOST_SAMPLES} samples would not tell."
+    if highest and end.samples is not None and end.samples <= MOST_SAMPLES:
+        there = min(len(series.samples) for series in highest.series)
+        takes_ms = highest.host_ms * end.samples / there
+        values = {**values, "samples": there, "needs_samples": end.samples, "takes_ms": takes_ms}
         advice = (
-            prose(move, ": more samples were not enough.")
-            if was_long
-            else prose(move, ", or allow more samples: ", again, ".")
+            f"About {end.samples} samples would show it, where {there} were taken: {show_duration(takes_ms)} a "
+            "setting. "
+            f"Allow that: `policy: {{ measuring: {{ setting: {ceil(1.5 * takes_ms / 60_000)} min }} }}`."
         )
-        yield NOT_RESOLVED.at(
-            places.value("components", first, "apt"),
-            f"{experiment.name}: {'; '.join((reason, *unbounded))}.",
-            prose("That takes more samples: ", again, ".") if unbounded else advice,
-            address=f"component/{first}",
-            values={"components": tuple(member.name for member in experiment.members), "reason": reason},
-        )
+    yield NOT_RESOLVED.at(
+        places.value("components", first, "apt"),
+        f"{experiment.name}: {'; '.join((end.reason, *shown))}.",
+        advice,
+        address=f"component/{first}",
+        values=values,
+    )
 
 
-def _without_bound(settings: Iterable[Setting], experiment: Experiment) -> list[MeasuredIndex]:
-    """Those that so few samples give no bound at any threshold, as 200 a 99th percentile."""
-    return [
-        index
-        for setting in settings
-        for index in measured_indexes(setting, experiment)
-        if index.estimate is not None
-        and index.estimate.beyond is None
-        and isinf(index.estimate.upper if isinstance(index.threshold, AtMost) else index.estimate.lower)
-    ]
+def _or_more_time(setting: Setting, experiment: Experiment) -> str:
+    """More advice where the budget ended a setting before its steady state could show."""
+    if max(len(series.samples) for series in setting.series) >= LONG:
+        return ""
+    minutes = ceil(3 * float(experiment.limits.setting) / 60_000)
+    return f", or allow it more time: `policy: {{ measuring: {{ setting: {minutes} min }} }}`"
 
 
 def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:
@@ -247,18 +249,14 @@ def _less_unknown(
         return
     highest = [setting for setting in settings if setting.reserve == end.inconclusive[-1]]
     reserve, component, reason = _unsteady(highest)[-1]
-    advice = prose("To find out whether less is enough, measure longer: ", _again(experiment), ".")
-    if _is_long(highest[-1]):
-        advice = prose(
-            f"A longer series changes as well, so look for what grows in {component} while it runs. Or leave it."
-        )
+    more_time = _or_more_time(highest[-1], experiment)
     pronoun = "it" if len(end.inconclusive) == 1 else "they"
     lowest = f"; {end.failed} % is not shown to be" if end.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
         f"{experiment.name}: {end.reserve} % is enough{lowest}. Of {in_a_row(end.inconclusive)} % nothing is known: "
         f"{pronoun} reached no steady state ({component} at {reserve} %: {reason}).",
-        advice,
+        f"Look for what grows in {component} while it runs{more_time}. Or leave it.",
         address=f"component/{experiment.members[0].name}",
         values={
             "components": tuple(member.name for member in experiment.members),
@@ -267,17 +265,6 @@ def _less_unknown(
             "unsteady_percent": tuple(map(str, end.inconclusive)),
         },
     )
-
-
-def _is_long(setting: Setting) -> bool:
-    """Whether a longer series is no advice any more: it was followed."""
-    return max(len(series.samples) for series in setting.series) >= LONG
-
-
-def _again(experiment: Experiment) -> RecommendedCommand:
-    """The same once more, with so many samples that a steady state shows."""
-    names = [member.name for member in experiment.members]
-    return command("measure", *names, together=len(names) > 1, again=True, samples=LONG)
 
 
 def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:

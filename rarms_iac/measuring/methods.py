@@ -1,12 +1,12 @@
-"""How the settings of an experiment are chosen: a search, a sweep, a verification or a question about one setting."""
+"""How the settings of an experiment are chosen: a search, a sweep or a question about one setting."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.measuring.loop import Strategy
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import Goal
-from rarms_iac.measuring.strategies import Agreeing, Confirming, Searching, Sweep, ThresholdCheck, Verifying
+from rarms_iac.measuring.strategies import Checking, Confirming, Searching, Sweep, ThresholdCheck
 
 PAPER = "paper"
 """The name of the paper's procedures in `STRATEGIES`. They assume that only P1 and P2 reserve anything."""
@@ -23,12 +23,7 @@ class Search:
     floor: int = 0  # per cent that loads before this one ask for: less is no answer; 0: this is the first load
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verification:
-    """Measure the reservation that the curve gives between two settings."""
-
-
-Method = Search | Sweep | Verification | ThresholdCheck
+Method = Search | Sweep | ThresholdCheck
 
 
 def is_of_paper(method: Method) -> bool:
@@ -54,19 +49,17 @@ def strategy_of(method: Method, goal: Goal, most: int) -> Strategy:
 
     Args:
         method: How settings are chosen.
-        goal: What is measured; for a search or a verification each of its members has a threshold.
+        goal: What is measured; for a search each of its members has a threshold.
         most: The highest CR that the host can give, in per cent.
     """
     match method:
         case Sweep():
             return Sweep(reserves=reserves_of(method, most))
-        case ThresholdCheck():
-            return method
-        case Verification():
-            return Verifying(goal=goal, most=most)
+        case ThresholdCheck(reserve=reserve):
+            return Checking(goal=replace(goal, ends_at_until=is_of_paper(method)), reserve=reserve)
         case Search(strategy=name, floor=floor):
-            search = Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == PAPER)
-            whole = search if name == PAPER else Agreeing(search=search, verifying=Verifying(goal=goal, most=most))
-            return Confirming(goal=goal, floor=floor, search=whole) if floor else whole
+            goal = replace(goal, ends_at_until=name == PAPER)
+            search = Searching(goal=goal, next_step=STRATEGIES[name], most=most)
+            return Confirming(goal=goal, floor=floor, search=search) if floor else search
         case _:
             assert_never(method)

@@ -11,7 +11,7 @@ from rarms_iac.model.output import output
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold, run_of
 from rarms_iac.statistics.overload import estimate_of_setting
-from rarms_iac.statistics.steady_state import find_steady_series
+from rarms_iac.statistics.steady_state import steady_part
 from rarms_iac.statistics.verdicts import judge_look
 
 
@@ -110,8 +110,8 @@ def why_unsteady(series: Series) -> str:
     Returns:
         The reason in words.
     """
-    first = find_steady_series(series)
-    return first.reason if isinstance(first, Unsteady) else ""
+    part = steady_part(series)
+    return part.reason if isinstance(part, Unsteady) else ""
 
 
 def _measured_index(component: Component, index: str, threshold: Threshold, series: Series) -> MeasuredIndex:

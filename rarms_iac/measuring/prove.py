@@ -155,7 +155,7 @@ def _with_ends(layout: AppliedLayout, end: Callable[[Run], SampleCount | Elapsed
 
 def _longer(run: Run) -> SampleCount | Elapsed:
     """The end of a run that goes on `LONGER` times as long."""
-    match run.until:
+    match run.ends:
         case SampleCount(samples=samples):
             return SampleCount(samples=LONGER * samples)
         case Elapsed(time=time):
@@ -269,7 +269,7 @@ def _work_of(layout: AppliedLayout, conditions: ProofConditions, settling: Settl
     return Work(
         application=layout.application,
         partitions=tuple(partitions),
-        until={component.name: run_of(component).until for component in layout.judged},
+        until={component.name: run_of(component).ends for component in layout.judged},
         seed=conditions.seed,
         least_ms=settling.least_ms,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from math import inf
 
 from rarms_iac.measuring.settling import Settling
 from rarms_iac.model.outcomes import TooManyFailures
@@ -17,6 +18,7 @@ def watch(
     settling: Settling,
     is_enough: Callable[[Mapping[str, Series]], bool],
     should_stop: Callable[[], bool],
+    limit_ms: float = inf,
 ) -> Mapping[str, Series] | TooManyFailures | None:
     """Read the samples of these components, from when their host has settled until there are enough, or no more.
 
@@ -27,6 +29,7 @@ def watch(
         is_enough: Asked when every component has as many samples as `next_look` says, and the scheduler's memory has
             passed as often as it must.
         should_stop: Asked after every sample.
+        limit_ms: Of the host's time since the work began: from then on `is_enough` is asked at any count.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -56,14 +59,19 @@ def watch(
                 start = _begin_counting(running, samples, settling.excess_message())
             continue
         samples[name].append(replace(sample, began_ms=sample.began_ms - start.elapsed_ms))
-        if (least := min(map(len, samples.values()))) >= looks_at:
-            looks_at = next_look(least)
+        is_late = running.elapsed_ms() >= limit_ms
+        if (least := min(map(len, samples.values()))) >= (1 if is_late else looks_at):
+            looks_at, limit_ms = next_look(least), _LATER * limit_ms if is_late else limit_ms
             seen = _series(running, samples, start)
             if running.elapsed_ms() - start.elapsed_ms >= settling.least_ms and is_enough(seen):
                 return seen
     if should_stop():
         return None
     return _series(running, samples, start or _begin_counting(running, samples, "it ended before its host had settled"))
+
+
+_LATER = 1.1
+"""What was not enough at the limit is asked again after so many times as long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,9 +8,17 @@ from rarms_iac.model.host import Host
 from rarms_iac.model.loads import Interference
 from rarms_iac.model.measurement import EnvironmentSetup
 from rarms_iac.model.output import OutputText
-from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
+from rarms_iac.model.quantities import LogicalProcessors, Milliseconds, in_processors, per_virtual_processor
 from rarms_iac.model.run import Run, SampleCount
-from rarms_iac.model.system import USUAL_WEIGHT, Component, PartitionRequest, System, TaskRequest, run_of
+from rarms_iac.model.system import (
+    USUAL_WEIGHT,
+    Component,
+    MeasuringLimits,
+    PartitionRequest,
+    System,
+    TaskRequest,
+    run_of,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +31,7 @@ class Experiment(OutputText):
     load: Interference
     setup: EnvironmentSetup
     tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
+    limits: MeasuringLimits = MeasuringLimits()
 
     def __str__(self) -> str:
         return self.name
@@ -36,6 +45,15 @@ class Experiment(OutputText):
     def runs(self) -> dict[str, Run]:
         """How each member runs."""
         return {member.name: run_of(member) for member in self.members}
+
+    def sharing_budget(self, loads: int) -> "Experiment":
+        """Return the experiment with an equal part of what a setting may take beside several loads together.
+
+        Args:
+            loads: how many share the budget of a setting.
+        """
+        share = Milliseconds(self.limits.setting / loads)
+        return replace(self, limits=replace(self.limits, setting=share))
 
 
 def experiment_of(
@@ -75,6 +93,7 @@ def experiment_of(
         load=system.interference[interference],
         setup=setup,
         tasks=system.tasks,
+        limits=system.policy.measuring,
     )
 
 

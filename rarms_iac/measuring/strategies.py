@@ -1,27 +1,23 @@
-"""The strategies that the loop can be given: a search, a list of settings, or what a curve rests on without a look."""
+"""The strategies that the loop can be given: a search, a list of settings, or a question about one."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.search.trials import (
     Goal,
     Member,
     NextStep,
     SearchTrial,
-    below_demand,
     is_finished,
     not_sufficient,
     sufficient,
-    trial_of,
+    trials_of,
 )
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import ExperimentStep, Measure, NotResolved, SearchStep, Sufficient, Swept
+from rarms_iac.model.outcomes import ExperimentStep, Measure, SearchStep, Sufficient, Swept
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, least_reserve
-
-NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
 
 
 def goal_of(experiment: Experiment) -> Goal:
@@ -36,7 +32,8 @@ def goal_of(experiment: Experiment) -> Goal:
     members = tuple(
         Member(name=member.name, apt=member.apt, run=experiment.runs[member.name]) for member in experiment.members
     )
-    return Goal(members=members, processors=experiment.setup.processors)
+    budget_ms = float(experiment.limits.setting)
+    return Goal(members=members, processors=experiment.setup.processors, budget_ms=budget_ms)
 
 
 def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
@@ -51,54 +48,37 @@ def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
     return {member.name: member.apt for member in experiment.members}
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Searching:
-    """A search of `measuring.search`, kept within what the host can give."""
+    """A search of `measuring.search`, kept within what the host can give; it ends with what a plan reserves."""
 
     goal: Goal
     next_step: NextStep
     most: int  # the highest CR that the host can give
-    own_settings_only: bool = False  # it walks through settings that it asked for itself, in its own order
-    _judged: dict[int, tuple[SearchTrial, bool]] = field(default_factory=dict)  # by `id` of a setting; does it count?
-    _has_begun: bool = False  # what comes after the first step was measured for this goal
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        # NOTE: judging a setting reads all of its samples: each is judged once.
-        for setting in settings:
-            if id(setting) not in self._judged:
-                counts = self._has_begun or is_finished(setting, self.goal)
-                self._judged[id(setting)] = trial_of(setting, self.goal), counts
-        self._has_begun = True
-        trials = [trial for trial, counts in (self._judged[id(setting)] for setting in settings) if counts]
-        return self._replay(trials) if self.own_settings_only else self._step(trials)
+        finished = {setting.reserve for setting in settings if is_finished(setting, self.goal)}
+        trials = [trial for trial in trials_of(settings, self.goal) if trial.reserve in finished]
+        step = self._within_most(self.next_step(trials, self.goal), trials)
+        if isinstance(step, Measure):
+            return step
+        least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))
+        if least is None or (isinstance(step, Sufficient) and step.reserve == least):
+            return step
+        if least not in finished:
+            return self._measure(least)
+        return sufficient(trials, least)
 
-    def _replay(self, trials: Sequence[SearchTrial]) -> SearchStep:
-        """Say what it would ask next, had it asked for those trials that it asks for, and for no others."""
-        remaining, walked = list(trials), list[SearchTrial]()
-        while isinstance(step := self._step(walked), Measure):
-            known = next((trial for trial in remaining if trial.reserve == step.reserve), None)
-            if known is None:
-                break
-            remaining.remove(known)
-            walked.append(known)
-        return step
+    def _measure(self, reserve: int) -> Measure:
+        return Measure(reserve=reserve, until_clear=True, within_until=self.goal.ends_at_until)
 
-    def _step(self, trials: Sequence[SearchTrial]) -> SearchStep:
-        step = self.next_step(trials, self.goal)
+    def _within_most(self, step: SearchStep, trials: Sequence[SearchTrial]) -> SearchStep:
         if not isinstance(step, Measure):
             return step
-        if step.reserve > self.most:  # what the host can give decides
-            known = [trial for trial in trials if trial.reserve == self.most]
-            if known and known[-1].passed:
-                return sufficient(trials, self.most)
-            if known:
-                return not_sufficient(known[-1])
-        # Once a setting had no steady state, an early look may see but a part of what changes.
-        to_its_end = any(trial.inconclusive for trial in trials)
-        reserve = min(step.reserve, self.most)
-        # Within the noise at the highest reserve is no answer at all, and no other setting can give one.
-        is_last_chance = reserve == self.most
-        return replace(step, reserve=reserve, until_clear=step.until_clear and not to_its_end, patient=is_last_chance)
+        known = [trial for trial in trials if trial.reserve == self.most]
+        if step.reserve > self.most and known:  # what the host can give decides
+            return sufficient(trials, self.most) if known[-1].passed else not_sufficient(known[-1])
+        return replace(step, reserve=min(step.reserve, self.most), within_until=self.goal.ends_at_until)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,61 +94,24 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThresholdCheck:
-    """Are all thresholds met at this reservation? Ends as soon as the samples tell."""
+    """Are all thresholds met at this reservation? A question of tuning."""
 
     reserve: int  # in per cent
     strategy: str = "default"  # of tuning, which asks
 
-    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        known = any(setting.reserve == self.reserve for setting in settings)
-        return Swept() if known else Measure(reserve=self.reserve, until_clear=True)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verifying:
-    """Measures the reservation that a curve gives between two settings, until it gives one that was measured."""
+class Checking:
+    """Measures one setting, which ends as soon as the samples tell."""
 
     goal: Goal
-    most: int
+    reserve: int  # in per cent
 
-    def step(self, settings: Sequence[Setting]) -> SearchStep:
-        members = self.goal.members
-        runs, apts = {member.name: member.run for member in members}, {member.name: member.apt for member in members}
-        least = least_reserve(curves_of(settings, runs, apts))
-        if least is None:
-            return NotResolved(reason=NOTHING_FOR_SURE)
-        if least.interpolated and least.reserve > self.most:
-            free = f"the host has {self.most} % left for P1: what runs there is in the way"
-            return NotResolved(reason=f"{least.reserve} % was looked up, and {free}")
-        if least.interpolated:
-            return Measure(reserve=least.reserve)
-        lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < least.reserve]
-        return sufficient(lower, least.reserve)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Agreeing:
-    """A search that ends with what a plan reserves: the least that the curve's safe side allows, measured itself.
-
-    A setting passes by the curve's rule, but between one that fails and one that passes a point or two above it, the
-    curve may allow less than the latter: that is measured, too.
-    """
-
-    search: Searching
-    verifying: Verifying
-
-    def step(self, settings: Sequence[Setting]) -> SearchStep:
-        step = self.search.step(settings)
-        if not isinstance(step, Sufficient):
-            return step
-        verified = self.verifying.step(settings)
-        if not isinstance(verified, Sufficient):
-            return verified
-        if verified.reserve == step.reserve:
-            return step
-        goal = self.search.goal
-        below = below_demand([trial_of(setting, goal) for setting in settings], goal)
-        return _certify(verified, {setting.reserve for setting in settings}, below)
+    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+        known = [setting for setting in settings if setting.reserve == self.reserve]
+        if known and is_finished(known[-1], self.goal):
+            return Swept()
+        return Measure(reserve=self.reserve, until_clear=True, within_until=self.goal.ends_at_until)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,27 +120,13 @@ class Confirming:
 
     goal: Goal
     floor: int  # in per cent
-    search: Searching | Agreeing
+    search: Searching
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        members = self.goal.members
-        runs, apts = {member.name: member.run for member in members}, {member.name: member.apt for member in members}
-        least = least_reserve(curves_of(settings, runs, apts))
-        if least is not None and least.reserve <= self.floor:
-            lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < self.floor]
+        least = least_reserve(curves_of(settings, self.goal.runs, self.goal.apts))
+        if least is not None and least <= self.floor:
+            lower = trials_of([setting for setting in settings if setting.reserve < self.floor], self.goal)
             return sufficient(lower, self.floor)
-        if all(setting.reserve != self.floor for setting in settings):
-            return Measure(reserve=self.floor, until_clear=True)
+        if not any(setting.reserve == self.floor and is_finished(setting, self.goal) for setting in settings):
+            return Measure(reserve=self.floor, until_clear=True, within_until=self.goal.ends_at_until)
         return self.search.step(settings)
-
-
-def _certify(planned: Sufficient, known: Collection[int], below: int) -> SearchStep:
-    """Ask for a measured fail close below, as a search has it: what its verdict leaves open may do on the curve.
-
-    What is below the demand fails by arithmetic. What is known and is no fail has no steady state, or passes and is not
-    believed: it is not measured once more.
-    """
-    if planned.reserve == 1 or planned.reserve - max(planned.failed or 0, below) <= WIDTH:
-        return planned
-    near = (planned.reserve - WIDTH + 1, planned.reserve - 1, planned.reserve - WIDTH)
-    return next((Measure(reserve=reserve) for reserve in near if reserve >= 1 and reserve not in known), planned)

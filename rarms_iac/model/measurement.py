@@ -1,10 +1,10 @@
 """What measuring yields: a setting for each reservation, beside how P1 and P2 were and what the host counted."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
-from rarms_iac.model.series import Series
+from rarms_iac.model.series import Series, join_series
 
 P1 = "rarms-p1"
 """The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""
@@ -68,17 +68,61 @@ class Setting:
     beside: int = 0  # what P2 reserved meanwhile: per cent of each of its processors
     seed: int = 0  # that chance was drawn from, where the host draws it
     evidence: SettingEvidence | None = None  # None: the host counts nothing
+    spent_ms: float | None = None  # of the host's time, with what was no sample; None: not recorded
 
-    def repeats(self, other: "Setting") -> bool:
-        """Tell whether this is the same setting, measured once more: it counts instead of the other.
+    @property
+    def host_ms(self) -> float:
+        """The host's time that was spent on it; where that was not recorded, the time of its samples."""
+        return self.spent_ms if self.spent_ms is not None else max(each.elapsed_ms for each in self.series)
 
-        Args:
-            other: Measured before.
+    @property
+    def has_verdict(self) -> bool:
+        """Whether its samples count: its host had settled, and nothing disturbed it in each of its tries."""
+        return not any(each.unsettled for each in self.series)
 
-        Returns:
-            Whether reservation and seed are the same.
-        """
-        return (self.reserve, self.seed) == (other.reserve, other.seed)
+
+def join_settings(settings: Iterable[Setting], *, simulated: bool) -> tuple[Setting, ...]:
+    """Join all that was measured at each reservation to one setting: one series of each component, in several runs.
+
+    Args:
+        settings: beside one load, in the order in which they were measured.
+        simulated: whether the host draws its samples from a seed: of those of one seed the longest run has all others.
+
+    Returns:
+        One setting a reservation, in the order in which these were first measured. What was disturbed or had not
+        settled is left out, where anything else is there.
+    """
+    by_reserve: dict[int, list[Setting]] = {}
+    for setting in settings:
+        by_reserve.setdefault(setting.reserve, []).append(setting)
+    return tuple(_join(_without_shorter(known) if simulated else known) for known in by_reserve.values())
+
+
+def _without_shorter(settings: Sequence[Setting]) -> list[Setting]:
+    longest: dict[int, Setting] = {}
+    for setting in settings:
+        known = longest.get(setting.seed)
+        if known is None or _length(setting) >= _length(known):
+            longest[setting.seed] = setting
+    return list(longest.values())
+
+
+def _length(setting: Setting) -> tuple[bool, int]:
+    return setting.has_verdict, min(len(series.samples) for series in setting.series)
+
+
+def _join(settings: Sequence[Setting]) -> Setting:
+    if len(settings) == 1:
+        return settings[0]
+    valid = [setting for setting in settings if setting.has_verdict] or settings[-1:]
+    parts: dict[str, list[Series]] = {}
+    for series in (series for setting in valid for series in setting.series):
+        parts.setdefault(series.component, []).append(series)
+    return replace(
+        valid[-1],
+        series=tuple(map(join_series, parts.values())),
+        spent_ms=sum(setting.host_ms for setting in settings),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

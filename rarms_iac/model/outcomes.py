@@ -155,9 +155,9 @@ class Measure:
     """The experiment goes on: run the setting with this CR."""
 
     reserve: int
-    until_clear: bool = False  # it may end as soon as the verdicts are clear; otherwise as `run.until` says
+    until_clear: bool = False  # it goes on until the verdicts are clear; otherwise as `run.until` says
+    within_until: bool = False  # with `until_clear`: it ends at `run.until` all the same
     precision: float | None = None  # with `until_clear`: not before the mean is known within this part of it
-    patient: bool = False  # with `until_clear`: not because more samples would hardly tell, either
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,9 +178,10 @@ class NotAchievable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotResolved:
-    """The samples allowed cannot tell which CR is enough."""
+    """It is not shown yet which CR is enough."""
 
     reason: str
+    samples: int | None = None  # with which the highest setting would probably be clear; None: nothing tells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

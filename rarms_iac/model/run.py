@@ -90,7 +90,7 @@ class Run:
     files: tuple[str, ...]
     environment: Mapping[str, str | FromEnvironment]
     folder: str  # as written; relative to the file that says it
-    until: SampleCount | Elapsed
+    until: SampleCount | Elapsed | None  # where a setting begins to be judged; None: rarms chooses
     timeout: Milliseconds
     stop: Stop
     arrival: Closed | Periodic
@@ -99,13 +99,21 @@ class Run:
     failures: int  # failed samples a setting may have
     success_within: Milliseconds | None = None  # on a simulated host, a job that answers later does not succeed
 
+    @property
+    def ends(self) -> SampleCount | Elapsed:
+        """Where a setting ends that is not to become clear: `until`, or else after `USUAL_SAMPLES`."""
+        return self.until or SampleCount(samples=USUAL_SAMPLES)
+
+
+USUAL_SAMPLES = 200
+"""Samples of a setting that is not to become clear, unless `run.until` says."""
 
 SIMULATED_ONLY = Run(
     start=Command(words=()),
     files=(),
     environment={},
     folder=".",
-    until=SampleCount(samples=200),
+    until=None,
     timeout=Milliseconds(Fraction(60_000)),
     stop=Stop(),
     arrival=Closed(),

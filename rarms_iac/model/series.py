@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from operator import attrgetter
 from typing import TypeVar, cast, overload
@@ -33,6 +33,12 @@ class Series:
     unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had
     wanders: bool = False  # real processes, all samples of a setting: the machine's speed changes for seconds
 
+    starts: tuple[int, ...] = ()  # numbers of the samples with which its load began anew: after the first start
+    runs: tuple[int, ...] = ()  # numbers of the samples with which the component itself began anew, in a further run
+
+
+MOST_SAMPLES = 40_000
+"""Samples that a setting may have of a component: the error that is said of it covers looks at up to so many."""
 
 T = TypeVar("T")
 
@@ -126,4 +132,69 @@ def columns_of(samples: Iterable[Sample]) -> SampleColumns:
         successful=bytes(map(attrgetter("successful"), rows)),
         counts=array("d", map(attrgetter("count"), rows)),
         failures={at: sample.failure for at, sample in enumerate(rows) if sample.failure},
+    )
+
+
+def join_series(parts: Sequence[Series]) -> Series:
+    """Join the runs of a component at one setting to one series, in which each run follows the one before.
+
+    Args:
+        parts: At least one, of the same component; each begins at 0 ms.
+
+    Returns:
+        At most `MOST_SAMPLES` samples: what is beyond them is left out, with its time. A single part stays as it is.
+    """
+    if len(parts) == 1 and len(parts[0].samples) <= MOST_SAMPLES:
+        return parts[0]
+    joined = parts[0] if len(parts[0].samples) <= MOST_SAMPLES else first_samples(parts[0], MOST_SAMPLES)
+    for part in parts[1:]:
+        room = MOST_SAMPLES - len(joined.samples)
+        if room <= 0:
+            break
+        joined = _followed_by(joined, part if len(part.samples) <= room else first_samples(part, room))
+    return joined
+
+
+def first_samples(series: Series, count: int) -> Series:
+    """Take the first samples of a series, as if it had ended then.
+
+    Args:
+        series: with more samples than `count`.
+        count: how many.
+
+    Returns:
+        A series that ends as the next job begins; of its processor time it has the part that goes by its time.
+    """
+    samples = columns_of(series.samples)
+    ends = max(samples.began_ms[count], 0.0)
+    part = ends / series.elapsed_ms if series.elapsed_ms else 1.0
+    return replace(
+        series,
+        samples=samples.take(range(count)),
+        elapsed_ms=ends,
+        cpu_ms=None if series.cpu_ms is None else series.cpu_ms * part,
+        starts=tuple(start for start in series.starts if start < count),
+        runs=tuple(run for run in series.runs if run < count),
+    )
+
+
+def _followed_by(series: Series, later: Series) -> Series:
+    sooner, count = columns_of(series.samples), len(series.samples)
+    rest = columns_of(later.samples)
+    samples = SampleColumns(
+        began_ms=sooner.began_ms + array("d", [began + series.elapsed_ms for began in rest.began_ms]),
+        response_ms=sooner.response_ms + rest.response_ms,
+        successful=sooner.successful + rest.successful,
+        counts=sooner.counts + rest.counts,
+        failures={**sooner.failures, **{count + at: reason for at, reason in rest.failures.items()}},
+    )
+    unknown = series.cpu_ms is None or later.cpu_ms is None
+    return replace(
+        series,
+        samples=samples,
+        elapsed_ms=series.elapsed_ms + later.elapsed_ms,
+        cpu_ms=None if unknown else (series.cpu_ms or 0.0) + (later.cpu_ms or 0.0),
+        wanders=series.wanders or later.wanders,
+        starts=(*series.starts, *(count + start for start in later.starts)),
+        runs=(*series.runs, count, *(count + run for run in later.runs)),
     )

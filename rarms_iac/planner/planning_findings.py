@@ -5,7 +5,6 @@ from rarms_iac.model.diagnostics import Finding
 RESERVATIONS = Finding.error("RARMS014", "Reservations exceed the platform")
 UNMEASURED = Finding.error("RARMS100", "A measured reserve without a data log")
 STALE = Finding.error("RARMS102", "A data log is stale")
-INTERPOLATED = Finding.warning("RARMS103", "A reservation that was not itself measured")
 NOT_VERIFIED = Finding.note("RARMS104", "A data log could not be verified here")
 DIFFERENT = Finding.warning("RARMS105", "A data log was measured under another system")
 NOT_MET = Finding.error("RARMS106", "No measured reservation meets the APT")
@@ -44,7 +43,7 @@ KINDS = {
 }
 """What a `Cause` of an `Infeasible` may be."""
 
-REMARKS = {finding.code: finding for finding in (INTERPOLATED, NOT_VERIFIED, DIFFERENT, BUSY)}
+REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, BUSY)}
 """What may be said of a measured reservation that was found."""
 
 

@@ -14,7 +14,7 @@ from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTi
 from rarms_iac.model.system import Component, Measured, Threshold
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.statistics.curves import Curve, LeastReserve, holds, least_reserve
+from rarms_iac.statistics.curves import Curve, holds, least_reserve
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""
@@ -58,7 +58,7 @@ class ReservationSource(Protocol):
         ...
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """Return what a reader should know of an answer: that it is interpolated, or that it could not be verified.
+        """Return what a reader should know of an answer: that its log could not be verified, or is of a busy host.
 
         Args:
             members: as of `reservation`.
@@ -198,7 +198,7 @@ class MeasuredReservations:
         least = self.least(members, host)
         if least is None:
             return not_met(members, log)
-        looked_up = guaranteed(least.reserve, log.processors)
+        looked_up = guaranteed(least, log.processors)
         return ProcessorTime(max(looked_up, fixed(members, host)))
 
     def depends_on(self, host: Host) -> Hashable:
@@ -206,15 +206,11 @@ class MeasuredReservations:
         return host.logical_processors, self.kinds.get(host.name)
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """See `ReservationSource.remarks`: those of the log, and that the answer lies between two measured settings."""
+        """See `ReservationSource.remarks`: those of the log."""
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()
-        remarks = tuple(remark for each in self._beside_each_load(members, host) for remark in each.remarks)
-        least = self.least(members, host)
-        if least is None or not least.interpolated:
-            return remarks
-        return (*remarks, _interpolated(members, least, log))
+        return tuple(remark for each in self._beside_each_load(members, host) for remark in each.remarks)
 
     def log(self, members: tuple[Component, ...], host: Host) -> MeasuredTogether | NotMeasured:
         """Find the data log that decides what these components reserve together on this host.
@@ -237,7 +233,7 @@ class MeasuredReservations:
         answer = self._answer(members, host)
         return () if isinstance(answer, NotMeasured) else answer
 
-    def least(self, members: tuple[Component, ...], host: Host) -> LeastReserve | None:
+    def least(self, members: tuple[Component, ...], host: Host) -> int | None:
         """Find the least CR at which every APT holds; each answer is worked out once.
 
         Args:
@@ -245,8 +241,8 @@ class MeasuredReservations:
             host: the host that the log must hold for.
 
         Returns:
-            The CR in whole per cent of each of the log's processors, and whether it is interpolated; None: no measured
-                setting meets every APT, or there is no log.
+            The CR in whole per cent of each of the log's processors; None: no measured setting meets every APT, or
+                there is no log.
         """
         answer = self._answer(members, host)
         return None if isinstance(answer, NotMeasured) else self._decision(members, host, answer).least
@@ -264,12 +260,12 @@ class _Decision:
     """What a partition reserves, and the log that asks for it."""
 
     log: MeasuredTogether
-    least: LeastReserve | None
+    least: int | None
 
 
 def _decide(logs: Sequence[MeasuredTogether], apts: Sequence[tuple[str, str, Threshold]]) -> _Decision:
     answers = [least_of(log, apts) for log in logs]
-    decisive = hardest([answer.reserve if answer else None for answer in answers])
+    decisive = hardest(answers)
     return _Decision(log=logs[decisive], least=answers[decisive])
 
 
@@ -286,7 +282,7 @@ def hardest(reserves: Sequence[int | None]) -> int:
     return amounts.index(max(amounts))
 
 
-def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) -> LeastReserve | None:
+def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) -> int | None:
     """Find the least CR at which all these thresholds hold, by the log's curves.
 
     Args:
@@ -294,8 +290,7 @@ def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) 
         apts: component, performance index and threshold of each APT.
 
     Returns:
-        The CR in whole per cent of each of the log's processors, and whether it is interpolated; None: no measured
-            setting meets all thresholds.
+        The CR in whole per cent of each of the log's processors; None: no measured setting meets all thresholds.
     """
     return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
 
@@ -350,24 +345,5 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
             "log": log.path,
             "highest_percent": highest,
             "indexes": tuple(f"{component}/{index}" for index, component in missing),
-        },
-    )
-
-
-def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: MeasuredTogether) -> Cause:
-    below = max((reserve for reserve in log.measured if reserve < least.reserve), default=least.reserve)
-    above = min((reserve for reserve in log.measured if reserve > least.reserve), default=least.reserve)
-    return Cause(
-        address=f"component/{to_be_measured(members)[0]}",
-        message=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "
-        f"and not measured itself ({log.path}).",
-        code=planning_findings.INTERPOLATED.code,
-        advice=prose("Measure it: ", log.again.also(verify=True), "."),
-        values={
-            "components": names_of(members),
-            "reserve_percent": least.reserve,
-            "measured_below_percent": below,
-            "measured_above_percent": above,
-            "log": log.path,
         },
     )

@@ -66,7 +66,7 @@ class SampleRecord:
         self._last = at
         if self.failed > self.run.failures:
             self.ending = SamplingEnd.FAILURES
-        elif isinstance(self.run.until, SampleCount) and len(self.samples) >= self.run.until.samples:
+        elif isinstance(self.run.ends, SampleCount) and len(self.samples) >= self.run.ends.samples:
             self.ending = SamplingEnd.UNTIL
         return sample
 
@@ -81,7 +81,7 @@ class SampleRecord:
     @property
     def over(self) -> float | None:
         """When the setting ends; None where samples decide, or it has not begun."""
-        match self.run.until:
+        match self.run.ends:
             case Elapsed(time=limit) if self._begun is not None:
                 return self._begun + float(limit) / 1000
             case _:

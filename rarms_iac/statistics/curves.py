@@ -1,11 +1,12 @@
 """The curve of a performance index over the reservation: the one place where a value is looked up.
 
-Measured settings made monotone (isotonic regression weighted by samples; of an extreme what was seen with more CPU
-counts for less of it), straight between them, nothing outside.
-The band is made monotone likewise; its safe side is the one away from what is good: above for response times.
+Its line is the measured settings made monotone (isotonic regression weighted by samples), straight between them, with
+nothing outside. Its bounds are what more CPU cannot make worse: above (where smaller is better) the least bound of any
+setting at or left of the place, below the highest of any at or right of it. Jitter and a minimum may be worse with more
+CPU: they have bounds only where they were measured.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import accumulate
@@ -45,23 +46,16 @@ class Curve:
     def value_at(self, reserve: float) -> Point | None:
         """Look the curve up.
 
-        Between two measured reservations it is straight, where none between them was inconclusive; otherwise its safe
-        side has no bound there.
-
         Args:
             reserve: CR, 1..100 per cent of the partition's own VPs.
 
         Returns:
-            The point, with the safe side unbounded where a setting between its neighbours was inconclusive; None
-                outside of what was measured.
+            The point; None outside of what was measured.
         """
-        for below, above in zip(self.points, self.points[1:], strict=False):
-            if below.reserve <= reserve <= above.reserve:
-                point = _between(below, above, reserve)
-                at_an_end = reserve in (below.reserve, above.reserve)
-                crosses = any(below.reserve < measured < above.reserve for measured in self.inconclusive)
-                return _unbounded(point, self.index) if crosses and not at_an_end else point
-        return next((point for point in self.points if point.reserve == reserve), None)
+        known = next((point for point in self.points if point.reserve == reserve), None)
+        pairs = zip(self.points, self.points[1:], strict=False)
+        around = next((pair for pair in pairs if pair[0].reserve < reserve < pair[1].reserve), None)
+        return known if around is None else _between(*around, reserve, self.index)
 
     def estimate_at(self, reserve: float) -> Estimate | None:
         """Return what was measured at this reservation, before it was made monotone.
@@ -91,22 +85,12 @@ class Curve:
         return point.upper if index_named(self.index).smaller_is_better else point.lower
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeastReserve:
-    """The least whole per cent at which every APT holds on the safe side of its band."""
-
-    reserve: int
-    interpolated: bool  # it was not itself measured
-
-
 def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = LOOK_ERROR) -> Curve:
     """Draw the curve of a component's index.
 
-    A setting without an estimate (no answer, no steady state) gives no point; several settings at one reservation are
-    taken together, each by its samples.
-
     Args:
-        settings: In any order; those without the component count for nothing.
+        settings: In any order, at most one a reservation (`join_settings`); those without the component, or without an
+            estimate of it, give no point.
         component: Its name.
         index: A name of `model/indexes`.
         run: The component's; says the deadline.
@@ -115,43 +99,35 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
     Returns:
         The curve, its points by ascending reserve, made monotone; without points where no setting gave an estimate.
     """
-    measured: dict[int, list[Estimate]] = {}
-    inconclusive: set[int] = set()
-    for setting in settings:
-        for series in setting.series:
-            if series.component != component:
-                continue
-            estimate = _estimate(series, index, run, error)
-            if isinstance(estimate, Estimate):
-                measured.setdefault(setting.reserve, []).append(estimate)
-            else:
-                inconclusive.add(setting.reserve)
-    reserves = sorted(measured)
-    estimates = tuple(_combine(measured[reserve], index) for reserve in reserves)
+    found = {
+        setting.reserve: _estimate(series, index, run, error)
+        for setting in settings
+        for series in setting.series
+        if series.component == component
+    }
+    measured = {reserve: each for reserve, each in sorted(found.items()) if isinstance(each, Estimate)}
+    reserves, estimates = list(measured), tuple(measured.values())
     return Curve(
         component=component,
         index=index,
         points=_monotone(reserves, estimates, index),
         estimates=estimates,
-        inconclusive=tuple(sorted(inconclusive - measured.keys())),
+        inconclusive=tuple(sorted(found.keys() - measured.keys())),
     )
 
 
-def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> LeastReserve | None:
+def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> int | None:
     """Find the least whole per cent at which all curves meet their thresholds on the safe side of the band.
 
     Args:
         apts: A pair for every index of every member's APT; none gives None.
 
     Returns:
-        None where no reservation within what was measured meets all thresholds.
+        A CR that was measured, since bounds change nowhere else; None where no reservation meets all thresholds.
     """
     pairs = list(apts)
-    for reserve in range(1, 101):
-        if pairs and all(holds(curve, threshold, reserve) for curve, threshold in pairs):
-            measured = all(any(point.reserve == reserve for point in curve.points) for curve, _ in pairs)
-            return LeastReserve(reserve=reserve, interpolated=not measured)
-    return None
+    reserves = sorted({int(point.reserve) for curve, _ in pairs for point in curve.points})
+    return next((each for each in reserves if all(holds(curve, threshold, each) for curve, threshold in pairs)), None)
 
 
 def curves_of(
@@ -276,69 +252,49 @@ def _estimate(series: Series, index: str, run: Run, error: float) -> Estimate | 
     return estimate
 
 
-def _combine(estimates: Sequence[Estimate], index: str) -> Estimate:
-    """Combine repeated settings: means weighted by samples; the band narrows as its samples grow."""
-    if len(estimates) == 1:
-        return estimates[0]
-    if estimates[0].beyond is not None:  # of an extreme nothing is averaged: what was seen once was seen
-        return (min if index == "minimum_response_time" else max)(estimates, key=lambda estimate: estimate.value)
-    total = sum(estimate.effective_samples for estimate in estimates)
-    weighted = [(estimate.effective_samples / total, estimate) for estimate in estimates]
-    value = sum(part * estimate.value for part, estimate in weighted)
-    below = sum((part * (estimate.value - estimate.lower)) ** 2 for part, estimate in weighted) ** 0.5
-    above = sum((part * (estimate.upper - estimate.value)) ** 2 for part, estimate in weighted) ** 0.5
-    return Estimate(
-        value=value,
-        lower=value - below,
-        upper=value + above,
-        samples=sum(estimate.samples for estimate in estimates),
-        effective_samples=total,
-    )
-
-
 def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str) -> tuple[Point, ...]:
-    fit = _fit_of(index, [estimate.effective_samples for estimate in estimates])
-    value = fit([estimate.value for estimate in estimates])
-    lower = fit([estimate.lower for estimate in estimates])
-    upper = fit([estimate.upper for estimate in estimates])
+    values, lowers, uppers = (
+        [getattr(estimate, side) for estimate in estimates] for side in ("value", "lower", "upper")
+    )
+    if index in _MAY_BE_WORSE_WITH_MORE:
+        pass
+    elif index == _MAXIMUM:
+        values = lowers = uppers = not_below_later(values)
+    else:
+        weights = [estimate.effective_samples for estimate in estimates]
+        if index_named(index).smaller_is_better:
+            lowers, uppers = _bounds_of_falling(lowers, uppers)
+            line = falling(values, weights)
+        else:
+            mirrored = _bounds_of_falling([-upper for upper in uppers], [-lower for lower in lowers])
+            uppers, lowers = ([-bound for bound in side] for side in mirrored)
+            line = rising(values, weights)
+        values = [min(max(value, low), max(low, high)) for value, low, high in zip(line, lowers, uppers, strict=True)]
     return tuple(
-        Point(reserve=float(reserve), value=value[at], lower=lower[at], upper=upper[at])
-        for at, reserve in enumerate(reserves)
+        Point(reserve=float(reserve), value=value, lower=lower, upper=upper)
+        for reserve, value, lower, upper in zip(reserves, values, lowers, uppers, strict=True)
     )
 
 
-def _unbounded(point: Point, index: str) -> Point:
-    """With nothing known of the side that a reservation would rest on."""
-    return replace(point, upper=inf) if index_named(index).smaller_is_better else replace(point, lower=-inf)
+_MAXIMUM = "maximum_response_time"
+_MAY_BE_WORSE_WITH_MORE = frozenset({"jitter", "minimum_response_time"})
 
 
-def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]], list[float]]:
-    """How an index is made monotone; of an extreme nothing is averaged: more CPU does not undo what was seen."""
-    match index:
-        case "maximum_response_time":
-            return not_below_later
-        case "minimum_response_time":
-            return not_above_earlier
-        case _:
-            fit = falling if index_named(index).smaller_is_better else rising
-            return lambda side: fit(side, weights)
+def _bounds_of_falling(lowers: Sequence[float], uppers: Sequence[float]) -> tuple[list[float], list[float]]:
+    """Bounds of what cannot rise. An upper bound below a lower one further right is contradicted: it bounds nothing."""
+    highest = list(accumulate(reversed(lowers), max))[::-1]
+    valid = [upper if upper >= later else inf for upper, later in zip(uppers, highest, strict=True)]
+    return highest, list(accumulate(valid, min))
 
 
-def _between(below: Point, above: Point, reserve: float) -> Point:
+def _between(below: Point, above: Point, reserve: float, index: str) -> Point:
+    """On the straight line, between the bounds that hold right of the one and left of the other point."""
     part = (reserve - below.reserve) / (above.reserve - below.reserve)
-    return Point(
-        reserve=reserve,
-        value=_mix(below.value, above.value, part),
-        lower=_mix(below.lower, above.lower, part),
-        upper=_mix(below.upper, above.upper, part),
-    )
-
-
-def _mix(start: float, end: float, part: float) -> float:
-    """Straight between; exact at the ends, also where the other end is infinite."""
-    if part <= 0.0 or start == end:
-        return start
-    return end if part >= 1.0 else (1.0 - part) * start + part * end
+    value = (1.0 - part) * below.value + part * above.value
+    if index in _MAY_BE_WORSE_WITH_MORE:
+        return Point(reserve=reserve, value=value, lower=-inf, upper=inf)
+    lower, upper = (above.lower, below.upper) if index_named(index).smaller_is_better else (below.lower, above.upper)
+    return Point(reserve=reserve, value=value, lower=lower, upper=upper)
 
 
 def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
@@ -388,18 +344,6 @@ def not_below_later(numbers: Sequence[float]) -> list[float]:
         At each place the largest number from there on.
     """
     return list(accumulate(reversed(numbers), max))[::-1]
-
-
-def not_above_earlier(numbers: Sequence[float]) -> list[float]:
-    """Make the numbers non-increasing, each at most as it was: what was seen may happen at every place after, too.
-
-    Args:
-        numbers: in the order of their places.
-
-    Returns:
-        At each place the smallest number up to there.
-    """
-    return list(accumulate(numbers, min))
 
 
 def _pooled(later: tuple[float, float, int], earlier: tuple[float, float, int]) -> tuple[float, float, int]:

@@ -5,7 +5,12 @@ that a threshold is missed, that a layout holds, and that the truth is not beyon
 things together shares it.
 """
 
+from math import ceil, log, log1p
 from typing import Final
+
+from rarms_iac.model.indexes import percentile_of
+from rarms_iac.model.series import MOST_SAMPLES
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
 
 ERROR: Final = 0.01
 """The probability with which what is said may be wrong."""
@@ -16,13 +21,12 @@ FIRST_LOOK: Final = 40
 LOOK_APART: Final = 2.0**0.5
 """How many times as many samples there are at the next look."""
 
-LOOK_ERROR: Final = ERROR / 14
-"""The error of each look at a setting, however many there are: a constant boundary (Pocock 1977).
+LOOK_ERROR: Final = ERROR / 43
+"""The error of each look at a setting, at any count of samples: a constant boundary.
 
-The largest of the standardised means at 40, 57, 80, ... 40,000 samples lies above 3.18, where one lies with a
-probability of 0.00074, in 1 % of runs: 21 looks count like 14 independent ones, since they share their samples
-(`laboratory/benchmarks/verdicts.py` simulates it). So the bounds of a setting hold whenever it ended, and need not know
-why.
+The standardised mean of the first n samples lies above 3.5 at any n from 40 to 40,000 in 1 % of series, where one lies
+with a probability of 0.00023 (`laboratory/benchmarks/verdicts.py` simulates it). So what is said of a setting holds
+however often it was looked at, whenever it ended, and after any further samples.
 """
 
 
@@ -52,6 +56,31 @@ def next_look(samples: int) -> int:
     while round(look) <= samples:
         look *= LOOK_APART
     return round(look)
+
+
+def samples_needed(index: str, threshold: Threshold) -> int:
+    """Say with how many samples an index is shown to meet its threshold at the earliest, where all of them are good.
+
+    Args:
+        index: its name.
+        threshold: in its unit.
+
+    Returns:
+        Independent samples: `FIRST_LOOK` at least, and more than `MOST_SAMPLES` where no setting may have enough; of a
+            share of jobs that may be bad, those of which all are good but for the error at greater shares.
+    """
+    match threshold:
+        case AtMost() if (percentile := percentile_of(index)) is not None:
+            bad = 1.0 - float(percentile) / 100
+        case AtLeast(value=share) if index == "success_rate":
+            bad = 1.0 - float(share) / 100
+        case AtMost(value=share) if index == "deadline_miss_rate":
+            bad = float(share) / 100
+        case _:
+            return FIRST_LOOK
+    if bad <= 0.0:
+        return MOST_SAMPLES + 1
+    return FIRST_LOOK if bad >= 1.0 else max(FIRST_LOOK, ceil(log(LOOK_ERROR) / log1p(-bad)))
 
 
 def describe_error(error: float = ERROR) -> str:

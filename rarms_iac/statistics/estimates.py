@@ -18,12 +18,15 @@ from rarms_iac.model.series import SampleColumns, Series, columns_of
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
 from rarms_iac.statistics.error_probability import FIRST_LOOK, LOOK_ERROR
 from rarms_iac.statistics.samples import deadline_misses, effective_samples, ends_ms, response_times, successes
-from rarms_iac.statistics.steady_state import find_steady_series, split_series, steady_series
+from rarms_iac.statistics.steady_state import answered_before, split_series, steady_part
 
 FEWEST_EFFECTIVE = 25
 """Independent samples that a mean's bounds need: of fewer, their dependence on one another is unknown."""
 
 _QUARTERS, _FEWEST_OF_QUARTER = 4, 10  # samples
+
+_MAXIMUM = "maximum_response_time"
+"""It is of all samples: no warm-up excuses a late answer."""
 
 _TREND = 2.0
 """So many times the first quarter the last one is at least, or the other way round, where there is a trend."""
@@ -48,7 +51,7 @@ def estimate(
     """
     samples = columns_of(series.samples)
     return samples.remember(
-        (index, error, unseen, run.deadline, series.elapsed_ms),
+        (index, error, unseen, run.deadline, series.elapsed_ms, series.starts, series.runs),
         lambda: _estimate(index, replace(series, samples=samples), run, error, unseen),
     )
 
@@ -56,7 +59,7 @@ def estimate(
 def _estimate(index: str, series: Series, run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
     share = percentile_of(index)
     if share is not None:
-        return _percentile(response_times(series.samples), float(share) / 100, error)
+        return _percentile(response_times(series.samples), float(share) / 100, error, _answered_starts(series))
     return _ESTIMATORS[index](series, run, error, unseen)
 
 
@@ -75,11 +78,11 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float = LOOK
     Returns:
         The estimate in the index's unit; or the reason why there is none: too few samples, or no steady state.
     """
-    first = find_steady_series(series)
-    if isinstance(first, Unsteady):
-        steady: Estimate | NoEstimate = NoEstimate(reason=first.reason)
+    part = steady_part(series)
+    if isinstance(part, Unsteady):
+        steady: Estimate | NoEstimate = NoEstimate(reason=part.reason)
     else:
-        steady = estimate(index, steady_series(index, series, first), run, error=error)
+        steady = estimate(index, series if index == _MAXIMUM else part, run, error=error)
     if isinstance(steady, Estimate) or not series.wanders or series.unsettled:
         return steady
     return _estimate_of_quarters(index, series, run, error) or steady
@@ -109,6 +112,16 @@ def _estimate_of_quarters(index: str, series: Series, run: Run, error: float) ->
     return Estimate(value=mean, lower=lower, upper=upper, samples=count, effective_samples=float(_QUARTERS))
 
 
+def _starts(series: Series) -> list[int]:
+    """The samples with which the load or the component began anew."""
+    return sorted({*series.starts, *series.runs})
+
+
+def _answered_starts(series: Series) -> list[int]:
+    """The same, counted among the jobs that answered."""
+    return answered_before(series, _starts(series))
+
+
 @dataclass(frozen=True, slots=True)
 class _Moments:
     """What a mean's bounds rest on."""
@@ -130,7 +143,9 @@ class _Moments:
         )
 
 
-def mean_estimate(numbers: Sequence[float], error: float, *, unseen: bool = True) -> Estimate | NoEstimate:
+def mean_estimate(
+    numbers: Sequence[float], error: float, *, unseen: bool = True, starts: Sequence[int] = ()
+) -> Estimate | NoEstimate:
     """Estimate the mean of numbers that cannot be negative, such as times.
 
     Student's t over as many samples as they are worth, moved towards the longer tail by what the skewness asks for
@@ -143,6 +158,7 @@ def mean_estimate(numbers: Sequence[float], error: float, *, unseen: bool = True
         numbers: in the order in which they were sampled, since neighbours may be correlated.
         error: the probability, 0..1, that the true mean is above the upper bound, and likewise below the lower one.
         unseen: whether that job is added.
+        starts: as of `effective_samples`.
 
     Returns:
         The estimate in the numbers' unit; or the reason why there is none: too few, all of them 0, or too dependent on
@@ -151,7 +167,7 @@ def mean_estimate(numbers: Sequence[float], error: float, *, unseen: bool = True
     count = len(numbers)
     if count < 2:
         return NoEstimate(reason=f"{count} jobs answered; a mean with bounds needs two")
-    mean, worth = sum(numbers) / count, effective_samples(numbers)
+    mean, worth = sum(numbers) / count, effective_samples(numbers, starts, error)
     if unseen and mean <= 0.0:
         return NoEstimate(reason="every job took 0 ms: the clock is too coarse for it")
     if unseen and count >= FIRST_LOOK and worth < min(FEWEST_EFFECTIVE, count / 2):
@@ -184,34 +200,37 @@ def _bound(moments: _Moments, worth: float, error: float, *, side: float) -> flo
     return moments.mean + side * standard * (quantile + skewness * (1.0 + 2.0 * quantile**2) / (6.0 * sqrt(worth)))
 
 
-def share_estimate(ones: Sequence[float], error: float, times: Sequence[float] = ()) -> Estimate | NoEstimate:
+def share_estimate(
+    ones: Sequence[float], error: float, times: Sequence[float] = (), starts: Sequence[int] = ()
+) -> Estimate | NoEstimate:
     """Estimate the share of ones among zeros and ones, by Clopper and Pearson's bounds.
 
     Args:
         ones: 1 or 0 for each job, in the order in which they were sampled.
         error: the probability, 0..1, that the true share is above the upper bound, and likewise below the lower one.
         times: what the same jobs took: where all ones are alike, these say how far jobs depend on one another.
+        starts: as of `effective_samples`.
 
     Returns:
         The estimate in per cent; or the reason why there is none: no job.
     """
     if not ones:
         return NoEstimate(reason="no job ended")
-    share, worth = sum(ones) / len(ones), effective_samples(ones)
+    share, worth = sum(ones) / len(ones), effective_samples(ones, starts, error)
     if min(ones) == max(ones) and len(times) == len(ones):
-        worth = effective_samples(times)
+        worth = effective_samples(times, starts, error)
     lower, upper = share_interval(share * worth, worth, error=2.0 * error)
     return Estimate(value=100 * share, lower=100 * lower, upper=100 * upper, samples=len(ones), effective_samples=worth)
 
 
-def _percentile(times: Sequence[float], share: float, error: float) -> Estimate | NoEstimate:
+def _percentile(times: Sequence[float], share: float, error: float, starts: Sequence[int]) -> Estimate | NoEstimate:
     """Order statistics: for every distribution, the number of samples below its percentile is binomial."""
     count = len(times)
     if count == 0:
         return NoEstimate(reason="no job answered")
     ordered = sorted(times)
     value = ordered[min(count - 1, ceil(share * count) - 1)]
-    worth = effective_samples([1.0 if time > value else 0.0 for time in times])
+    worth = effective_samples([1.0 if time > value else 0.0 for time in times], starts, error)
     lower, upper = _rank_bounds(share, worth, 2.0 * error)
     return Estimate(
         value=value,
@@ -240,30 +259,30 @@ def _rank_bounds(share: float, worth: float, error: float) -> tuple[float, float
 
 
 def _mean_response_time(series: Series, _run: Run, error: float, unseen: bool) -> Estimate | NoEstimate:
-    return mean_estimate(response_times(series.samples), error, unseen=unseen)
+    return mean_estimate(response_times(series.samples), error, unseen=unseen, starts=_answered_starts(series))
 
 
 def _success_rate(series: Series, _run: Run, error: float, _unseen: bool) -> Estimate | NoEstimate:
-    return share_estimate(successes(series.samples), error, response_times(series.samples))
+    return share_estimate(successes(series.samples), error, response_times(series.samples), _starts(series))
 
 
 def _deadline_miss_rate(series: Series, run: Run, error: float, _unseen: bool) -> Estimate | NoEstimate:
-    return share_estimate(deadline_misses(series.samples, run), error, response_times(series.samples))
+    return share_estimate(deadline_misses(series.samples, run), error, response_times(series.samples), _starts(series))
 
 
 def _maximum_response_time(series: Series, _run: Run, error: float, _unseen: bool) -> Estimate | NoEstimate:
-    return _extreme(response_times(series.samples), error, longest=True)
+    return _extreme(response_times(series.samples), error, _answered_starts(series), longest=True)
 
 
 def _minimum_response_time(series: Series, _run: Run, error: float, _unseen: bool) -> Estimate | NoEstimate:
-    return _extreme(response_times(series.samples), error, longest=False)
+    return _extreme(response_times(series.samples), error, _answered_starts(series), longest=False)
 
 
-def _extreme(times: Sequence[float], error: float, *, longest: bool) -> Estimate | NoEstimate:
+def _extreme(times: Sequence[float], error: float, starts: Sequence[int], *, longest: bool) -> Estimate | NoEstimate:
     """The extreme seen; n samples leave a share of 1 - error ** (1 / n) of the jobs possibly beyond it."""
     if not times:
         return NoEstimate(reason="no job answered")
-    worth = effective_samples(times)
+    worth = effective_samples(times, starts, error)
     value = max(times) if longest else min(times)
     return Estimate(
         value=value,
@@ -283,7 +302,8 @@ def _jitter(series: Series, _run: Run, error: float, unseen: bool) -> Estimate |
     count, mean = len(times), sum(times) / len(times)
     squares = [(time - mean) ** 2 for time in times]
     variance = sum(squares) / count
-    worth = min(effective_samples(times), effective_samples(squares))
+    starts = _answered_starts(series)
+    worth = min(effective_samples(times, starts, error), effective_samples(squares, starts, error))
     if unseen and count >= FIRST_LOOK and worth < min(FEWEST_EFFECTIVE, count / 2):
         return NoEstimate(reason=_too_dependent(count, worth))
     seen = _Moments(
@@ -316,8 +336,9 @@ def _throughput(series: Series, _run: Run, error: float, unseen: bool) -> Estima
     jobs = columns_of(series.samples).take(sorted(range(count), key=ends.__getitem__))
     ends = sorted(ends)
     times = [later - sooner for sooner, later in zip([0.0, *ends], ends, strict=False)]
-    share = share_estimate(successes(jobs), error / 3.0, times)
-    time = mean_estimate(times, error / 3.0, unseen=unseen)
+    starts = _starts(series)
+    share = share_estimate(successes(jobs), error / 3.0, times, starts)
+    time = mean_estimate(times, error / 3.0, unseen=unseen, starts=starts)
     gained = _counts_a_success(jobs, error / 3.0, unseen)
     if isinstance(share, NoEstimate) or isinstance(time, NoEstimate):
         return time if isinstance(time, NoEstimate) else NoEstimate(reason="no job ended")

@@ -1,12 +1,16 @@
 """The numbers in the samples of a series, and how many independent ones they are worth."""
 
 from collections.abc import Iterable, Sequence
-from math import ceil, inf, isnan
+from itertools import pairwise
+from math import ceil, inf, isnan, sqrt
 from operator import mul
+from statistics import NormalDist
 
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Sample, Series, columns_of
+from rarms_iac.statistics.distributions import student_quantile
+from rarms_iac.statistics.error_probability import LOOK_ERROR
 
 _LONGEST_LAG = 4  # a share of the samples: 1/4
 
@@ -80,19 +84,52 @@ def failures(series: Series) -> tuple[str, ...]:
     return tuple(columns_of(series.samples).failures.values())
 
 
-def effective_samples(values: Sequence[float]) -> float:
+def effective_samples(values: Sequence[float], starts: Sequence[int] = (), error: float = LOOK_ERROR) -> float:
     """Count the independent samples that would know the mean as well: n / (1 + 2 * sum of autocorrelations).
 
     The sum ends where neighbouring pairs of autocorrelations stop being positive (Geyer's initial positive sequence);
     it is never less than what a first-order process of the same, bias-corrected, first autocorrelation has. Negative
-    correlation is not counted as a gain.
+    correlation is not counted as a gain. Where the starts of a series differ by more than the values within them
+    explain, the starts are the samples (batch means; Student's t with their number).
 
     Args:
         values: in the order in which they were sampled, of any unit.
+        starts: the numbers of the values with which something began anew, ascending; the first start is at 0.
+        error: the probability, 0..1, of a bound that will rest on so many: few starts widen it as Student's t does.
 
     Returns:
         1 to n, not necessarily whole; n where all values are alike or there are fewer than three.
     """
+    bounds = [0, *(start for start in starts if 0 < start < len(values)), len(values)]
+    worth = _of_a_stretch(values)
+    return worth if len(bounds) < 3 else _of_starts(values, bounds, error) or worth
+
+
+_STARTS_ALIKE = 2.33
+"""Starts differ where so great a difference has a probability of 1 % by chance, in deviations."""
+
+
+def _of_starts(values: Sequence[float], bounds: Sequence[int], error: float) -> float | None:
+    """What starts that differ are worth; None: they are alike."""
+    parts = [values[begin:end] for begin, end in pairwise(bounds) if end > begin]
+    count, many = len(values), len(parts)
+    mean, means = sum(values) / count, [sum(part) / len(part) for part in parts]
+    between = sum(len(part) * (own - mean) ** 2 for part, own in zip(parts, means, strict=True)) / (many - 1)
+    within = [value - own for part, own in zip(parts, means, strict=True) for value in part]
+    squares = sum(map(mul, within, within))
+    free = max(1, count - many)
+    expected = squares / free * len(within) / _of_a_stretch(within)
+    step = 2.0 / (9.0 * (many - 1))
+    if between <= expected * (1.0 - step + _STARTS_ALIKE * sqrt(step)) ** 3:  # chi squared (Wilson and Hilferty 1931)
+        return None
+    total = sum((value - mean) ** 2 for value in values) / count
+    of_mean = sum((len(part) * (own - mean)) ** 2 for part, own in zip(parts, means, strict=True)) / count**2
+    wider = student_quantile(1.0 - error, many - 1.0) / -NormalDist().inv_cdf(error)
+    return min(float(count), max(1.0, total / (of_mean * many / (many - 1)) / wider**2))
+
+
+def _of_a_stretch(values: Sequence[float]) -> float:
+    """What values are worth that were sampled in one go."""
     count = len(values)
     if count < 3:
         return float(count)

@@ -2,17 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import isnan, sqrt
 
 from rarms_iac.model.outcomes import Unsteady
-from rarms_iac.model.series import Series, columns_of
+from rarms_iac.model.series import Series, columns_of, join_series
 from rarms_iac.statistics.samples import response_times
 
 FEWEST = 40
 """In a shorter series no change can be distinguished from noise: it is taken as steady."""
 
-_MAXIMUM = "maximum_response_time"
 _BLOCKS, _FEWEST_BLOCKS = 40, 10
 _SHORTEST_BLOCK, _LONGEST_BLOCK = 5, 50  # samples; in series of more than 2,000, blocks are longer
 _DEPENDENT = 1.5
@@ -21,19 +20,59 @@ _DEPENDENT = 1.5
 _MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady state
 
 
-def find_steady_series(series: Series) -> int | Unsteady:
-    """Find where a series begins to be steady, by its response times; unsteady where its host had not settled.
+def steady_part(series: Series) -> Series | Unsteady:
+    """Leave out what is no steady state, by the response times: the warm-up of each run, and runs without any.
 
     Args:
         series: the samples of one component at one setting, in order.
 
     Returns:
-        As of `find_steady_part`, among the jobs that answered.
+        The rest as a series that begins at 0 ms, the same series where that is all. `Unsteady`: nothing is left, or
+            its host had not settled.
     """
     if series.unsettled:
         return Unsteady(reason=series.unsettled)
     samples = columns_of(series.samples)
-    return samples.remember("steady from", lambda: find_steady_part(response_times(samples)))
+    whole = replace(series, samples=samples)
+    return samples.remember(("steady", series.elapsed_ms, series.starts, series.runs), lambda: _steady_part(whole))
+
+
+def _steady_part(series: Series) -> Series | Unsteady:
+    found = [_steady_run(run) for run in split_at(series, series.runs)] if series.runs else [_steady_run(series)]
+    steady = [run for run in found if isinstance(run, Series)]
+    return join_series(steady) if steady else found[-1]
+
+
+def _steady_run(run: Series) -> Series | Unsteady:
+    """A run without its warm-up: what changes between the starts of its load is seen by their means alone."""
+    times, starts = response_times(run.samples), answered_before(run, run.starts)
+    first = find_steady_part(times[: starts[0]] if starts else times)
+    if isinstance(first, Unsteady):
+        return first
+    bounds = [first, *(start for start in starts if start > first), len(times)]
+    means = [sum(times[begin:end]) / (end - begin) for begin, end in pairwise(bounds) if end > begin]
+    while starts and len(means) >= _FEWEST_BLOCKS and (change := _change_in(means)) is not None:
+        first, bounds, means = bounds[change.at], bounds[change.at :], means[change.at :]
+        if first > _MOST_WARM_UP * len(times):
+            return Unsteady(reason=change.describe(len(times)))
+    return without_warm_up(run, first)
+
+
+def answered_before(series: Series, numbers: Sequence[int]) -> list[int]:
+    """Count the jobs that answered before each of these samples.
+
+    Args:
+        series: with jobs that may have no answer.
+        numbers: of samples, ascending.
+
+    Returns:
+        As many counts; the numbers themselves where all jobs answered.
+    """
+    samples = columns_of(series.samples)
+    if not numbers or not isnan(sum(samples.response_ms)):
+        return list(numbers)
+    answered = list(accumulate((not isnan(time) for time in samples.response_ms), initial=0))
+    return [answered[number] for number in numbers]
 
 
 def find_steady_part(times: Sequence[float]) -> int | Unsteady:
@@ -59,22 +98,6 @@ def find_steady_part(times: Sequence[float]) -> int | Unsteady:
             return Unsteady(reason=change.describe(len(times)))
 
 
-def steady_series(index: str, series: Series, first: int) -> Series:
-    """Select the samples that an index is made of.
-
-    The maximum is of all samples: no warm-up excuses a late answer.
-
-    Args:
-        index: the index's name.
-        series: the samples of one component at one setting, in order.
-        first: the number (from 0) of the answer from which the series is steady.
-
-    Returns:
-        The whole series for the maximum; for every other index the part without its warm-up.
-    """
-    return series if index == _MAXIMUM else without_warm_up(series, first)
-
-
 def without_warm_up(series: Series, first: int) -> Series:
     """Cut off the warm-up and set the clock back, so that a throughput counts the steady part's own time only.
 
@@ -96,7 +119,40 @@ def without_warm_up(series: Series, first: int) -> Series:
     steady = samples.remember(
         ("without warm-up", first), lambda: samples.take(range(answered[first], len(samples)), began)
     )
-    return replace(series, samples=steady, elapsed_ms=series.elapsed_ms - began)
+    cut = answered[first]
+    return replace(
+        series,
+        samples=steady,
+        elapsed_ms=series.elapsed_ms - began,
+        starts=tuple(start - cut for start in series.starts if start > cut),
+        runs=tuple(run - cut for run in series.runs if run > cut),
+    )
+
+
+def split_at(series: Series, numbers: Sequence[int]) -> list[Series]:
+    """Cut a series at these samples, each part with its own time.
+
+    Args:
+        series: the samples of one component at one setting, in order.
+        numbers: of the first samples of all parts but the first, ascending.
+
+    Returns:
+        Series that begin at 0 ms, one more than there are numbers; their processor time is not known.
+    """
+    samples = columns_of(series.samples)
+    bounds = [0, *numbers, len(samples)]
+    times = [0.0, *(samples.began_ms[number] for number in numbers), series.elapsed_ms]
+    return [
+        replace(
+            series,
+            samples=samples.take(range(begin, end), began),
+            elapsed_ms=ended - began,
+            cpu_ms=None,
+            starts=tuple(start - begin for start in series.starts if begin < start < end),
+            runs=tuple(run - begin for run in series.runs if begin < run < end),
+        )
+        for (begin, end), (began, ended) in zip(pairwise(bounds), pairwise(times), strict=True)
+    ]
 
 
 def split_series(series: Series, parts: int) -> list[Series]:
@@ -109,14 +165,8 @@ def split_series(series: Series, parts: int) -> list[Series]:
     Returns:
         Series that begin at 0 ms.
     """
-    samples = columns_of(series.samples)
-    length = len(samples) // parts
-    starts = [number * length for number in range(parts)]
-    times = [0.0, *(samples.began_ms[start] for start in starts[1:]), series.elapsed_ms]
-    return [
-        replace(series, samples=samples.take(range(start, end), began), elapsed_ms=ended - began)
-        for (start, end), (began, ended) in zip(pairwise([*starts, len(samples)]), pairwise(times), strict=True)
-    ]
+    length = len(series.samples) // parts
+    return split_at(series, [number * length for number in range(1, parts)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,6 +183,12 @@ class _Change:
 def _find_change(numbers: Sequence[float]) -> _Change | None:
     """The clearest change of level, None if chance explains it."""
     length, means = _block_means(numbers)
+    change = _change_in(means)
+    return change and replace(change, at=change.at * length)
+
+
+def _change_in(means: Sequence[float]) -> _Change | None:
+    """The clearest change of level among means of equal worth, None if chance explains it; `at` counts means."""
     noise = _noise(means)
     if noise == 0.0 and means.count(means[0]) == len(means):
         return None
@@ -147,7 +203,7 @@ def _find_change(numbers: Sequence[float]) -> _Change | None:
     if best <= _limit(len(means)) * noise:
         return None
     below = sum(means[:split])
-    return _Change(at=split * length, before=below / split, after=(total - below) / (len(means) - split))
+    return _Change(at=split, before=below / split, after=(total - below) / (len(means) - split))
 
 
 def _block_means(numbers: Sequence[float]) -> tuple[int, list[float]]:

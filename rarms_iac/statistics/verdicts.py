@@ -1,10 +1,11 @@
 """Verdicts on an APT: met, missed or neither, each with the probability that it is wrong."""
 
 from collections.abc import Mapping
-from math import sqrt
+from math import inf, sqrt
 from statistics import NormalDist
 from typing import Final
 
+from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.outcomes import (
     Estimate,
     JudgedIndex,
@@ -20,14 +21,19 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.run import Elapsed, Periodic, Run, SampleCount
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
+from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR, shared_error
+from rarms_iac.statistics.estimates import share_estimate
 from rarms_iac.statistics.overload import estimate_of_setting, find_overload, grows_without_end
-from rarms_iac.statistics.samples import failures
-from rarms_iac.statistics.steady_state import find_steady_series
+from rarms_iac.statistics.samples import failures, response_times
+from rarms_iac.statistics.steady_state import steady_part
 
 HOPELESS: Final = 0.2
 """A setting ends within the noise where its end would settle it with at most this probability (predictive power)."""
 
+LONG: Final = 2_000
+"""Samples of a series that is to show a steady state which a shorter one did not."""
+
+_DEVIATIONS = -NormalDist().inv_cdf(LOOK_ERROR)
 _MAXIMUM, _MINIMUM = "maximum_response_time", "minimum_response_time"
 _NORMAL = NormalDist()
 
@@ -54,11 +60,11 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
     overload = find_overload(series, run, error=error)
     if overload and any(grows_without_end(index, series, run) for index in apt):
         return Missed(judged=(), warm_up=0, overload=overload)
-    first = find_steady_series(series)
-    if isinstance(first, Unsteady) and not series.wanders and not overload:
-        return first
+    part = steady_part(series)
+    if isinstance(part, Unsteady) and not series.wanders and not overload:
+        return part
     halves = 2 if isinstance(run.arrival, Periodic) else 1  # the other half is spent on an overload
-    return _judge_indexes(series, first, apt, run, error, shared_error(halves * len(apt), error))
+    return _judge_indexes(series, part, apt, run, error, shared_error(halves * len(apt), error))
 
 
 def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR) -> dict[str, Verdict]:
@@ -94,50 +100,105 @@ def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, member
     return verdict
 
 
-def judge_early(series: Series, apt: Mapping[str, Threshold], run: Run, *, members: int = 1) -> Verdict | None:
-    """Say whether a setting that is being measured may end now; to be asked at `next_look` counts of samples.
+def judge_early(
+    series: Series, apt: Mapping[str, Threshold], run: Run, *, done: float, members: int = 1
+) -> Verdict | None:
+    """Say whether a setting that is being measured may end now, at `FIRST_LOOK` samples or more.
 
     Args:
         series: what was seen of one component so far.
         apt: thresholds by index.
-        run: the component's; says when the setting ends anyway.
+        run: the component's.
+        done: the part of the samples that the setting will have at its end, above 0; 1: it has ended.
         members: as of `judge_look`.
 
     Returns:
         What `judge_look` says, where it is clear or the rest of the setting will hardly make it so. None: go on. At
-        the setting's end it is never None. An extreme that one more sample may turn is not clear before.
+        the setting's end it is never None. An extreme that one more sample may turn is not clear before `run.until`
+        (absent: `USUAL_SAMPLES`).
     """
-    done = done_share(series, run)
-    if done < 1.0 and len(series.samples) < FIRST_LOOK:
-        return None
     verdict = judge_look(series, apt, run, members=members)
     if done >= 1.0 or isinstance(verdict, TooManyFailures):
         return verdict
     match verdict:
         case Met() | Missed():
-            return None if _may_turn(verdict) else verdict
+            return None if _may_turn(verdict) and until_share(series, run.ends) < 1.0 else verdict
         case WithinNoise(judged=judged):
-            return verdict if any(_is_hopeless(index, done) for index in judged) else None
+            return verdict if any(_is_hopeless(index, series, done) for index in judged) else None
+        case Unsteady():
+            return verdict if len(series.samples) >= LONG else None
         case _:
             return None
 
 
-def _is_hopeless(judged: JudgedIndex, done: float) -> bool:
+def until_share(series: Series, until: SampleCount | Elapsed) -> float:
+    """Say which part of this much has been measured.
+
+    Args:
+        series: of one component, with a sample at least.
+        until: so many samples, or so long.
+
+    Returns:
+        More than 0; 1 or more: there is enough.
+    """
+    match until:
+        case SampleCount(samples=samples):
+            return len(series.samples) / samples
+        case Elapsed(time=time):
+            return series.elapsed_ms / float(time)
+
+
+def _is_hopeless(judged: JudgedIndex, series: Series, done: float) -> bool:
     """Whether the end of the setting would probably settle nothing: its bounds shrink with the root of what is done.
 
     Stopping for this can make no verdict wrong (Lan, Simon and Halperin 1982): it only gives one up.
     """
-    seen, limit = judged.estimate, float(judged.threshold.value)
-    if seen.beyond is not None or not seen.lower < seen.value < seen.upper:
+    outlook = _outlook(judged, series)
+    if outlook is None:
         return False
+    seen, limit = outlook
     shrinks, goes = sqrt(done), sqrt(1.0 - done)
     below, above = seen.value - seen.lower, seen.upper - seen.value
-    if below == float("inf") or above == float("inf"):
-        return False
-    deviations = -_NORMAL.inv_cdf(LOOK_ERROR)
-    under = _NORMAL.cdf((limit - above * shrinks - seen.value) * deviations / (above * goes))
-    over = _NORMAL.cdf((seen.value - below * shrinks - limit) * deviations / (below * goes))
+    under = _NORMAL.cdf((limit - above * shrinks - seen.value) * _DEVIATIONS / (above * goes))
+    over = _NORMAL.cdf((seen.value - below * shrinks - limit) * _DEVIATIONS / (below * goes))
     return under + over <= HOPELESS
+
+
+def samples_to_clear(judged: JudgedIndex, series: Series) -> float | None:
+    """Say with how many samples it will be clear, if what was seen so far is what is true.
+
+    Args:
+        judged: an index that its samples leave within the noise.
+        series: what it was seen in.
+
+    Returns:
+        How many of all samples, more than there are; infinite where the index is at its threshold. None: nothing tells.
+    """
+    outlook = _outlook(judged, series)
+    if outlook is None:
+        return None
+    seen, limit = outlook
+    away = abs(seen.value - limit)
+    bound = seen.upper - seen.value if seen.value <= limit else seen.value - seen.lower
+    return len(series.samples) * max(1.0, bound / away) ** 2 if away > 0.0 else inf
+
+
+def _outlook(judged: JudgedIndex, series: Series) -> tuple[Estimate, float] | None:
+    """The estimate that will become clear, beside its threshold; of a percentile the share of jobs beyond it.
+
+    None: an extreme, or bounds that are no bounds.
+    """
+    seen, limit = judged.estimate, float(judged.threshold.value)
+    percentile = percentile_of(judged.index)
+    if percentile is not None:
+        beyond = [1.0 if time > limit else 0.0 for time in response_times(series.samples)]
+        share = share_estimate(beyond, LOOK_ERROR)
+        if isinstance(share, NoEstimate):
+            return None
+        seen, limit = share, 100.0 - float(percentile)
+    if seen.beyond is not None or not -inf < seen.lower < seen.value < seen.upper < inf:
+        return None
+    return seen, limit
 
 
 def _may_turn(verdict: Met | Missed) -> bool:
@@ -149,33 +210,16 @@ def _may_turn(verdict: Met | Missed) -> bool:
             return overload is None and all(index.index == _MINIMUM for index in judged if _misses(index))
 
 
-def done_share(series: Series, run: Run) -> float:
-    """Say how much of a setting is done.
-
-    Args:
-        series: of one component, with a sample at least.
-        run: the component's; says when a setting ends.
-
-    Returns:
-        The part by samples, or by time: more than 0, and 1 at the end.
-    """
-    match run.until:
-        case SampleCount(samples=samples):
-            return min(1.0, len(series.samples) / samples)
-        case Elapsed(time=time):
-            return min(1.0, series.elapsed_ms / float(time))
-
-
 def _judge_indexes(
-    series: Series, first: int | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float, missing_error: float
+    series: Series, part: Series | Unsteady, apt: Mapping[str, Threshold], run: Run, error: float, missing_error: float
 ) -> Verdict:
     judged: list[JudgedIndex] = []
     for index, threshold in apt.items():
         estimated = estimate_of_setting(index, series, run, error=error)
         if isinstance(estimated, NoEstimate):
-            return first if isinstance(first, Unsteady) else TooFewSamples(reason=estimated.reason)
+            return part if isinstance(part, Unsteady) else TooFewSamples(reason=estimated.reason)
         judged.append(JudgedIndex(index=index, threshold=threshold, estimate=estimated))
-    warm_up = 0 if isinstance(first, Unsteady) else first
+    warm_up = 0 if isinstance(part, Unsteady) else len(series.samples) - len(part.samples)
     if all(map(_meets, judged)):
         return Met(judged=tuple(judged), warm_up=warm_up)
     if any(_misses_for(index, series, run, missing_error) for index in judged):

@@ -25,10 +25,10 @@ from rarms_iac.model.outcomes import (
     Unsteady,
 )
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
-from rarms_iac.model.run import Elapsed, SampleCount
-from rarms_iac.model.series import Series
+from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
+from rarms_iac.statistics.verdicts import until_share
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
 
 if TYPE_CHECKING:
@@ -117,9 +117,7 @@ def _inconclusive(reserves: Sequence[int]) -> str:
 
 def _planned(result: ExperimentResult, reserve: int | None) -> str:
     planned = result.planned
-    if planned is None or planned.reserve == reserve:
-        return ""
-    return f"a plan reserves {planned.reserve} %{', interpolated' if planned.interpolated else ''}"
+    return "" if planned is None or planned == reserve else f"a plan reserves {planned} %"
 
 
 def _totals(outcome: MeasureOutcome) -> Iterator[str]:
@@ -254,14 +252,11 @@ class MeasuringProgress(MeasuringReporter):
 
 def share_done(experiment: Experiment, series: Mapping[str, Series]) -> float:
     """Return how much of the longest that a setting may take is done, 1 at its end."""
-    parts = []
-    for name, run in experiment.runs.items():
-        match run.until:
-            case SampleCount(samples=samples):
-                parts.append(len(series[name].samples) / samples)
-            case Elapsed(time=time):
-                parts.append(series[name].elapsed_ms / float(time))
-    return min(parts)
+    budget_ms = float(experiment.limits.setting)
+    return min(
+        min(1.0, until_share(seen, run.ends), max(len(seen.samples) / MOST_SAMPLES, seen.elapsed_ms / budget_ms))
+        for seen, run in ((series[name], run) for name, run in experiment.runs.items())
+    )
 
 
 def samples_of(by_component: Mapping[str, Series]) -> str:

@@ -47,12 +47,12 @@ def level_question(component: str) -> Question:
 
 
 def refine_question(written: Selection) -> Question:
-    """Whether to measure the reservations that were looked up between measured ones."""
-    reserves = sorted({level.reserve for level in written.levels if level.interpolated})
-    named = in_a_row([f"{reserve} %" for reserve in reserves])
+    """Whether to search below the reservations that were measured, where nothing close below them was."""
+    gaps = sorted({(level.measured_below, level.reserve) for level in written.levels if level.may_be_less})
+    named = in_a_row([f"{below} and {reserve} %" for below, reserve in gaps])
     return Question(
-        text=f"{named} lies between measured settings. Measure there?",
-        help_text="y searches the least reservation there, setting by setting; n takes what the curve says; q ends.",
+        text=f"Nothing between {named} was measured. Search there?",
+        help_text="y searches the least reservation there, setting by setting; n takes what was measured; q ends.",
     )
 
 

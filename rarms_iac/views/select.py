@@ -30,9 +30,8 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str
         )
         if level.expected is not None:
             expected = level.expected
-            how = "looked up" if level.interpolated else "measured"
             bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"
-            yield f"{how} there: {show_value(index, expected.value)} {bounds}"
+            yield f"measured there: {show_value(index, expected.value)} {bounds}"
     if not selection.depends_on_a_log:
         yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
     for headroom in selection.headrooms:

@@ -31,7 +31,7 @@ def measure_beside_loads(experiments: Sequence[Experiment], method: Method, run:
     """Find the least reservation that stands up to every load.
 
     The first load has a search. Each further one is asked whether the answer so far is enough beside it, and searched
-    above only where it is not; so the last answer is the greatest. A sweep and a verification are run beside each.
+    above only where it is not; so the last answer is the greatest. A sweep is run beside each.
 
     Args:
         experiments: The same components on the same host, one a load.
@@ -63,5 +63,5 @@ def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:
     """
     last = results[-1]
     if isinstance(last.conclusion, Swept):
-        return results[hardest([each.planned.reserve if each.planned else None for each in results])]
+        return results[hardest([each.planned for each in results])]
     return last if last.reserve is None else next(each for each in results if each.reserve == last.reserve)

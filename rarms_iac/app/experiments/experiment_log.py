@@ -61,12 +61,12 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 
 
-def settings_log_of(log: ExperimentLog, seed: int | None, running: Sequence[Partition]) -> SettingsLog:
+def settings_log_of(log: ExperimentLog, anew: int | None, running: Sequence[Partition]) -> SettingsLog:
     """Return the log as the loop of measuring writes to it; a stale log gives way to the first setting.
 
     Args:
         log: What is recorded.
-        seed: Only its settings count; None: all.
+        anew: The seed of a remeasurement: all of it is measured with that; None: what is there is not measured again.
         running: What runs on the host beside P1 and P2; every setting says so.
 
     Returns:
@@ -77,7 +77,7 @@ def settings_log_of(log: ExperimentLog, seed: int | None, running: Sequence[Part
         path=log.path,
         header=log.header,
         provenance=lambda: Provenance(rarms_version=__version__, when=now(), beside=beside),
-        seed=seed,
+        anew=anew,
         replaces_stale=bool(log.changed),
     )
 

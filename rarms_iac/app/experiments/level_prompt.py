@@ -59,10 +59,10 @@ class LevelPrompt(Protocol):
         ...
 
     def refines(self, written: Selection) -> bool:
-        """Tell whether to measure the reservation that follows, as it lies between measured settings.
+        """Tell whether to search for less, as nothing close below the reservation that follows was measured.
 
         Args:
-            written: with at least one interpolated level.
+            written: with at least one level that may do with less.
 
         Returns:
             Whether to measure.
@@ -128,7 +128,7 @@ def ask_levels(
                 if written is None:
                     continue
                 prompt.written(written)
-                if not any(level.interpolated for level in written.levels) or not prompt.refines(written):
+                if not any(level.may_be_less for level in written.levels) or not prompt.refines(written):
                     break
                 result = measure(())
             except (RequestError, UseCaseError) as problem:

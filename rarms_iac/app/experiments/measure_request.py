@@ -9,7 +9,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.options import argument, busy_host_option, flag, lock_timeout_option, option, samples_option
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search, Verification
+from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
@@ -31,7 +31,6 @@ from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import RunsOn, System
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.statistics.error_probability import ERROR
 
 USUAL_SEED = 1
@@ -58,7 +57,6 @@ class MeasureRequest:
         default=(),
     )
     samples: int | None = samples_option()
-    verify: bool = flag("--verify", help="Measure the reservation that the curve gives between two settings.")
     seed: int | None = option("--seed", least=1, help="Draw chance from here; only its own settings count.")
     again: bool = flag("--again", help="Measure all of it once more, beside what is recorded.")
     on_busy_host: bool = busy_host_option()
@@ -87,7 +85,7 @@ class ExperimentResult:
     conclusion: Internal[Conclusion]
     settings: Internal[tuple[Setting, ...]]  # all that its end rests on
     new: int  # how many of them were run now
-    planned: LeastReserve | None  # what a plan reserves by the curve
+    planned: int | None  # what a plan reserves by the curve
     log: str  # path
     so_far: int | None = None  # what the loads before this one asked for, in per cent; None: it is the first
     of_loads: Internal[int] = 1  # beside how many loads it was to be measured
@@ -233,11 +231,11 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         raise _nothing_to_measure(hosts)
     experiments: list[Experiment] = []
     for members in _members(hosts, request):
-        loads = request.interference or loads_for(system, members, request.strategy)
+        loads = tuple(dict.fromkeys(request.interference or loads_for(system, members, request.strategy)))
         experiments += [
-            experiment_of(system, host, members, load, request.samples)
+            experiment_of(system, host, members, load, request.samples).sharing_budget(len(loads))
             for host in _hosts_to_measure_on(hosts, members)
-            for load in dict.fromkeys(loads)
+            for load in loads
         ]
     return tuple(experiments)
 
@@ -260,8 +258,8 @@ def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[
 def _refuse_contradictions(request: MeasureRequest) -> None:
     if request.together and len(set(request.components)) < 2:
         raise RequestError("--together wants two COMPONENTs or more.")
-    if sum(map(bool, (request.reserves, request.verify, request.strategy != "default"))) > 1:
-        raise RequestError("Give one of --strategy, --verify, and --from/--to/--step.")
+    if request.reserves and request.strategy != "default":
+        raise RequestError("Give one of --strategy, and --from/--to/--step.")
     if request.again and request.seed is not None:
         raise RequestError("--again takes a seed of its own: leave --seed out.")
 
@@ -296,7 +294,7 @@ def method_of(request: MeasureRequest) -> Method:
     """
     if request.reserves or request.coarse:
         return Sweep(reserves=() if request.coarse else request.reserves)
-    return Verification() if request.verify else Search(strategy=request.strategy)
+    return Search(strategy=request.strategy)
 
 
 def describe_request(request: MeasureRequest) -> str:
@@ -311,8 +309,6 @@ def describe_request(request: MeasureRequest) -> str:
     words: str = request.strategy
     if request.reserves:
         words = ", ".join(f"{reserve} %" for reserve in request.reserves)
-    elif request.verify:
-        words = "verify"
     return words if request.samples is None else f"{words}; {request.samples} samples"
 
 

@@ -15,9 +15,9 @@ from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.measuring import measuring_findings
-from rarms_iac.measuring.duration import expected_duration, settings_to_run
+from rarms_iac.measuring.duration import expected_duration, least_samples, settings_to_run
 from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, measure
-from rarms_iac.measuring.methods import Method, Search, Verification, is_of_paper, strategy_of
+from rarms_iac.measuring.methods import Method, Search, is_of_paper, strategy_of
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     highest_reserve,
@@ -37,6 +37,7 @@ from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
+from rarms_iac.statistics.error_probability import FIRST_LOOK
 
 
 def run_experiment(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -72,7 +73,7 @@ def make_room(session: MeasuringSession, experiment: Experiment, method: Method)
 def _run_held(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
     available = _availability(session, experiment)
     log = read_experiment_log(session, experiment)
-    settings_log = settings_log_of(log, session.seed, available.running)
+    settings_log = settings_log_of(log, session.seed if session.anew else None, available.running)
     if log.changed:
         session.control.reporter.message(_describe_stale(log))
 
@@ -85,7 +86,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
     context = MeasuringContext(
         host=session.host_of(experiment),
         budget=prepare_host,
-        seed=session.seed or max((setting.seed for setting in settings_log.settings()), default=0) or USUAL_SEED,
+        seed=session.seed or max((run.seed for run in settings_log.runs()), default=0) or USUAL_SEED,
         reporter=session.control.reporter.settings,
         should_stop=session.control.stop.should_stop,
         others=tuple(_work_beside(session.hosts, available.running)),
@@ -137,7 +138,7 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
     Raises:
         UseCaseError: There is such a member (negative).
     """
-    if not isinstance(method, Search | Verification):
+    if not isinstance(method, Search):
         return
     for member in experiment.members:
         if not member.apt:
@@ -259,10 +260,11 @@ def _describe_duration(
     experiment: Experiment, method: Method, available: _Availability, settings_log: SettingsLog
 ) -> str:
     """Say how long measuring takes: at least, while jobs are as fast as they should be, and at most."""
+    known = [run for run in settings_log.runs() if settings_log.anew in (None, run.seed)]
     bounds = expected_duration(
         experiment,
-        settings_to_run(method, settings_log.settings(), available.highest_reserve),
-        replace(settings_log, seed=None).settings(),
+        settings_to_run(method, known, available.highest_reserve),
+        settings_log.settings(),
         Settling(memory_ms=available.memory_ms).least_ms,
     )
     settings = counted(bounds.most_settings, "setting")
@@ -272,8 +274,13 @@ def _describe_duration(
     clock = " (simulated)" if experiment.host.provider is ProviderKind.SIMULATED else ""
     most = show_duration(bounds.most_ms)
     most = f"{most}, as only `run.timeout` bounds a job" if bounds.by_timeout else f"about {most}"
+    needs = [
+        f"{member.name} needs {counted(samples, 'sample')} a setting"
+        for member in experiment.members
+        if not isinstance(method, Sweep) and (samples := least_samples(member)) > FIRST_LOOK
+    ]
     subject = f"{experiment.name} beside {experiment.setup.interference} on {experiment.host.name}"
-    return f"{subject}{clock}: {settings}, {least}{most}."
+    return f"{subject}{clock}: {'; '.join((f'{settings}, {least}{most}', *needs))}."
 
 
 def _work_beside(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

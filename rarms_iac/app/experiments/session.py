@@ -31,7 +31,8 @@ class MeasuringSession:
     hosts: Hosts
     control: Control = UNATTENDED
     command: Literal["measure", "tune", "prove"] = "measure"
-    seed: int | None = None  # of the random numbers; only settings with this seed count. None: all settings count
+    seed: int | None = None  # of the random numbers; None: that of the last setting, or else the usual one
+    anew: bool = False  # what was not measured with this seed is measured once more
     on_busy_host: bool = False  # measure although other partitions run there
     lock_timeout_ms: int = 0  # how long to wait for another run, at a host and at a data log
     held: Mapping[str, MeasuringHost] = field(default_factory=dict)  # by name; their locks are held

@@ -87,7 +87,7 @@ def measure_command(
     write_processors = options.write_processors or options.auto_approve
     if options.interactive:
         refuse_without_terminal(session, source)
-        request = replace(request, coarse=not (request.reserves or request.verify or request.strategy != "default"))
+        request = replace(request, coarse=not (request.reserves or request.strategy != "default"))
     if write_processors:
         refuse_standard_input(source)
     control = measuring_control(session, stop_partitions=stops)

@@ -67,7 +67,7 @@ CHECKS: Mapping[Finding, Check] = {
     measurement.MISS_RATE_WITHOUT_DEADLINE: of_components(measurement.miss_rate_without_deadline),
     measurement.PATTERN_IS_NOT_RE2: measurement.pattern_is_not_re2,
     measurement.PATTERN_WITHOUT_GROUP: measurement.pattern_without_group,
-    measurement.TOO_FEW_SAMPLES: of_components(measurement.too_few_samples),
+    measurement.TOO_FEW_SAMPLES: measurement.samples_not_to_be_had,
     measurement.MEASURED_WITHOUT_APT: of_components(measurement.measured_without_apt),
     measurement.NOTHING_TO_RUN: of_components(measurement.nothing_to_run),
     secrets.SECRET_IN_CLEAR: secrets.secret_in_clear,

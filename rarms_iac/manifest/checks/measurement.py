@@ -5,13 +5,15 @@ from fractions import Fraction
 from math import ceil
 
 from rarms_iac.manifest.checks.common import Violation
-from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
-from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.run import Call, Elapsed, Periodic, Run, SampleCount, Samples
-from rarms_iac.model.system import AtMost, Component, Measured, System
+from rarms_iac.model.diagnostics import Facts, Finding
+from rarms_iac.model.indexes import SampleValue, find_index
+from rarms_iac.model.quantities import show_duration, show_milliseconds
+from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
+from rarms_iac.model.series import MOST_SAMPLES
+from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
 from rarms_iac.model.wording import did_you_mean, suggested
 from rarms_iac.running.reading import compile_pattern
+from rarms_iac.statistics.error_probability import samples_needed
 
 NO_SAMPLE_IN_TIME = Finding.error("RARMS068", "The measurement is shorter than one period")
 TIMEOUT_BEFORE_THRESHOLD = Finding.warning("RARMS069", "The time-out comes before the threshold")
@@ -19,7 +21,7 @@ INDEX_WITHOUT_FIELD = Finding.error("RARMS070", "The samples lack a field that a
 MISS_RATE_WITHOUT_DEADLINE = Finding.error("RARMS071", "A deadline-miss rate needs a deadline")
 PATTERN_IS_NOT_RE2 = Finding.error("RARMS072", "The pattern is not a valid RE2 pattern")
 PATTERN_WITHOUT_GROUP = Finding.error("RARMS073", "The pattern lacks a group that a field names")
-TOO_FEW_SAMPLES = Finding.warning("RARMS074", "Too few samples for the percentile")
+TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
 MEASURED_WITHOUT_APT = Finding.error("RARMS077", "A measured reserve needs an APT")
 NOTHING_TO_RUN = Finding.error("RARMS079", "A measured reserve needs something to run")
 
@@ -136,27 +138,72 @@ def miss_rate_without_deadline(component: Component) -> Iterator[Violation]:
         )
 
 
-def too_few_samples(component: Component) -> Iterator[Violation]:
-    """Percentiles above which not one of the samples asked for would lie."""
-    if component.run is None or not isinstance(component.run.until, SampleCount):
-        return
-    for index in component.apt:
-        needed = samples_needed(index)
-        if needed is not None and component.run.until.samples < needed:
+def samples_not_to_be_had(system: System) -> Iterator[Violation]:
+    """Thresholds that need more samples than `run.until` or a setting's budget allow; `until` beyond the budget."""
+    budget = system.policy.measuring.setting
+    for component in system.components.values():
+        run, here = run_of(component), ("components", component.name)
+        between = _least_between(component)
+        needs = {index: samples_needed(index, threshold) for index, threshold in component.apt.items()}
+        index = max(needs, key=lambda name: needs[name], default="")
+        needed = needs.get(index, 0)
+        values: Facts = {"index": index, "needs_samples": needed, "budget_ms": float(budget)}
+        subject = f'The {index} of "{component.name}" needs {needed} samples at least'
+        if needed > MOST_SAMPLES:
             yield Violation(
-                path=("components", component.name, "run", "until"),
-                detail=f'"{component.name}" is measured with {component.run.until.samples} samples. Its {index} '
-                "would only be the largest of them.",
-                advice=f"Take at least {needed} samples, better ten times as many.",
-                related=((("components", component.name, "apt", index), True, "the percentile"),),
-                values={"index": index, "samples": component.run.until.samples, "needs_samples": needed},
+                path=(*here, "apt", index),
+                at_key=True,
+                detail=f"{subject}, and a setting has {MOST_SAMPLES} at most: it is never shown to be met.",
+                advice="Ask for less: a lower percentile, or a share further from all jobs.",
+                values=values,
+            )
+        elif between and needed * between > budget:
+            yield Violation(
+                path=(*here, "apt", index),
+                at_key=True,
+                detail=f"{subject}, which take {show_duration(float(needed * between))}. The budget of a setting is "
+                f"{show_duration(float(budget))}.",
+                advice="Allow more: `policy: { measuring: { setting: "
+                f"{ceil(2 * needed * between / 60_000)} min }} }}`.",
+                values={**values, "takes_ms": float(needed * between)},
+            )
+        elif isinstance(run.until, SampleCount) and run.until.samples < needed:
+            yield Violation(
+                path=(*here, "run", "until"),
+                detail=f"{subject}. A search goes on to them; `--from` with `--to`, and `--strategy paper`, end at "
+                f"{run.until.samples}.",
+                advice=f"Take more where a setting ends there: `until: {{ samples: {needed} }}`.",
+                related=(((*here, "apt", index), True, "the threshold"),),
+                values={**values, "samples": run.until.samples},
+            )
+        if (lasts := _least_until(run, between)) > budget:
+            yield Violation(
+                path=(*here, "run", "until"),
+                detail=f'"{component.name}" is measured for {show_duration(float(lasts))} before it is judged, and the '
+                f"budget of a setting is {show_duration(float(budget))}: each setting outlasts it.",
+                advice="Lower `until`: a setting goes on until it is clear. Or raise `policy.measuring.setting`.",
+                values={"takes_ms": float(lasts), "budget_ms": float(budget)},
             )
 
 
-def samples_needed(index: str) -> int | None:
-    """How many samples it takes for one to lie above the percentile; None where the index is none."""
-    percentile = percentile_of(index)
-    return None if percentile is None else ceil(100 / (100 - percentile))
+def _least_between(component: Component) -> Fraction:
+    """The least time from one job to the next, in ms; 0: nothing says."""
+    match run_of(component).arrival:
+        case Periodic(period=period):
+            return period
+        case Closed():
+            simulation = component.simulation
+            return simulation.blocked + simulation.work / simulation.threads if simulation else Fraction(0)
+
+
+def _least_until(run: Run, between: Fraction) -> Fraction:
+    match run.until:
+        case SampleCount(samples=samples):
+            return samples * between
+        case Elapsed(time=time):
+            return time
+        case None:
+            return Fraction(0)
 
 
 def pattern_is_not_re2(system: System) -> Iterator[Violation]:

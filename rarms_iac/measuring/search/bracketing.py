@@ -91,17 +91,16 @@ def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
     """CMCPUR as the paper has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it.
 
     Args:
-        history: the settings of this walk, in their order.
+        history: the settings so far; others than its own count for nothing.
 
     Returns:
         The next setting, or how the search ends.
     """
-    if not history:
-        return Measure(reserve=WALK_STEP, until_clear=True)
-    last = history[-1]
-    if last.passed:
-        return sufficient(history, last.reserve)
-    if last.reserve == 100:
-        # To the letter: what is not shown to meet the APT there has no reservation that does.
-        return NotAchievable(reserve=100)
-    return Measure(reserve=last.reserve + WALK_STEP, until_clear=True)
+    own = {trial.reserve: trial for trial in history}
+    for reserve in range(WALK_STEP, 101, WALK_STEP):
+        if reserve not in own:
+            return Measure(reserve=reserve, until_clear=True)
+        if own[reserve].passed:
+            return sufficient([trial for trial in history if trial.reserve % WALK_STEP == 0], reserve)
+    # To the letter: what is not shown to meet the APT there has no reservation that does.
+    return NotAchievable(reserve=100)

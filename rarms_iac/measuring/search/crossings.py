@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from math import inf, log, sqrt
 from statistics import NormalDist
 
-from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, SearchTrial
+from rarms_iac.measuring.search.trials import NOTHING_PASSED, Goal, Member, SearchTrial, done_share
 from rarms_iac.model.outcomes import Estimate
 from rarms_iac.model.series import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.error_probability import LOOK_ERROR
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.samples import effective_samples, response_times, successes
-from rarms_iac.statistics.verdicts import done_share
 
 _WORK_ALONE = 1.03  # a time up to so many times the work's is that of the work: CPU time is known about so well
 _STEEPEST = 4.0  # times as steep as pure work; what falls steeper between two settings is a cliff
@@ -63,7 +62,7 @@ def crossings_of(history: Sequence[SearchTrial], goal: Goal, failed: int, passed
             if series.component == member.name and series.samples
         }
         for index, threshold in member.apt.items():
-            read_as, target = _time_wanted(measured, member, index, threshold)
+            read_as, target = _time_wanted(measured, goal, member, index, threshold)
             found = (_point(reserve, series, member, read_as) for reserve, series in measured.items())
             points = [point for point in found if point is not None]
             failing = [point for point in points if point.reserve <= failed]
@@ -118,7 +117,7 @@ def _work(points: Sequence[_Point], processors: int) -> float | None:
 
 
 def _time_wanted(
-    measured: Mapping[int, Series], member: Member, index: str, threshold: Threshold
+    measured: Mapping[int, Series], goal: Goal, member: Member, index: str, threshold: Threshold
 ) -> tuple[str, float | None]:
     """The index to look at and the time (ms) that it must fall to; None: nothing tells."""
     match index, threshold:
@@ -127,33 +126,34 @@ def _time_wanted(
             slowest = max((sample.response_ms or 0.0 for sample in samples if sample.successful), default=0.0)
             quickest = min((sample.response_ms or inf for sample in samples if not sample.successful), default=inf)
             limit = sqrt(slowest * quickest) if slowest and quickest < inf else None
-            return "mean_response_time", limit and limit / _multiple(measured, member, float(share) / 100)
+            return "mean_response_time", limit and limit / _multiple(measured, goal, member, float(share) / 100)
         case "deadline_miss_rate", AtMost(value=share) if member.run.deadline is not None:
             return "mean_response_time", float(member.run.deadline) / _multiple(
-                measured, member, 1.0 - float(share) / 100
+                measured, goal, member, 1.0 - float(share) / 100
             )
         case "throughput", AtLeast(value=limit) if limit > 0:
-            return index, 1000.0 / float(limit) / (1.0 + _room(measured, member, index))
+            return index, 1000.0 / float(limit) / (1.0 + _room(measured, goal, member, index))
         case _, AtMost(value=limit) if limit > 0:
-            return index, float(limit) / (1.0 + _room(measured, member, index))
+            return index, float(limit) / (1.0 + _room(measured, goal, member, index))
     return index, None
 
 
-def _room(measured: Mapping[int, Series], member: Member, index: str) -> float:
+def _room(measured: Mapping[int, Series], goal: Goal, member: Member, index: str) -> float:
     """How far the bound of a time lies beyond it when a setting ends, as a part of it: it shrinks as the root."""
     rooms = []
     for series in measured.values():
         estimated = estimate(index, series, member.run)
         if isinstance(estimated, Estimate) and estimated.lower > 0.0:
             ratio = estimated.value / estimated.lower if index == "throughput" else estimated.upper / estimated.value
-            rooms.append((ratio - 1.0) * sqrt(done_share(series, member.run)))
+            rooms.append((ratio - 1.0) * sqrt(done_share(series, member.run, series.elapsed_ms, goal)))
     return min((room for room in rooms if room < _MOST_ROOM), default=0.0)
 
 
-def _multiple(measured: Mapping[int, Series], member: Member, share: float) -> float:
+def _multiple(measured: Mapping[int, Series], goal: Goal, member: Member, share: float) -> float:
     """The multiple of the mean within which this share of jobs answers, or what shows it: the same at every setting."""
     worth = max(
-        effective_samples(successes(series.samples)) / done_share(series, member.run) for series in measured.values()
+        effective_samples(successes(series.samples)) / done_share(series, member.run, series.elapsed_ms, goal)
+        for series in measured.values()
     )
     shows = min(1.0, share + _DEVIATIONS * sqrt(share * (1.0 - share) / worth))
     scaled = [

@@ -3,11 +3,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil
+from math import ceil, inf
 
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
-    Met,
     Missed,
     NoEstimate,
     NotAchievable,
@@ -21,11 +20,13 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.run import Periodic, Run
-from rarms_iac.model.series import Series
-from rarms_iac.model.system import Threshold
+from rarms_iac.model.series import MOST_SAMPLES, Series
+from rarms_iac.model.system import MeasuringLimits, Threshold
+from rarms_iac.statistics.curves import curves_of, holds
+from rarms_iac.statistics.error_probability import FIRST_LOOK
 from rarms_iac.statistics.estimates import estimate
 from rarms_iac.statistics.overload import grows_without_end
-from rarms_iac.statistics.verdicts import judge_early, judge_look
+from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear, until_share
 
 NOTHING_PASSED = 101
 """As the upper end of a bracket: no setting has passed yet."""
@@ -51,6 +52,18 @@ class Goal:
 
     members: tuple[Member, ...]
     processors: int  # VPs of P1
+    budget_ms: float = float(MeasuringLimits().setting)  # of the host's time, for a setting
+    ends_at_until: bool = False  # a setting ends at `run.until` at the latest, clear or not
+
+    @property
+    def apts(self) -> dict[str, Mapping[str, Threshold]]:
+        """The thresholds by member, then by index."""
+        return {member.name: member.apt for member in self.members}
+
+    @property
+    def runs(self) -> dict[str, Run]:
+        """How each member runs."""
+        return {member.name: member.run for member in self.members}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +71,8 @@ class SearchTrial:
     """A setting with the verdict on each member."""
 
     setting: Setting
-    verdicts: Mapping[str, Verdict]
+    verdicts: Mapping[str, Verdict]  # by member, on this setting alone
+    not_shown: tuple[str, ...]  # members that the curve does not show to meet their APT here
 
     @property
     def reserve(self) -> int:
@@ -69,11 +83,6 @@ class SearchTrial:
     def passed(self) -> bool:
         """Whether every member was shown to meet its APT; within the noise, the safe side is no."""
         return not self.not_shown
-
-    @property
-    def not_shown(self) -> tuple[str, ...]:
-        """The members that were not shown to meet their APT."""
-        return tuple(name for name, verdict in self.verdicts.items() if not isinstance(verdict, Met))
 
     @property
     def inconclusive(self) -> bool:
@@ -95,68 +104,102 @@ NextStep = Callable[[Sequence[SearchTrial], Goal], SearchStep]
 """A search: the trials so far, in the order in which they were run, to the next step. Pure."""
 
 
-def trial_of(setting: Setting, goal: Goal) -> SearchTrial:
-    """Judge a setting as when it ended, so that one read from a data log gives the same.
+def trials_of(settings: Sequence[Setting], goal: Goal) -> list[SearchTrial]:
+    """Judge settings as a plan does, so that those read from a data log give the same as when they were measured.
 
-    A member passes by the rule that a plan takes: the safe side of every index's band meets its threshold.
+    A member passes where the safe side of every index's curve meets its threshold: where this setting shows it, or one
+    with less CPU does and none with more contradicts.
 
     Args:
-        setting: recorded.
+        settings: one a reservation, in the order in which they were first measured.
         goal: what is searched.
 
     Returns:
-        The setting with the verdict on each member.
+        A trial for each, in the same order.
     """
-    return SearchTrial(
-        setting=setting, verdicts={member.name: _verdict(setting, member, goal) for member in goal.members}
-    )
+    curves = curves_of(settings, goal.runs, goal.apts)
+
+    def is_shown(member: Member, reserve: int) -> bool:
+        own = [(curve, threshold) for curve, threshold in curves if curve.component == member.name]
+        return bool(own) and all(holds(curve, threshold, reserve) for curve, threshold in own)
+
+    return [
+        SearchTrial(
+            setting=setting,
+            verdicts={member.name: _verdict(setting, member, goal) for member in goal.members},
+            not_shown=tuple(member.name for member in goal.members if not is_shown(member, setting.reserve)),
+        )
+        for setting in settings
+    ]
 
 
-def is_clear(
-    series: Mapping[str, Series], goal: Goal, *, precision: float | None = None, patient: bool = False
-) -> bool:
-    """Tell whether a setting that is being measured may end now (`Measure.until_clear`).
+def is_clear(setting: Setting, goal: Goal, *, precision: float | None = None) -> bool:
+    """Tell whether a setting that is being measured may end now (`Measure.until_clear`), or has ended.
 
-    More samples would hardly turn what it passes by then (`trial_of`). One member that misses makes it clear;
-    otherwise every member must be clear. To be asked at `next_look` counts of samples.
+    It may once it has `run.until` (absent: `FIRST_LOOK` samples) of each member, and one member misses or every one is
+    clear; or where its budget is spent, it holds `MOST_SAMPLES`, or the rest of these would hardly make it clear.
 
     Args:
-        series: By component, as they will be recorded.
+        setting: All of its reservation so far, as it will be recorded.
         goal: What is searched.
         precision: As `Measure.precision`.
-        patient: As `Measure.patient`.
 
     Returns:
         Whether it may end.
     """
+    members = {member.name: member for member in goal.members}
+    seen = [(members[series.component], series) for series in setting.series if series.component in members]
+    done = [done_share(series, member.run, setting.host_ms, goal) for member, series in seen]
+    if min(done) >= 1.0:
+        return True
+    if not all(_is_begun(series, member.run, goal) for member, series in seen):
+        return False
     verdicts = [
-        judge_early(series[member.name], member.apt, member.run, members=len(goal.members)) for member in goal.members
+        judge_early(series, member.apt, member.run, done=part, members=len(goal.members))
+        for (member, series), part in zip(seen, done, strict=True)
     ]
     if any(isinstance(verdict, Missed) and verdict.overload for verdict in verdicts):
         return True
-    if precision is not None and not all(
-        _is_precise(series[member.name], member, precision) for member in goal.members
-    ):
+    if precision is not None and not all(_is_precise(series, member, precision) for member, series in seen):
         return False
-    if any(isinstance(verdict, Missed) for verdict in verdicts):
-        return True
-    return not any(verdict is None or (patient and isinstance(verdict, WithinNoise)) for verdict in verdicts)
+    return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
 
 
 def is_finished(setting: Setting, goal: Goal) -> bool:
     """Tell whether a recorded setting would have ended where it did, had it been measured for this goal.
 
-    One that ended early because it missed another threshold may have too few samples for those of today.
-
     Args:
-        setting: Recorded, perhaps for other thresholds.
+        setting: All that counts of its reservation, perhaps measured for other thresholds.
         goal: What is searched.
 
     Returns:
-        False: it is to be measured again, for longer.
+        False: it is measured further before it says anything.
     """
-    by_component = {series.component: series for series in setting.series}
-    return any(series.unsettled for series in setting.series) or is_clear(by_component, goal)
+    return not setting.has_verdict or is_clear(setting, goal)
+
+
+def done_share(series: Series, run: Run, host_ms: float, goal: Goal) -> float:
+    """Say how much of what it will have at its end a setting has.
+
+    Args:
+        series: of one member, with a sample at least.
+        run: the member's.
+        host_ms: the host's time that the setting took so far.
+        goal: says its budget, and whether it ends at `run.until`.
+
+    Returns:
+        The part of its samples: more than 0, and 1 where it has ended.
+    """
+    if goal.ends_at_until:
+        return min(1.0, until_share(series, run.ends))
+    by_budget = max(len(series.samples) / MOST_SAMPLES, host_ms / goal.budget_ms)
+    return min(1.0, by_budget if run.until is None else min(by_budget, until_share(series, run.until)))
+
+
+def _is_begun(series: Series, run: Run, goal: Goal) -> bool:
+    if goal.ends_at_until or run.until is None:
+        return len(series.samples) >= FIRST_LOOK
+    return until_share(series, run.until) >= 1.0
 
 
 def _is_precise(series: Series, member: Member, precision: float) -> bool:
@@ -302,12 +345,26 @@ def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
     if highest.missed:
         return NotAchievable(reserve=highest.reserve)
     members = sorted(highest.not_shown)
-    described = "; ".join(f"{name} {_DESCRIPTIONS[type(highest.verdicts[name])]}" for name in members)
-    return NotResolved(reason=f"at {highest.reserve} % {described}")
+    described = "; ".join(
+        f"{name} {_DESCRIPTIONS.get(type(highest.verdicts[name]), _DESCRIPTIONS[WithinNoise])}" for name in members
+    )
+    return NotResolved(reason=f"at {highest.reserve} % {described}", samples=_samples_to_clear(highest))
+
+
+def _samples_to_clear(trial: SearchTrial) -> int | None:
+    """With how many samples of each member all will be clear; None: one is at its threshold, or nothing tells."""
+    needed = [
+        samples_to_clear(judged, series)
+        for series in trial.setting.series
+        if isinstance(verdict := trial.verdicts[series.component], WithinNoise)
+        for judged in verdict.judged
+    ]
+    most = max((count if count is not None else inf for count in needed), default=inf)
+    return None if most == inf else ceil(most)
 
 
 _DESCRIPTIONS: Mapping[type[Verdict], str] = {
-    WithinNoise: "is within the noise of its threshold, and no number of samples allowed tells",
+    WithinNoise: "is within the noise of its threshold",
     Unsteady: "has no steady state",
     TooManyFailures: "has too many failed samples",
     TooFewSamples: "has too few samples",

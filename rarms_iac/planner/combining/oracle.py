@@ -229,7 +229,7 @@ def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource,
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if not isinstance(log, MeasuredTogether) or least is None:
         return coi
-    if (log.processors, least.reserve) != (claim.processors, claim.reserve):
+    if (log.processors, least) != (claim.processors, claim.reserve):
         return coi
     apts = [
         (log.curves(member.name, index), threshold)

@@ -96,7 +96,7 @@ def _measured(group: Group, problem: Problem) -> tuple[MeasuredTogether, int] | 
         host = problem.system.hosts[next(iter(claims))]
         log, least = source.log(group.members, host), source.least(group.members, host)
         if isinstance(log, MeasuredTogether) and least is not None:
-            return log, least.reserve
+            return log, least
     return None
 
 

@@ -51,7 +51,7 @@ def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Hos
                 (member,) = group.members
                 points = log.curves(member.name, "mean_response_time").points
                 means = [(point.reserve, point.value) for point in points]
-                alone = alone_of(member, means, least.reserve, log.processors, log.cpu_ms(member.name))
+                alone = alone_of(member, means, least, log.processors, log.cpu_ms(member.name))
                 if alone is not None:
                     found[member.name] = alone
     return found

@@ -23,10 +23,11 @@ DIGITS = 4
 _SETTING = frozenset({"reserve", "beside", "seed", "series", "provenance"})
 _EVIDENCE = "evidence"
 """Only what was measured on a host that counts has it."""
+_SPENT = "spent_ms"
+"""What was measured before it was recorded lacks it."""
 
-_SERIES = frozenset(
-    {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms", "unsuccessful", "count", "failures", "unsettled"}
-)
+_OPTIONAL = frozenset({"unsuccessful", "count", "failures", "unsettled", "starts"})
+_SERIES = _OPTIONAL | {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms"}
 _NUMBER: frozenset[type] = frozenset({int, float})
 _ANSWER: frozenset[type] = frozenset({int, float, NoneType})
 _NUMBER_OF_A_SAMPLE = re.compile("[0-9]{1,12}")
@@ -44,7 +45,12 @@ def as_recorded(setting: Setting) -> Setting:
         A setting that equals what `setting_in` gives of its line.
     """
     series = tuple(_rounded_series(series) for series in setting.series)
-    return replace(setting, series=series, evidence=setting.evidence and _rounded_evidence(setting.evidence))
+    return replace(
+        setting,
+        series=series,
+        evidence=setting.evidence and _rounded_evidence(setting.evidence),
+        spent_ms=None if setting.spent_ms is None else round(setting.spent_ms, DIGITS),
+    )
 
 
 def line_of(recorded: Recorded) -> dict[str, Json]:
@@ -57,7 +63,9 @@ def line_of(recorded: Recorded) -> dict[str, Json]:
         Fields of JSON values; the samples as columns, which a reviewer reads and git packs.
     """
     setting = as_recorded(recorded.setting)
-    evidence = {} if setting.evidence is None else {_EVIDENCE: encode(setting.evidence)}
+    evidence: dict[str, Json] = {} if setting.evidence is None else {_EVIDENCE: encode(setting.evidence)}
+    if setting.spent_ms is not None:
+        evidence[_SPENT] = setting.spent_ms
     return {
         "reserve": setting.reserve,
         "beside": setting.beside,
@@ -80,12 +88,14 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
     Raises:
         NotDecodable: it is none.
     """
-    _fields(line, _SETTING, _SETTING | {_EVIDENCE}, "")
+    _fields(line, _SETTING, _SETTING | {_EVIDENCE, _SPENT}, "")
     series = line["series"]
     if not isinstance(series, list):
         raise NotDecodable("series", "it is no array")
     reserve = _whole(line, "reserve")
     evidence = decode(SettingEvidence, line[_EVIDENCE]) if _EVIDENCE in line else None
+    spent = line.get(_SPENT)
+    _check_numbers([spent], _ANSWER, _SPENT)
     columns = (_series(column, f"series[{at}]") for at, column in enumerate(series))
     setting = Setting(
         reserve=reserve,
@@ -93,6 +103,7 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
         seed=_whole(line, "seed"),
         series=tuple(replace(each, wanders=evidence is not None) for each in columns),
         evidence=evidence,
+        spent_ms=cast("float | None", spent),
     )
     return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
 
@@ -148,13 +159,15 @@ def _columns(series: Series) -> dict[str, Json]:
         columns["failures"] = {str(at): reason for at, reason in samples.failures.items()}
     if series.unsettled:
         columns["unsettled"] = series.unsettled
+    if series.starts:
+        columns["starts"] = list(series.starts)
     return columns
 
 
 def _series(data: Json, path: str) -> Series:
     if not isinstance(data, dict):
         raise NotDecodable(path, "it is no object")
-    _fields(data, _SERIES - {"unsuccessful", "count", "failures", "unsettled"}, _SERIES, path)
+    _fields(data, _SERIES - _OPTIONAL, _SERIES, path)
     # A job may have begun, or been due, before its host had settled and samples counted.
     began = _column(data, "began_ms", _NUMBER, path, least=-LARGEST_SAMPLE)
     response: Sequence[float | None] = _column(data, "response_ms", _ANSWER, path)
@@ -186,6 +199,7 @@ def _series(data: Json, path: str) -> Series:
         elapsed_ms=cast("float", elapsed),
         cpu_ms=cast("float | None", cpu),
         unsettled=cast("str", unsettled),
+        starts=tuple(_indexes(data.get("starts", []), len(began), f"{path}.starts")),
     )
 
 

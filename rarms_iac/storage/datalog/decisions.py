@@ -9,7 +9,6 @@ why components share a partition.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -32,7 +31,6 @@ class Chosen:
     apt: Mapping[str, str]  # by index, as the manifest writes it: at most 100 ms
     partition: str
     reserve: int  # whole per cent of each of the partition's processors
-    interpolated: bool  # it was not itself measured
     task: str | None
     data_log: str  # path below the manifest's folder
     identity: str  # the data log's digest
@@ -98,7 +96,12 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
-    return decoded_records(path, partial(decode_union, Entry))
+    return decoded_records(path, _entry_in)
+
+
+def _entry_in(record: dict[str, Json]) -> Entry:
+    entry: Entry = decode_union(Entry, _without_old_fields(record))
+    return entry
 
 
 def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:
@@ -253,8 +256,8 @@ def append_run(path: Path, run: TuningRun) -> None:
     append_to_log(path, run)
 
 
-_NO_LONGER_WRITTEN = "probability"
-"""A field of runs that were recorded before it went."""
+_NO_LONGER_WRITTEN = frozenset({"probability", "interpolated"})
+"""Fields of runs and choices that were recorded before they went."""
 
 
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
@@ -274,4 +277,8 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
 
 
 def _run_in(record: dict[str, Json]) -> TuningRun:
-    return decode(TuningRun, {name: value for name, value in record.items() if name != _NO_LONGER_WRITTEN})
+    return decode(TuningRun, _without_old_fields(record))
+
+
+def _without_old_fields(record: dict[str, Json]) -> dict[str, Json]:
+    return {name: value for name, value in record.items() if name not in _NO_LONGER_WRITTEN}

@@ -23,8 +23,20 @@ from rarms_iac.storage.json_text import canonical
 FILE = "file "
 """What the part of a file begins with; its path follows, below the manifest's folder."""
 
-IN_THE_FILES = frozenset({"run.files"})
-"""Said by the files themselves: which pattern named them changes nothing."""
+_CHANGES_NOTHING = ("run.files", "run.until")
+"""Which pattern named files is said by the files themselves; how many samples are taken changes none of them."""
+
+
+def can_change_indexes(part: str) -> bool:
+    """Tell whether a part of `run` can change a performance index; older logs hold some that cannot.
+
+    Args:
+        part: its name, `run.timeout`, also with its component before it.
+
+    Returns:
+        False for what is no part of an identity.
+    """
+    return not any(f".{part}.".find(f".{name}.") >= 0 for name in _CHANGES_NOTHING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +114,7 @@ def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
 def _component_parts(component: Component, tasks: Mapping[str, TaskRequest]) -> Iterator[tuple[str, str]]:
     if component.run is not None:
         for name, text in parts_of("run", component.run):
-            if name not in IN_THE_FILES:
+            if can_change_indexes(name):
                 yield f"{component.name}.{name}", text
     if component.simulation is not None:
         yield from parts_of(f"{component.name}.simulation", component.simulation)

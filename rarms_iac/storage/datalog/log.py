@@ -3,14 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.measurement import EnvironmentSetup, PlatformFacts, Setting, join_settings
 
 FORMAT = "rarms-datalog/1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """Everything that can change the PI, by name: `vision.run.until.samples`, `file components/vision.py`.
+    """Everything that can change the PI, by name: `vision.run.timeout`, `file components/vision.py`.
 
     Two logs with equal parts say the same thing; a part that differs tells what changed.
     """
@@ -70,26 +71,29 @@ class DataLog:
     header: Header
     recorded: tuple[Recorded, ...]  # in the order in which they were measured
     remeasurements: tuple[Remeasurement, ...] = ()  # those that were asked for, in order
+    settings: tuple[Setting, ...] = field(init=False, repr=False, compare=False)
+    """What counts, joined to one setting a reservation, in the order in which these were first measured."""
+
+    def __post_init__(self) -> None:
+        joined = join_settings((record.setting for record in self.counting), simulated=self.is_simulated)
+        object.__setattr__(self, "settings", joined)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether its samples were drawn from seeds."""
+        return self.header.platform_facts.provider is ProviderKind.SIMULATED
 
     @property
     def counting(self) -> tuple[Recorded, ...]:
-        """The settings that reservations rest on.
+        """The settings that reservations rest on, each run by itself.
 
         A setting that was measured while something else ran gives way to a later one of the same reservation that had
-        the host to itself, and to every later pass that was measured so to its end. One that was measured again for
-        longer, with the same seed, gives way to that.
+        the host to itself, and to every later pass that was measured so to its end.
         """
         clean = self._last_clean_remeasurement()
         return tuple(
-            record
-            for at, record in enumerate(self.recorded)
-            if not (record.is_busy and self._gives_way(at, clean)) and not self._is_repeated(at)
+            record for at, record in enumerate(self.recorded) if not (record.is_busy and self._gives_way(at, clean))
         )
-
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        """The settings that count, alone; a reservation may be there more than once."""
-        return tuple(record.setting for record in self.counting)
 
     @property
     def highest_seed(self) -> int:
@@ -105,13 +109,6 @@ class DataLog:
         later = self.recorded[at + 1 :]
         return busy.seed < clean or any(
             record.setting.reserve == busy.reserve and not record.is_busy for record in later
-        )
-
-    def _is_repeated(self, at: int) -> bool:
-        record = self.recorded[at]
-        return any(
-            later.setting.repeats(record.setting) and later.is_busy <= record.is_busy
-            for later in self.recorded[at + 1 :]
         )
 
     def _last_clean_remeasurement(self) -> int:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.measurement import PlatformFacts
-from rarms_iac.storage.datalog.identity import FILE
+from rarms_iac.storage.datalog.identity import FILE, can_change_indexes
 from rarms_iac.storage.datalog.log import Header, Identity
 
 ABSENT = "nothing"
@@ -33,7 +33,7 @@ class Changed:
     after: str
 
     def __str__(self) -> str:
-        """`vision.run.until.samples: 200 -> 300`; of a file, only that it changed."""
+        """`vision.run.timeout: 60000 ms -> 1000 ms`; of a file, only that it changed."""
         if not self.part.startswith(FILE):
             return f"{self.part}: {self.before} -> {self.after}"
         return f"{self.part} " + ("is new" if self.before == ABSENT else "changed")
@@ -103,7 +103,7 @@ def _members(header: Header, members: Sequence[str]) -> Iterator[Changed]:
 
 def _parts(header: Header, now: Identity) -> Iterator[Changed]:
     was = header.identity.parts
-    for part in sorted({*was, *now.parts}):
+    for part in filter(can_change_indexes, sorted({*was, *now.parts})):
         before, after = was.get(part, ABSENT), now.parts.get(part, ABSENT)
         is_missing_here = part.startswith(FILE) and after == ABSENT
         if before != after and not is_missing_here:

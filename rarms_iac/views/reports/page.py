@@ -109,7 +109,7 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     scale = scale_of(curve)
     threshold = beginning(curve, scale)
     least = least_reserve([(curve.curve, threshold)])
-    reserve = None if least is None else least.reserve
+    reserve = None if least is None else least
     rows, settings = curve.rows, on_page(settings_of(measurement, curve))
     together = len(measurement.components) > 1
     title = curve.index.name.replace("_", " ")

@@ -56,7 +56,6 @@ LEVELS = (
     Column(field="expected at the reserve", title="Expected"),
     Column(field=RESERVE, title="Reserve", short="CR", style="strong", wraps=True, right=True),
     Column(field="bandwidth (LP)", title="Bandwidth", short="LP", unit="LP", right=True),
-    Column(field="interpolated"),
     Column(field="verdict", title="Verdict"),
 )
 
@@ -81,7 +80,6 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
     assert curve.threshold is not None
     reserve = _reserved_for(measurement, curve)
     point = None if reserve is None else curve.curve.value_at(reserve)
-    measured = {each.reserve for each in curve.points}
     return (
         curve.component,
         curve.index.name,
@@ -92,20 +90,19 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
         None if point is None else Cell(text=show_value(curve.index, point.value), value=finite(point.value)),
         Cell(text="none is enough" if reserve is None else show_percent(reserve), value=reserve),
         None if reserve is None else guaranteed(reserve, measurement.processors),
-        "" if reserve is None else "no" if reserve in measured else "yes",
         _verdict_of(curve, reserve),
     )
 
 
 def _without_curve(name: str, reserved: Fraction | None, verdict: str) -> Row:
-    return name, None, None, None, verdict, None, None, None, reserved, None, verdict
+    return name, None, None, None, verdict, None, None, None, reserved, verdict
 
 
 def _reserved_for(measurement: Measurement, curve: IndexCurve) -> int | None:
     """What the index's partition gets; where no reserve is enough for all its indexes, what this index alone needs."""
     if curve.least is None:
         return None
-    return curve.least.reserve if measurement.reserve is None else measurement.reserve
+    return curve.least if measurement.reserve is None else measurement.reserve
 
 
 def _verdict_of(curve: IndexCurve, reserve: int | None) -> str:
@@ -113,11 +110,7 @@ def _verdict_of(curve: IndexCurve, reserve: int | None) -> str:
     if reserve is None:
         return "not achieved at any reserve that was measured"
     points = [point for point in curve.points if point.reserve == reserve]
-    return (
-        f"measured: {points[-1].verdict or ''}{_error_text(points[-1])}"
-        if points
-        else "interpolated: not itself measured"
-    )
+    return f"measured: {points[-1].verdict or ''}{_error_text(points[-1])}" if points else "shown with less"
 
 
 def _error_text(point: MeasuredPoint) -> str:

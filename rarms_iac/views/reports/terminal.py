@@ -158,7 +158,7 @@ def _cells(index_curve: IndexCurve, scale: Scale, field: int, signs: Signs, *, d
         line = _row(scale, float(index_curve.threshold.value))
         cells.update({(column, line): (signs.threshold, "threshold") for column in range(field)})
     if least is not None:
-        column = _column(least.reserve, field)
+        column = _column(least, field)
         for line in range(HEIGHT):
             crosses = cells.get((column, line), ("", ""))[1] == "threshold"
             cells[column, line] = (signs.crossing, "threshold") if crosses else (signs.reserve, "reserve")
@@ -244,4 +244,4 @@ def _conclusion(index_curve: IndexCurve) -> str:
     threshold, least = show_threshold(index_curve.index, index_curve.threshold), index_curve.least
     if least is None:
         return f"{threshold}: no measured reserve is enough"
-    return f"{threshold}: reserve {least.reserve} %, {'interpolated' if least.interpolated else 'measured'}"
+    return f"{threshold}: reserve {least} %"

@@ -61,27 +61,27 @@ def edit(file: Path, before: str, after: str) -> None:
 
 def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:
     measure(here, MEANS)
-    edit(here / "rarms.yaml", "samples: 200", "samples: 300")
+    edit(here / "rarms.yaml", "work: 61.6 ms", "work: 62 ms")
     edit(here / "vision.py", "print()", "pass")
 
     answer = rarms("plan", "-f", str(here))
 
     assert answer.code == 4
     assert "error[RARMS102]" in answer.err
-    assert "file vision.py changed; vision.run.until.samples: 200 -> 300" in " ".join(answer.err.split())
+    assert "file vision.py changed; vision.simulation.work: 61.6 ms -> 62 ms" in " ".join(answer.err.split())
 
 
 def test_a_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> None:
     measure(here, MEANS)
     edit(here / "rarms.yaml", "at_most: 100 ms", "at_most: 90 ms")
     edit(here / "rarms.yaml", "criticality: 30", "criticality: 99")
+    edit(here / "rarms.yaml", "samples: 200", "samples: 300")
     edit(here / "rarms.yaml", "work: 61.6 ms, blocked: 26.4 ms", "blocked: 26.4 ms, work: 61.60 ms")
 
     answer = rarms("plan", "-f", str(here))
 
     assert answer.code == 2
-    assert "warning[RARMS103]" in answer.out + answer.err
-    assert "69 %" in answer.out or "70 %" in answer.out
+    assert "70 %" in answer.out
 
 
 def test_files_that_are_not_here_are_a_note_and_another_build_is_a_warning(here: Path) -> None:

@@ -48,19 +48,6 @@ def test_a_walk_leads_from_the_apt_to_the_per_cent(here: Path) -> None:
         assert part in said
 
 
-def test_what_lies_between_two_settings_is_said_to(here: Path) -> None:
-    measure(here, {40: 160.0, 60: 104.0, 70: 88.0})
-
-    answer = rarms("explain", "vision", "--json", "-f", str(here))
-
-    check(answer.out)
-    document = json.loads(answer.out)
-    assert document["least"] == {"reserve": 63, "interpolated": True}
-    assert (document["reserve"], document["fits"]) == (63, True)
-    verdicts = next(step["sentences"] for step in document["steps"] if step["topic"] == "setting and verdict")
-    assert any("between the settings at 60 % and 70 %, not measured itself" in verdict for verdict in verdicts)
-
-
 def test_a_fixed_reserve_that_does_not_fit_is_walked_to_its_end(here: Path) -> None:
     fixed = "    memory: 512 MiB\n    cpu: { reserve: 1.25 LP }\n    processors: 2\n"
     edit(here / "rarms.yaml", "    memory: 512 MiB\n", fixed)

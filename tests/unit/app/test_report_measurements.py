@@ -149,9 +149,7 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
         "vision": False,
         "planning": False,
     }
-    assert [
-        measurement.least.reserve for measurement in report.measurements if measurement.rests and measurement.least
-    ] == [50]
+    assert [measurement.least for measurement in report.measurements if measurement.rests and measurement.least] == [50]
 
 
 def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:

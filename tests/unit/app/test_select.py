@@ -36,16 +36,6 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert "61 %" in rarms("plan", "-f", str(here)).out
 
 
-def test_a_level_between_two_settings_warns(here: Path) -> None:
-    measure(here, MEANS)
-
-    answer = rarms("select", "vision", "--at", "130 ms", "-f", str(here))
-
-    assert answer.code == 0
-    assert "looked up there" in answer.out
-    assert "warning[RARMS103]" in answer.err
-
-
 def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path) -> None:
     measure(here, MEANS)
     before = manifest(here)

@@ -10,7 +10,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import chdir
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
@@ -20,12 +20,9 @@ import pytest
 import rarms_iac
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.model import commands
-from rarms_iac.storage.datalog.files import append_setting
-from rarms_iac.storage.datalog.log import Recorded
-from tests.builders_measured import a_series, a_setting
 from tests.crashing import KILLED
 from tests.files import copy_files
-from tests.measuring import TAKEN, leave_logs
+from tests.measuring import leave_logs
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 
@@ -57,7 +54,6 @@ PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
     simulation: {{ work: 1 ms, varies: 2 % }}
 """
 
-READ_OFF = MEASURED.replace("50 ms", "35 ms")
 
 THIRD = PAIR[PAIR.index("  speech") :].replace("speech", "video")
 
@@ -132,18 +128,6 @@ def killed(*words: str, at: int) -> Callable[[], None]:
 def logs(**least: int) -> Callable[[], None]:
     """What leaves data logs that need so many per cent."""
     return lambda: leave_logs(Path(), least)
-
-
-def drifting(component: str, reserves: Iterable[int]) -> Callable[[], None]:
-    """What adds settings to a data log at which each job takes longer than the one before, whatever it reserves."""
-
-    def append() -> None:
-        log = Path("measurements", "onboard", component, "busy-loop.jsonl")
-        slower = a_series(component, [20 + 0.4 * job for job in range(60)])
-        for reserve in reserves:
-            append_setting(log, Recorded(setting=a_setting(reserve, slower), provenance=TAKEN))
-
-    return append
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,16 +251,6 @@ SITUATIONS = {
         "measure vision",
         ("and measures again",),
         ("rarms measure vision --write-processors",),
-    ),
-    "settings below have no steady state": Situation(
-        (
-            write(MEASURED),
-            do("measure", "vision", "--from", "10%", "--to", "60%", "--step", "50%"),
-            drifting("vision", range(11, 60)),
-        ),
-        "measure vision",
-        ("To find out whether less is enough, measure longer",),
-        ("rarms measure vision --again --samples 2000",),
     ),
     "there is no manifest": Situation((), "plan", ("with `-f PATH`",), ("rarms init",)),
     "the manifest is empty": Situation(
@@ -473,19 +447,6 @@ SITUATIONS = {
         ("Measure it: ",),
         ("rarms measure vision",),
     ),
-    "a reservation is read off the curve": Situation(
-        (write(MEASURED), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"), write(READ_OFF)),
-        "plan",
-        ("Measure it: ",),
-        ("rarms measure vision --verify",),
-    ),
-    "an explained reservation is read off the curve": Situation(
-        (write(MEASURED), do("measure", "vision", "--from", "40%", "--to", "80%", "--step", "40%"), write(READ_OFF)),
-        "explain vision",
-        ("not measured itself: ",),
-        ("rarms measure vision --verify",),
-        printed=True,
-    ),
     "a host is changed by another tool": Situation(
         (write(MANIFEST), APPLY),
         "simulate change vision --reserve 30",
@@ -515,13 +476,6 @@ SITUATIONS = {
         ("Write a manifest, or move the file away",),
         ("rarms init",),
         first=(Path("rarms.yaml").unlink,),
-    ),
-    "samples cannot tell whether a threshold is met": Situation(
-        (write(ALONE.replace("45 %", "measured").replace("50 ms", "20.5 ms")),),
-        "measure vision",
-        ("or allow more samples", " --again --samples "),
-        ("rarms measure vision --again --samples 2000",),
-        may_answer=ExitCode.NO,
     ),
     "a component without a threshold is to be measured": Situation(
         (write(MANIFEST),),
@@ -721,8 +675,6 @@ OTHER_TESTS = {
     "`rarms tune` goes on with combining": "tests/system/test_interactive_session.py",
     "See what the other one did: ": "tests/contracts/test_remote_linux.py",
     # On Linux, or at another moment, what a situation says:
-    "or give it more samples: ": "settings below have no steady state",
-    "That takes more samples: ": "settings below have no steady state",
     "See what is missing with `rarms plan`, and bring it": "nothing is applied that could be proven",
     "Try it alone: `rarms run COMPONENT`": "a component cannot run on its host",
     "Look at the host again: `rarms plan`": "another tool changed a partition",

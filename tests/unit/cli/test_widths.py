@@ -16,7 +16,7 @@ COMMANDS = (
     ("plan",),
     ("drift",),
     ("explain", "vision"),
-    ("explain", "RARMS103"),
+    ("explain", "RARMS267"),
     ("report", "--text"),
     ("select", "vision", "--at", "1 ms"),
     ("prove",),
@@ -56,7 +56,7 @@ def test_no_line_of_words_is_wider_than_the_terminal(robot: Path, words: tuple[s
     with chdir(robot), a_terminal_of(columns):
         ran = rarms(*words)
 
-    told = [line for line in (*ran.lines, *ran.err.splitlines()) if words[-1] != "RARMS103" or line[:4].strip()]
+    told = [line for line in (*ran.lines, *ran.err.splitlines()) if words[-1] != "RARMS267" or line[:4].strip()]
     assert [line for line in told if len(line) > columns and not is_one_word(line, columns)] == []
     assert told
 

@@ -8,7 +8,6 @@ from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY
-from rarms_iac.model.run import SampleCount
 from rarms_iac.model.system import AtMost, Measured
 from tests.unit.manifest.examples import no_checks
 
@@ -47,7 +46,7 @@ def test_a_small_manifest_becomes_a_system_with_every_default(tmp_path: Path) ->
     assert vision.apt == {"mean_response_time": AtMost(value=Fraction(100))}
     assert vision.cpu.reserve is Measured.MEASURED
     assert vision.run is not None
-    assert vision.run.until == SampleCount(samples=200)
+    assert vision.run.until is None
     assert system.interference == LOADS_WITHOUT_ENTRY
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from rarms_iac.measuring.loop import LoopResult, MeasuringContext, MeasuringReporter, SettingsLog, Strategy, measure
 from rarms_iac.measuring.methods import Search, strategy_of
 from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
-from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Searching, goal_of
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
@@ -34,21 +33,18 @@ class Bench:
 
         return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
 
-    def book(self, seed: int | None = None) -> SettingsLog:
+    def book(self, anew: int | None = None) -> SettingsLog:
         experiment = self.experiment
         subject = LogSubject(
             platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
         )
         header = header_of(subject, identity_of(subject, {}, {}), self.host().platform_facts())
-        return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
+        return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, anew=anew)
 
     def search(self, name: str = "bisection", most: int = 100) -> Searching:
-        goal = goal_of(self.experiment)
-        return Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == "paper")
-
-    def agreeing(self) -> Strategy:
-        """The default search, and what makes it agree with a plan."""
-        return strategy_of(Search(), goal_of(self.experiment), 100)
+        searching = strategy_of(Search(strategy=name), goal_of(self.experiment), most)
+        assert isinstance(searching, Searching)
+        return searching
 
     def measure(
         self,
@@ -57,7 +53,7 @@ class Bench:
         simulate: Simulate = fluid,
         should_stop: Callable[[], bool] = lambda: False,
         seed: int = 1,
-        only: int | None = None,
+        anew: int | None = None,
     ) -> LoopResult:
         host = self.host(simulate)
         with host.lock("a test"):
@@ -69,7 +65,7 @@ class Bench:
                 reporter=MeasuringReporter(),
                 should_stop=should_stop,
             )
-            return measure(self.experiment, strategy or self.search(), self.book(only), around)
+            return measure(self.experiment, strategy or self.search(), self.book(anew), around)
 
     @property
     def recorded(self) -> list[int]:

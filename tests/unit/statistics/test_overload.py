@@ -41,7 +41,7 @@ def test_jobs_that_end_further_apart_than_they_are_due_miss_before_a_response_is
     assert verdict.overload.needed_lp == pytest.approx(0.6)
     assert verdict.overload.received_lp == pytest.approx(0.5, rel=0.02)
     assert describe_overload(verdict.overload).startswith("overloaded: needs 0.6 LP, has 0.5")
-    assert judge_early(behind, SLOW, RUN) is not None, "nothing can turn it"
+    assert judge_early(behind, SLOW, RUN, done=0.5) is not None, "nothing can turn it"
 
 
 @pytest.mark.parametrize("mean", [30.0, 49.0])

@@ -1,21 +1,36 @@
 """Verdicts: which there is, and how sequential looks end a setting early."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.outcomes import Estimate, Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
-from rarms_iac.model.run import SampleCount
-from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.outcomes import (
+    Estimate,
+    Met,
+    Missed,
+    TooFewSamples,
+    TooManyFailures,
+    Unsteady,
+    Verdict,
+    WithinNoise,
+)
+from rarms_iac.model.run import Run, SampleCount
+from rarms_iac.model.series import MOST_SAMPLES, Sample, Series
 from rarms_iac.model.system import Threshold
-from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, next_look
+from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, next_look, samples_needed
 from rarms_iac.statistics.estimates import estimate
-from rarms_iac.statistics.verdicts import judge, judge_early
-from tests.builders import a_run, at_least, at_most
+from rarms_iac.statistics.verdicts import judge, judge_early, judge_look, samples_to_clear
+from tests.builders import a_run, at_least, at_most, milliseconds
 from tests.measured import a_series, noisy
 
 RUN = replace(a_run(until=SampleCount(samples=400)), deadline=None)
 SERIES = a_series(noisy(1, 100.0, count=400))
+
+
+def the_early(series: Series, apt: Mapping[str, Threshold], run: Run) -> Verdict | None:
+    """Of a setting that has 400 samples at its end."""
+    return judge_early(series, apt, run, done=len(series.samples) / 400)
 
 
 @pytest.mark.parametrize(
@@ -57,32 +72,32 @@ def test_nothing_measured_gets_no_verdict() -> None:
 def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
-    assert isinstance(judge_early(early, {"mean_response_time": at_most(200)}, RUN), Met)
-    assert isinstance(judge_early(early, {"mean_response_time": at_most(50)}, RUN), Missed)
-    assert judge_early(early, {"mean_response_time": at_most(101)}, RUN) is None
-    assert judge_early(early, {"mean_response_time": at_most(110)}, RUN) is None, "slow jobs may not have been seen"
+    assert isinstance(the_early(early, {"mean_response_time": at_most(200)}, RUN), Met)
+    assert isinstance(the_early(early, {"mean_response_time": at_most(50)}, RUN), Missed)
+    assert the_early(early, {"mean_response_time": at_most(101)}, RUN) is None
+    assert the_early(early, {"mean_response_time": at_most(110)}, RUN) is None, "slow jobs may not have been seen"
 
 
 def test_a_setting_that_its_end_would_not_settle_ends_within_the_noise() -> None:
     half = a_series(noisy(1, 100.0, count=226))
     at_the_mean = {"mean_response_time": at_most(str(sum(noisy(1, 100.0, count=226)) / 226))}
 
-    assert isinstance(judge_early(half, at_the_mean, RUN), WithinNoise)
-    assert judge_early(half, {"mean_response_time": at_most(103)}, RUN) is None
+    assert isinstance(the_early(half, at_the_mean, RUN), WithinNoise)
+    assert the_early(half, {"mean_response_time": at_most(103)}, RUN) is None
 
 
 def test_an_extreme_that_one_more_sample_may_turn_is_not_settled_early() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
-    assert judge_early(early, {"maximum_response_time": at_most(200)}, RUN) is None
-    assert isinstance(judge_early(early, {"maximum_response_time": at_most(100)}, RUN), Missed)
-    assert judge_early(early, {"minimum_response_time": at_most(50)}, RUN) is None
-    assert isinstance(judge_early(early, {"minimum_response_time": at_most(99)}, RUN), Met)
-    assert isinstance(judge_early(SERIES, {"maximum_response_time": at_most(200)}, RUN), Met)
+    assert the_early(early, {"maximum_response_time": at_most(200)}, RUN) is None
+    assert isinstance(the_early(early, {"maximum_response_time": at_most(100)}, RUN), Missed)
+    assert the_early(early, {"minimum_response_time": at_most(50)}, RUN) is None
+    assert isinstance(the_early(early, {"minimum_response_time": at_most(99)}, RUN), Met)
+    assert isinstance(the_early(SERIES, {"maximum_response_time": at_most(200)}, RUN), Met)
 
 
 def test_a_setting_that_is_over_has_a_verdict() -> None:
-    assert judge_early(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
+    assert the_early(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
 
 
 def test_a_series_of_a_host_that_had_not_settled_gets_no_verdict() -> None:
@@ -172,3 +187,41 @@ def test_looks_grow_apart() -> None:
         looks.append(next_look(looks[-1]))
 
     assert looks == [40, 57, 80, 113, 160]
+
+
+@pytest.mark.parametrize(
+    ("index", "threshold", "needed"),
+    [
+        ("p99_response_time", at_most(100), 833),
+        ("success_rate", at_least(99), 833),
+        ("deadline_miss_rate", at_most(5), 164),
+        ("mean_response_time", at_most(100), FIRST_LOOK),
+        ("p50_response_time", at_most(100), FIRST_LOOK),
+    ],
+)
+def test_so_many_samples_are_needed_where_every_job_is_good(index: str, threshold: Threshold, needed: int) -> None:
+    def verdict(count: int) -> Verdict:
+        return judge_look(a_series([50.0] * count), {index: threshold}, replace(RUN, deadline=milliseconds("1 s")))
+
+    assert samples_needed(index, threshold) == needed
+    assert isinstance(verdict(needed), Met)
+    if needed > FIRST_LOOK:
+        assert not isinstance(verdict(needed - 1), Met)
+
+
+def test_a_success_rate_of_all_jobs_is_never_shown() -> None:
+    assert samples_needed("success_rate", at_least(100)) > MOST_SAMPLES
+
+
+@pytest.mark.parametrize(("index", "limit"), [("mean_response_time", 102), ("p90_response_time", 122)])
+def test_with_as_many_samples_as_it_says_a_setting_is_clear(index: str, limit: int) -> None:
+    apt: dict[str, Threshold] = {index: at_most(limit)}
+    times = noisy(5, 100.0, variation=0.15, correlation=0.0, count=20_000)
+    few = a_series(times[:400])
+    verdict = judge_look(few, apt, RUN)
+
+    assert isinstance(verdict, WithinNoise)
+    count = samples_to_clear(verdict.judged[0], few)
+    assert count is not None
+    assert 400 < count < 10_000
+    assert isinstance(judge_look(a_series(times[: int(2 * count)]), apt, RUN), Met)

@@ -12,7 +12,6 @@ from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
-from rarms_iac.statistics.curves import LeastReserve
 from tests.builders import a_component, a_host, a_system
 from tests.unit.cli.running import rarms
 
@@ -39,7 +38,7 @@ class Needs:
         end: Conclusion = Sufficient(reserve=needed, failed=None) if self.least[load] else NotAchievable(reserve=100)
         if isinstance(method, Sweep):
             end = Swept()
-        planned = LeastReserve(reserve=self.least[load], interpolated=False)
+        planned = self.least[load]
         return ExperimentResult(experiment=experiment, conclusion=end, settings=(), new=1, planned=planned, log=load)
 
 

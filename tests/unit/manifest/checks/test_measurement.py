@@ -1,9 +1,8 @@
 from collections.abc import Mapping
-from fractions import Fraction
 
 import pytest
 
-from rarms_iac.manifest.checks.measurement import pattern_groups, samples_needed
+from rarms_iac.manifest.checks.measurement import pattern_groups
 from rarms_iac.model.run import Call, Elapsed, Field, Run, SampleCount, Samples
 from rarms_iac.model.system import System, Threshold
 from tests.builders import a_component, a_run, a_system, at_least, at_most, milliseconds
@@ -69,25 +68,25 @@ def test_times_that_contradict_each_other() -> None:
     assert found(with_run(cut_off, {"maximum_response_time": at_most(99)})) == []
 
 
+P99: dict[str, Threshold] = {"p99_response_time": at_most(100)}
+
+
 @pytest.mark.parametrize(
-    ("index", "needed"),
+    ("run", "apt", "finds"),
     [
-        ("p95_response_time", 20),
-        ("p99_response_time", 100),
-        ("p50_response_time", 2),
-        ("p99.9_response_time", 1000),
-        ("mean_response_time", None),
+        (a_run(until=SampleCount(samples=832)), P99, ["run.until"]),
+        (a_run(until=SampleCount(samples=833)), P99, []),
+        (a_run(), P99, []),
+        (a_run(every="720 ms"), P99, []),
+        (a_run(every="721 ms"), P99, ["apt.p99_response_time"]),
+        (a_run(), {"success_rate": at_least(100)}, ["apt.success_rate"]),
+        (a_run(every="1 s", until=SampleCount(samples=601)), {"mean_response_time": at_most(100)}, ["run.until"]),
+        (a_run(until=Elapsed(time=milliseconds("11 min"))), {"mean_response_time": at_most(100)}, ["run.until"]),
     ],
 )
-def test_samples_that_a_percentile_needs(index: str, needed: int | None) -> None:
-    assert samples_needed(index) == needed
-
-
-def test_a_percentile_of_too_few_samples() -> None:
-    apt = {"p99_response_time": at_most(Fraction(100))}
-
-    assert found(with_run(a_run(until=SampleCount(samples=99)), apt)) == [("RARMS074", "components.vision.run.until")]
-    assert found(with_run(a_run(until=SampleCount(samples=100)), apt)) == []
+def test_samples_that_until_or_the_budget_forbid(run: Run, apt: dict[str, Threshold], finds: list[str]) -> None:
+    """A p99 needs 833, a setting may take 10 min."""
+    assert found(with_run(run, apt)) == [("RARMS074", f"components.vision.{place}") for place in finds]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Strategies on components without noise: what they measure, and what they find."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -16,7 +17,7 @@ from rarms_iac.measuring.search.trials import (
     below_demand,
     bracket_of,
     settings_below,
-    trial_of,
+    trials_of,
 )
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
@@ -32,6 +33,16 @@ LONG_RUN = replace(RUN, until=SampleCount(samples=60))
 GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}, run=RUN),), processors=2)
 
 
+def judged(history: Sequence[SearchTrial], setting: Setting, goal: Goal) -> list[SearchTrial]:
+    """All settings so far, with one more."""
+    return trials_of([*(trial.setting for trial in history), setting], goal)
+
+
+def the_trial(setting: Setting, goal: Goal) -> SearchTrial:
+    (trial,) = trials_of([setting], goal)
+    return trial
+
+
 def walk(strategy: str, least: int) -> tuple[list[int], SearchStep]:
     """The settings a strategy measures, and its end, where the APT is met from a reservation on (101: never)."""
     history: list[SearchTrial] = []
@@ -40,7 +51,7 @@ def walk(strategy: str, least: int) -> tuple[list[int], SearchStep]:
         if not isinstance(step, Measure):
             return [trial.reserve for trial in history], step
         times = noisy(step.reserve, 80.0 if step.reserve >= least else 120.0, variation=0.01, count=100)
-        history.append(trial_of(Setting(reserve=step.reserve, series=(a_series(times),)), GOAL))
+        history = judged(history, Setting(reserve=step.reserve, series=(a_series(times),)), GOAL)
 
 
 def test_the_paper_walks_by_ten_and_stops_at_the_first_that_passes() -> None:
@@ -87,7 +98,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
             a_series(noisy(seed * count + number, 100.0, count=60), component=f"coi-{number}")
             for number in range(count)
         )
-        verdicts = trial_of(Setting(reserve=50, series=series), goal).verdicts.values()
+        verdicts = the_trial(Setting(reserve=50, series=series), goal).verdicts.values()
         wrong += any(isinstance(verdict, Missed) for verdict in verdicts)
 
     assert wrong <= ERROR * tries + 2.4 * (ERROR * (1 - ERROR) * tries) ** 0.5
@@ -102,7 +113,7 @@ def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> t
         times = noisy(step.reserve, mean, variation=0.01, count=100)
         if step.reserve in silent:
             times = [time * level / mean * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
-        history.append(trial_of(Setting(reserve=step.reserve, series=(a_series(times),)), GOAL))
+        history = judged(history, Setting(reserve=step.reserve, series=(a_series(times),)), GOAL)
     return [trial.reserve for trial in history], step
 
 
@@ -151,9 +162,9 @@ def test_a_component_that_never_is_steady_takes_few_settings(strategy: str, leve
 
 def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -> None:
     times = noisy(1, 80.0, variation=0.01, count=100)
-    passing = trial_of(Setting(reserve=20, series=(a_series(times),)), GOAL)
+    passing = the_trial(Setting(reserve=20, series=(a_series(times),)), GOAL)
     broken = [time * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
-    silent = trial_of(Setting(reserve=45, series=(a_series(broken),)), GOAL)
+    silent = the_trial(Setting(reserve=45, series=(a_series(broken),)), GOAL)
 
     assert silent.inconclusive
     assert not silent.failed
@@ -171,7 +182,7 @@ def test_after_the_first_setting_nothing_below_the_demand_is_asked_for(strategy:
         level, demand_lp = (80.0 if step.reserve >= 68 else 95.0), 1.3
         times = noisy(step.reserve, level, variation=0.01, count=100)
         series = replace(a_series(times), cpu_ms=demand_lp * 100 * len(times))
-        history.append(trial_of(Setting(reserve=step.reserve, series=(series,)), goal))
+        history = judged(history, Setting(reserve=step.reserve, series=(series,)), goal)
 
     assert isinstance(step, Sufficient)
     assert 68 <= step.reserve <= 69
@@ -188,5 +199,5 @@ def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
     slow = a_series(noisy(1, 120.0, variation=0.01, count=100), component="b")
     quick = a_series(noisy(1, 80.0, variation=0.01, count=100), component="b")
 
-    assert trial_of(Setting(reserve=45, series=(rising, slow)), goal).failed
-    assert trial_of(Setting(reserve=45, series=(rising, quick)), goal).inconclusive
+    assert the_trial(Setting(reserve=45, series=(rising, slow)), goal).failed
+    assert the_trial(Setting(reserve=45, series=(rising, quick)), goal).inconclusive

@@ -14,7 +14,6 @@ def chosen(reserve: int = 62) -> Chosen:
         apt={"mean_response_time": "at most 100 ms"},
         partition="vision",
         reserve=reserve,
-        interpolated=False,
         task="ObjectIdentification",
         data_log="measurements/onboard/vision/busy-loop.jsonl",
         identity="0" * 64,

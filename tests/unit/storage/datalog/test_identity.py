@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.model.host import ProviderKind, SchedulerType
 from rarms_iac.model.loads import Browser, CommandLoad
 from rarms_iac.model.measurement import EnvironmentSetup
-from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, Samples, Stop
+from rarms_iac.model.run import Call, Command, Elapsed, Field, Periodic, Run, SampleCount, Samples, Stop
 from rarms_iac.model.system import Component, RunsOn, Simulation, TaskCategory, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, identity_of
 from rarms_iac.storage.datalog.log import Identity
@@ -70,9 +70,12 @@ OF_A_SIMULATION: dict[str, object] = {
 
 
 @pytest.mark.parametrize("field", [field_.name for field_ in fields(Run)])
-def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files(field: str) -> None:
+def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files_and_how_many_samples(field: str) -> None:
     if field == "files":
         assert changed(a_subject(vision(run=replace(a_run(), files=("*.py",))))) == []
+        return
+    if field == "until":
+        assert changed(a_subject(vision(run=a_run(until=SampleCount(samples=300))))) == []
         return
     now = replace(a_run(), **{field: OF_A_RUN[field]})  # type: ignore[arg-type]  # one value for each field
     assert changed(a_subject(vision(run=now)))

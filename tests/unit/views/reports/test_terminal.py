@@ -43,7 +43,7 @@ def test_the_threshold_is_a_line_across_and_the_reserve_one_from_top_to_bottom()
     column = int(60 / 100 * 68)
     assert {row.ljust(80)[column] for row in field} <= {":", "+", "o", "*"}
     assert sum(row.count("o") for row in field) == 10
-    assert text.splitlines()[-1] == "at most 100 ms: reserve 60 %, measured"
+    assert text.splitlines()[-1] == "at most 100 ms: reserve 60 %"
 
 
 def test_a_scale_that_is_logarithmic_is_called_so() -> None:
