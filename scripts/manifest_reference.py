@@ -106,7 +106,7 @@ _EXAMPLES = {
     "CommandLoadBlock": "interference:\n  recorder: { kind: command, command: [rosbag, record, --all], instances: 2 }",
     "TaskBlock": "tasks:\n  MotionControl: { category: Medium, priority: 6 }",
     "PolicyBlock": "policy: { minimise: reservation, max_disruption: partition_stop }",
-    "MeasuringLimitsBlock": "policy: { measuring: { setting: 5 min, proof: 20 min } }",
+    "MeasuringLimitsBlock": "measuring: { setting: 5 min, proof: 20 min }",
     "AcceptanceBlock": """\
         accept:
           RARMS041: { at: [partition/vision], reason: The driver needs it., until: 2027-01-31 }

@@ -29,7 +29,8 @@ hosts:
     provider: hyperv
     logical_processors: 8
     memory: 64 GiB
-    connect: { ssh: operator@server, shell: powershell }
+    connect:
+      { ssh: operator@server, shell: powershell, port: 2222, key: ~/.ssh/cell, jump: gate, control_path: ~/.ssh/%C }
     hyperv: { switch: robots, image: 'D:\\images\\base.vhdx', vm_path: 'D:\\machines', generation: 2, secure_boot: off }
   bench:
     provider: linux

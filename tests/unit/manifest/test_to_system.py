@@ -76,7 +76,9 @@ def test_hosts() -> None:
             },
         ),
     )
-    assert SYSTEM.hosts["server"].connect == Connect(ssh="operator@server", shell="powershell")
+    assert SYSTEM.hosts["server"].connect == Connect(
+        ssh="operator@server", shell="powershell", port=2222, key="~/.ssh/cell", jump="gate", control_path="~/.ssh/%C"
+    )
     assert SYSTEM.hosts["server"].settings == HypervHost(
         switch="robots", image="D:\\images\\base.vhdx", vm_path="D:\\machines", secure_boot="off"
     )
