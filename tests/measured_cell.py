@@ -52,7 +52,8 @@ EVERYTHING_FILE = "everything.yaml"
 READERS: dict[str, list[list[str]]] = {
     "rarms.yaml": [
         *(["validate", "--output", form] for form in OutputFormat),
-        *([command] for command in ("plan", "fmt", "measure", "status", "graph", "explain", "doctor", "prove", "tune")),
+        *([command] for command in ("plan", "fmt", "measure", "status", "graph", "explain", "doctor", "tune")),
+        ["prove", "--load-host"],
         ["plan", "--output", "markdown"],
         ["report", "--out", "report.html"],
     ],
@@ -68,7 +69,7 @@ READERS: dict[str, list[list[str]]] = {
         ["drift"],
         ["undo", "--auto-approve"],
         ["snapshot", "--out", "new.json"],
-        ["prove"],
+        ["prove", "--load-host"],
         ["measure", "vision"],
         ["doctor"],
         ["destroy", "--auto-approve"],
@@ -86,8 +87,14 @@ READERS: dict[str, list[list[str]]] = {
         ["apply", "--auto-approve"],
         ["graph", "--candidates"],
     ],
-    COMPOUND_LOG: [["plan"], ["explain", "paths"], ["report", "--out", "report.html"], ["tune"], ["prove"]],
-    CONFIGURATION_LOG: [["plan"], ["explain", "paths"], ["prove"], ["report", "--out", "report.html"]],
+    COMPOUND_LOG: [
+        ["plan"],
+        ["explain", "paths"],
+        ["report", "--out", "report.html"],
+        ["tune"],
+        ["prove", "--load-host"],
+    ],
+    CONFIGURATION_LOG: [["plan"], ["explain", "paths"], ["prove", "--load-host"], ["report", "--out", "report.html"]],
     TUNING_LOG: [["tune"], ["report", "--out", "report.html"], ["explain", "paths"]],
     PLAN: [["show", PLAN], ["show", PLAN, "--script"], ["apply", PLAN], ["show", PLAN, "--json"]],
     SNAPSHOT: [["plan", "--snapshot", f"onboard={SNAPSHOT}"], ["plan", "--snapshot", SNAPSHOT, "--json"]],
@@ -107,7 +114,7 @@ def make_cell(folder: Path) -> Path:
             ["tune", "--samples", "60"],
             ["plan", "--out", PLAN],
             ["apply", PLAN],
-            ["prove"],
+            ["prove", "--load-host"],
             ["snapshot", "--out", SNAPSHOT],
         ):
             rarms(*words)

@@ -211,11 +211,12 @@ def outcome_of(family: Family, folder: Path, seed: int) -> Outcome:
 
 def _missed(hosts: Hosts, family: Family) -> Iterator[str]:
     """Each threshold that was shown to miss, without a load and beside each."""
-    for load in (None, *family):
-        for proof in rarms.prove(hosts, ProveRequest(interference=load)).proofs:
+    for request in (ProveRequest(without_load=True), ProveRequest(interference=tuple(family))):
+        for proof in rarms.prove(hosts, request).proofs:
             for verdict in proof.verdicts:
                 if isinstance(verdict.verdict, Missed):
-                    yield f"{verdict.measured.component} {verdict.measured.index} beside {load or 'no load'}"
+                    load = proof.interference or "no load"
+                    yield f"{verdict.measured.component} {verdict.measured.index} beside {load}"
 
 
 def figures(outcomes: Sequence[Outcome], half: str) -> list[Figure]:

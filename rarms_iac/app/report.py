@@ -88,7 +88,7 @@ def measured_report(manifest: Manifest, components: Sequence[str] = ()) -> Repor
 
 def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[LogBesideManifest]) -> Report:
     planned = totals_at_hand(manifest)
-    report = report_of(manifest.system, logs, tuple(_proofs(manifest, components)), planned)
+    report = report_of(manifest.system, logs, proofs_of(manifest, components), planned)
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
     return replace(report, tunings=tuple(tunings_of(measurements_of(manifest))))
@@ -147,18 +147,41 @@ def _log_beside_manifest(system: System, files: Files, path: Path, log: DataLog)
     )
 
 
+def proofs_of(manifest: Manifest, components: Sequence[str] = ()) -> tuple[ComponentProof, ...]:
+    """Read what each component showed when all ran together last, beside each load, on every platform where they did.
+
+    Args:
+        manifest: Its configuration logs are read.
+        components: Only of these; none: of all.
+
+    Returns:
+        By platform, component, load and threshold.
+
+    Raises:
+        UseCaseError: A log cannot be read.
+    """
+    return tuple(_proofs(manifest, components))
+
+
 def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[ComponentProof]:
-    """What each component showed when all ran together last, on every platform where they did."""
     system, folder = manifest.system, Path(manifest.folder)
     reservations = measured_reservations(measurements_of(manifest), {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components):
             entries = _entries(configuration_path(folder, platform, name))
-            for entry in [entry for entry in entries if entry.component == name][-1:]:
+            for entry in _standing([entry for entry in entries if entry.component == name]):
                 layout = tuple(_layout_since(entry, system, reservations))
                 for index in entry.indexes:
                     changed = (*_threshold_since(entry, index, system), *layout)
                     yield _proof(entry, index, changed)
+
+
+def _standing(entries: Sequence[Proven]) -> list[Proven]:
+    """The last entry of each load. One without a load is weaker: it stands until one beside a load follows."""
+    last = {entry.interference: at for at, entry in enumerate(entries)}
+    without = last.pop(None, -1)
+    numbers = [*last.values(), *([without] if without > max(last.values(), default=-1) else [])]
+    return [entries[number] for number in sorted(numbers)]
 
 
 def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iterator[str]:
@@ -211,6 +234,8 @@ def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> Com
         when=entry.when,
         host=entry.host,
         reserve=entry.reserve,
+        interference=entry.interference,
+        samples_needed=proven.samples_needed,
         outdated=outdated,
     )
 

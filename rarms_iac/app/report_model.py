@@ -190,6 +190,8 @@ class ComponentProof:
     when: str  # in UTC, as RFC 3339 has it
     host: str
     reserve: int  # of its partition, in per cent
+    interference: str | None  # the load beside all of them; None: there was none
+    samples_needed: int | None  # that would show it, where it is not shown yet; None: nothing tells
     outdated: tuple[str, ...]  # what is no longer as it was when this was proven
 
 

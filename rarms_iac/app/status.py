@@ -8,7 +8,7 @@ from typing import Literal
 from rarms_iac.app.drift import look_for_drift
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host
-from rarms_iac.app.report import NOTHING_MEASURED, measured_report
+from rarms_iac.app.report import NOTHING_MEASURED, measured_report, proofs_of
 from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.state_after import totals_after
@@ -142,7 +142,7 @@ def overview_of(hosts: Hosts) -> Overview:
         if report
         else tuple(names_of(group.members) for group in groups_of(hosts.system) if depends_on_a_log(group))
     )
-    proofs = _beside_what_is_there(report.proofs, overviews) if report else ()
+    proofs = _beside_what_is_there(report.proofs if report else proofs_of(hosts.manifest), overviews)
     return Overview(
         application=hosts.system.application.name,
         hosts=overviews,
@@ -271,8 +271,15 @@ def _next_command(
 ) -> NextCommand | None:
     unfinished = [host.name for host in hosts if host.last_run and host.last_run.closing is None]
     kinds = {kind for host in hosts for kind in host.drift_kinds}
-    asked = sum(len(component.apt) for component in system.components.values())
-    holding = sum(proof.met and not proof.outdated for proof in proofs)
+    asked = {
+        (name, index, load)
+        for name, component in system.components.items()
+        for index in component.apt
+        for load in system.policy.interference
+    }
+    holding = {
+        (proof.component, proof.index.name, proof.interference) for proof in proofs if proof.met and not proof.outdated
+    }
     if unfinished:
         return NextCommand(command="rarms apply", reason=f"finishes the run on {in_a_row(unfinished)}")
     if unmeasured:
@@ -281,7 +288,7 @@ def _next_command(
         return NextCommand(command="rarms drift", reason="tells what was changed on a host")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command="rarms plan", reason="shows what is not applied yet")
-    if holding < asked and not any(host.problems for host in hosts):
+    if not asked <= holding and not any(host.problems for host in hosts):
         stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
         if stopped:
             reason = "starts what was stopped, so that thresholds can be proven"

@@ -190,3 +190,21 @@ def ask_yes_or_no(session: Session, question: Question) -> bool:
     while answer not in {"", "y", "yes", "n", "no"}:
         answer = read_answer(session, Question(text=f"Say y or n: {text}", help_text=question.help_text)).lower()
     return answer in {"y", "yes"}
+
+
+def refuse_load_unasked(session: Session, *, loads: bool, load_host: bool) -> None:
+    """Refuse to use all idle time of hosts where there is no terminal to say so at, before anything is done.
+
+    Args:
+        session: of the command.
+        loads: whether loads will run.
+        load_host: whether that was asked for.
+
+    Raises:
+        RequestError: there is none, and it was not asked for.
+    """
+    if loads and not load_host and not session.terminal.answers:
+        raise RequestError(
+            "A proof uses all idle time of the hosts, and there is no terminal to say so at.",
+            prose("Give --load-host, or prove what holds without a load: ", command("prove", without_load=True), "."),
+        )

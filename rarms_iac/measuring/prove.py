@@ -1,12 +1,18 @@
-"""Runs all components together in the layout that is applied, and judges every index beside its threshold."""
+"""Runs all components together in the layout that is applied, and judges every index beside its threshold.
+
+They begin anew at least `STARTS` times, since periodic ones keep the phase in which they began, and go on until every
+threshold was shown to be met or missed, or the budget is spent. What was not shown until then is not met.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from math import ceil
 from typing import assert_never
 
 from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.measuring.duration import least_samples
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     free_memory,
@@ -19,12 +25,13 @@ from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.measuring.sampling import watch
 from rarms_iac.measuring.settling import Contender, Settling, wants_all_processors
 from rarms_iac.model.loads import Interference
-from rarms_iac.model.measurement import P2, SettingEvidence
+from rarms_iac.model.measurement import P2
 from rarms_iac.model.outcomes import (
     Estimate,
     Met,
     Missed,
     Overload,
+    Stopped,
     TooFewSamples,
     TooManyFailures,
     Unsteady,
@@ -33,17 +40,20 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import LEAST_MEMORY, Milliseconds
-from rarms_iac.model.run import Elapsed, Run, SampleCount
-from rarms_iac.model.series import Series
+from rarms_iac.model.run import Elapsed, Periodic, SampleCount
+from rarms_iac.model.series import MOST_SAMPLES, Series, join_series
 from rarms_iac.model.system import Component, TaskRequest, run_of
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
-from rarms_iac.statistics.error_probability import ERROR, shared_error
+from rarms_iac.statistics.error_probability import ERROR, samples_needed
 from rarms_iac.statistics.overload import describe_overload
-from rarms_iac.statistics.verdicts import judge_each
+from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear
 
-LONGER = 4
-"""So many times as long real processes run once more where the first run did not decide."""
+STARTS = 8
+"""So often the components of a layout begin anew at least."""
+
+SEEDS_APART = 1009
+"""More than there are starts, so that no two of them share a seed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +65,7 @@ class AppliedLayout:
     reserved: Fraction  # LPs that the running partitions of the application reserve there
     partitions: Mapping[str, tuple[Component, ...]]  # by name
     reserves: Mapping[str, float] = field(default_factory=dict)  # LPs of each that has a reserve, by name
+    processors: Mapping[str, int] = field(default_factory=dict)  # VPs of each, by name
     on_host: tuple[Component, ...] = ()  # in the host's own operating system
     tasks: Mapping[str, TaskRequest] = field(default_factory=dict)  # what the manifest fixes of task classes
     deadline_periods_us: Mapping[str, int] = field(default_factory=dict)  # of partitions with that mechanism, by name
@@ -77,6 +88,7 @@ class IndexVerdict:
 
     measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
     verdict: Verdict
+    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: nothing tells
 
     @property
     def met(self) -> bool:
@@ -92,12 +104,14 @@ class IndexVerdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutProof:
-    """What a layout showed."""
+    """What a layout showed beside a load, or without one."""
 
     host: str
+    interference: str | None  # the load beside it; None: there was none
     layout: Internal[AppliedLayout]
     series: Internal[Mapping[str, Series]]  # by component, of those with thresholds
     verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
+    starts: int  # how often its components began anew
 
     @property
     @output
@@ -118,18 +132,13 @@ class LayoutProof:
         return {name: tuple(member.name for member in members) for name, members in self.layout.partitions.items()}
 
     @property
-    def is_decided(self) -> bool:
-        """Whether every threshold was shown to be met, or to be missed."""
-        return all(isinstance(each.verdict, Met | Missed) for each in self.verdicts)
-
-    @property
     def not_met(self) -> tuple[IndexVerdict, ...]:
         """The indexes that were not shown to meet their thresholds."""
         return tuple(verdict for verdict in self.verdicts if not verdict.met)
 
 
 def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
-    """Have so many samples of each component taken; None: as each `run.until` says.
+    """Have at least so many samples of each component taken; None: as each `run.until` says.
 
     Args:
         layout: what runs where.
@@ -138,28 +147,15 @@ def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
     Returns:
         The same layout with other runs.
     """
-    return layout if samples is None else _with_ends(layout, lambda _run: SampleCount(samples=samples))
-
-
-def _with_ends(layout: AppliedLayout, end: Callable[[Run], SampleCount | Elapsed]) -> AppliedLayout:
-    """The same layout with other ends of its runs."""
+    if samples is None:
+        return layout
+    until = SampleCount(samples=samples)
 
     def changed(components: Iterable[Component]) -> tuple[Component, ...]:
-        return tuple(
-            replace(component, run=replace(run_of(component), until=end(run_of(component)))) for component in components
-        )
+        return tuple(replace(component, run=replace(run_of(component), until=until)) for component in components)
 
     partitions = {name: changed(members) for name, members in layout.partitions.items()}
     return replace(layout, partitions=partitions, on_host=changed(layout.on_host))
-
-
-def _longer(run: Run) -> SampleCount | Elapsed:
-    """The end of a run that goes on `LONGER` times as long."""
-    match run.ends:
-        case SampleCount(samples=samples):
-            return SampleCount(samples=LONGER * samples)
-        case Elapsed(time=time):
-            return Elapsed(time=Milliseconds(LONGER * time))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,12 +189,35 @@ class ProofConditions:
     """What a layout is run under."""
 
     beside: LoadPartition | None  # None: there is no load
+    interference: str | None  # its name
     seed: int  # of chance, where the host draws it
+    budget_ms: float  # of the host's time, in which a start may begin
+    statements: int = 1  # thresholds, times the loads beside which they are proven: one that is missed shares the error
 
     @property
     def load(self) -> Interference | None:
         """The interference in P2."""
         return None if self.beside is None else self.beside.load
+
+
+def least_duration_ms(layout: AppliedLayout, memory_ms: float) -> float:
+    """Work out how long a layout runs beside a load at least.
+
+    Args:
+        layout: what runs where.
+        memory_ms: the longest window of the host's scheduler.
+
+    Returns:
+        Of the host's time, in ms: every start settles, and takes its part of the samples of periodic components.
+    """
+    settles = Settling(memory_ms=memory_ms).least_ms
+    periodic = [
+        least_samples(component) * float(arrival.period)
+        for component in layout.judged
+        if isinstance(arrival := run_of(component).arrival, Periodic)
+    ]
+    timed = [float(until.time) for component in layout.judged if isinstance(until := run_of(component).until, Elapsed)]
+    return STARTS * settles + max(settles, *periodic, *timed, 0.0)
 
 
 def prove(
@@ -208,16 +227,14 @@ def prove(
     should_stop: Callable[[], bool],
     samples_came: Callable[[Mapping[str, Series]], None],
 ) -> LayoutProof | TooManyFailures | None:
-    """Run everything that is applied, each component as long as its `run.until` says, and judge those with thresholds.
-
-    Where that does not decide on real processes, which wander between processors, they run anew, `LONGER` times longer.
+    """Run everything that is applied, start after start, until each threshold is met or missed, or the budget spent.
 
     Args:
         host: Its lock is held by the caller.
         layout: What runs where.
         conditions: What it is run under.
         should_stop: Asked after every sample.
-        samples_came: Told now and then what was seen so far.
+        samples_came: Told now and then what was seen so far, in all starts.
 
     Returns:
         None: an end was asked for.
@@ -225,33 +242,94 @@ def prove(
     Raises:
         HostError: the host did not do what was asked.
     """
-
-    def to_its_end(seen: Mapping[str, Series]) -> bool:
-        samples_came(seen)
-        return False
-
-    def run_once(tried: AppliedLayout) -> tuple[LayoutProof | TooManyFailures | None, SettingEvidence | None]:
-        with host.run(_work_of(tried, conditions, settling)) as running:
-            series = watch(running, tried.judged, settling, to_its_end, should_stop)
-            evidence = running.evidence()
-        if series is None or isinstance(series, TooManyFailures):
-            return series, evidence
-        verdicts = judge_layout(tried.judged, series, is_real=evidence is not None)
-        return LayoutProof(host=host.name, layout=tried, series=series, verdicts=verdicts), evidence
-
-    settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, conditions.load))
+    proof = _Proof(host=host, layout=layout, conditions=conditions, should_stop=should_stop, samples_came=samples_came)
     with ExitStack() as ends:
         if beside := conditions.beside:
             ends.enter_context(running_test_partitions(host, layout.application, (beside.shape,)))
             set_reserves(host, layout.application, (beside.shape,), {P2: beside.reserve})
-        proof, evidence = run_once(layout)
-        if isinstance(proof, LayoutProof) and not proof.is_decided and evidence is not None:
-            proof, _ = run_once(_with_ends(layout, _longer))
-    return proof
+        while not proof.is_over:
+            if (ended := proof.start_anew()) is not None:
+                return None if isinstance(ended, Stopped) else ended
+    return LayoutProof(
+        host=host.name,
+        interference=conditions.interference,
+        layout=layout,
+        series=proof.series,
+        verdicts=judge_layout(layout.judged, proof.series, statements=conditions.statements),
+        starts=proof.starts,
+    )
 
 
-def _work_of(layout: AppliedLayout, conditions: ProofConditions, settling: Settling) -> Work:
-    """All that is applied, each component for as long as its `run.until` says, and the load in P2."""
+@dataclass(slots=True, kw_only=True)
+class _Proof:
+    """The starts of a layout so far."""
+
+    host: MeasuringHost
+    layout: AppliedLayout
+    conditions: ProofConditions
+    should_stop: Callable[[], bool]
+    samples_came: Callable[[Mapping[str, Series]], None]
+    series: Mapping[str, Series] = field(default_factory=dict)  # by component, of all starts
+    starts: int = 0
+    spent_ms: float = 0.0
+
+    @property
+    def is_over(self) -> bool:
+        if self.starts < STARTS:
+            return False
+        return self.spent_ms >= self.conditions.budget_ms or not any(map(self._undecided, self.layout.judged))
+
+    def start_anew(self) -> TooManyFailures | Stopped | None:
+        """Add a start to the series; or why there is none."""
+
+        def to_its_end(seen: Mapping[str, Series]) -> bool:
+            self.samples_came({name: self._with(name, part) for name, part in seen.items()})
+            return False
+
+        settling = Settling(
+            memory_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
+        )
+        seed = self.conditions.seed * SEEDS_APART + self.starts
+        work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)
+        until = {component.name: self._until(component) for component in self.layout.judged}
+        with self.host.run(replace(work, until=until)) as running:
+            seen = watch(running, self.layout.judged, settling, to_its_end, self.should_stop)
+            evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
+        if seen is None:
+            return Stopped()
+        if isinstance(seen, TooManyFailures):
+            return seen
+        is_real = evidence is not None
+        self.series = {name: replace(self._with(name, part), wanders=is_real) for name, part in seen.items()}
+        self.starts, self.spent_ms = self.starts + 1, self.spent_ms + elapsed_ms
+        return None
+
+    def _with(self, name: str, part: Series) -> Series:
+        return join_series((self.series[name], part)) if name in self.series else part
+
+    def _until(self, component: Component) -> SampleCount | Elapsed:
+        """How much of a component a start takes: a part of what its thresholds need, then of what was seen."""
+        if self.starts >= STARTS:
+            seen = len(self.series[component.name].samples)
+            return SampleCount(samples=ceil(seen / STARTS) if self._undecided(component) else 1)
+        until = run_of(component).until
+        if isinstance(until, Elapsed):
+            return Elapsed(time=Milliseconds(until.time / STARTS))
+        return SampleCount(samples=ceil(least_samples(component) / STARTS))
+
+    def _undecided(self, component: Component) -> bool:
+        """Whether more starts may show that a threshold is met or missed."""
+        series = self.series[component.name]
+        done = min(1.0, max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES))
+        return any(
+            judge_early(series, {index: threshold}, run_of(component), done=done, members=self.conditions.statements)
+            is None
+            for index, threshold in component.apt.items()
+        )
+
+
+def _work_of(layout: AppliedLayout, load: Interference | None, seed: int, least_ms: float) -> Work:
+    """All that is applied, and the load in P2."""
     partitions = [
         PartitionWork(
             partition=name,
@@ -264,14 +342,14 @@ def _work_of(layout: AppliedLayout, conditions: ProofConditions, settling: Settl
     if layout.on_host:
         classes = classes_of(layout.on_host, layout.tasks, "", FirstLine(file="")).classes
         partitions.append(PartitionWork(partition="", components=layout.on_host, classes=classes))
-    if conditions.load is not None:
-        partitions.append(PartitionWork(partition=P2, load=conditions.load))
+    if load is not None:
+        partitions.append(PartitionWork(partition=P2, load=load))
     return Work(
         application=layout.application,
         partitions=tuple(partitions),
-        until={component.name: run_of(component).ends for component in layout.judged},
-        seed=conditions.seed,
-        least_ms=settling.least_ms,
+        until={},
+        seed=seed,
+        least_ms=least_ms,
     )
 
 
@@ -291,45 +369,55 @@ def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Conte
 
 
 def judge_layout(
-    components: tuple[Component, ...],
-    seen: Mapping[str, Series],
-    *,
-    is_real: bool = False,
+    components: tuple[Component, ...], seen: Mapping[str, Series], *, statements: int | None = None
 ) -> tuple[IndexVerdict, ...]:
-    """Judge every index of every component's APT; each series is looked at whole and once.
+    """Judge every index of every component's APT; the error holds for all looks at it together.
 
-    All verdicts together are wrong in `ERROR` of the runs at most: each has an equal part of it. Real processes may be
-    run anew where a proof decides nothing: each of the two looks has half.
+    That all are met shares nothing: it is wrong only where one that misses was shown to meet. That one misses shares
+    the error among all that is said.
 
     Args:
         components: those with thresholds.
         seen: the series of each, by name.
-        is_real: whether it ran as processes of a machine whose speed wanders.
+        statements: thresholds, times the loads beside which they are judged; None: beside one.
 
     Returns:
         A verdict for each index, components in the order given.
     """
-    looks = 2 if is_real else 1
-    error = shared_error(looks * sum(len(component.apt) for component in components))
-    series = {name: replace(each, wanders=is_real) for name, each in seen.items()}
+    members = statements or sum(len(component.apt) for component in components)
     return tuple(
-        _judge_index(component, index, verdict)
+        _judge_index(component, index, seen[component.name], members)
         for component in components
-        for index, verdict in judge_each(series[component.name], component.apt, run_of(component), error=error).items()
+        for index in component.apt
     )
 
 
-def _judge_index(component: Component, index: str, verdict: Verdict) -> IndexVerdict:
+def _judge_index(component: Component, index: str, series: Series, members: int) -> IndexVerdict:
+    threshold = component.apt[index]
+    verdict = judge_look(series, {index: threshold}, run_of(component), members=members)
     estimate, reason = _estimate_of(verdict)
     measured = MeasuredIndex(
         component=component.name,
         index=index,
-        threshold=component.apt[index],
+        threshold=threshold,
         estimate=estimate,
         reason=reason,
         overload=verdict.overload if isinstance(verdict, Missed) else None,
     )
-    return IndexVerdict(measured=measured, verdict=verdict)
+    return IndexVerdict(measured=measured, verdict=verdict, samples_needed=_samples_needed(verdict, series, measured))
+
+
+def _samples_needed(verdict: Verdict, series: Series, measured: MeasuredIndex) -> int | None:
+    """With how many samples an index that is not shown yet probably will be, if a proof may have so many."""
+    match verdict:
+        case WithinNoise(judged=(only,)):
+            count = samples_to_clear(only, series)
+            return None if count is None or count > MOST_SAMPLES else max(ceil(count), len(series.samples) + 1)
+        case TooFewSamples():
+            least = samples_needed(measured.index, measured.threshold)
+            return least if len(series.samples) < least <= MOST_SAMPLES else None
+        case _:
+            return None
 
 
 def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:

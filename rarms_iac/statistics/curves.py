@@ -212,14 +212,27 @@ def tightest_threshold(curve: Curve, reserve: int) -> Threshold | None:
         The threshold in the index's unit; None: the curve says nothing at this CR.
     """
     safe = curve.safe_value_at(reserve)
-    if safe is None or not isfinite(safe):
+    return None if safe is None else threshold_met_by(curve.index, safe)
+
+
+def threshold_met_by(index: str, value: float) -> Threshold | None:
+    """Find the tightest threshold of three digits that a value meets.
+
+    Args:
+        index: a performance index.
+        value: of it, in its unit; the safe side of a bound.
+
+    Returns:
+        None: it is no number.
+    """
+    if not isfinite(value):
         return None
     step = Fraction(1, DIGITS)
-    while abs(safe) >= DIGITS * step:
+    while abs(value) >= DIGITS * step:
         step *= 10
-    if index_named(curve.index).smaller_is_better:
-        return AtMost(value=step * ceil(Fraction(safe) / step))
-    return AtLeast(value=step * floor(Fraction(safe) / step))
+    if index_named(index).smaller_is_better:
+        return AtMost(value=step * ceil(Fraction(value) / step))
+    return AtLeast(value=step * floor(Fraction(value) / step))
 
 
 def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:

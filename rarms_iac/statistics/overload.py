@@ -5,7 +5,7 @@ Response times then have no steady state, and need none: no threshold holds. Wha
 ends, and that is what is looked at. Begin at `find_overload`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import sqrt
@@ -47,9 +47,9 @@ def find_overload(series: Series, run: Run, *, error: float) -> Overload | None:
         return None
     period = float(run.arrival.period)
     samples = columns_of(series.samples)
-    steps = samples.remember(("steps", period), lambda: _steps(samples, period))
+    steps = samples.remember(("steps", period, series.runs), lambda: _steps(samples, period, series.runs))
     return samples.remember(
-        ("overload", period, error, series.wanders, series.cpu_ms),
+        ("overload", period, error, series.wanders, series.cpu_ms, series.runs),
         lambda: _overload(steps, series, period, error / 2),
     )
 
@@ -136,8 +136,9 @@ def describe_overload(overload: Overload) -> str:
 def more_processors_help(overload: Overload, share: float, processors: int) -> bool:
     """Tell whether a larger reservation could end an overload, as far as the samples rule that out.
 
-    While a job waits for a processor it gets at least what the partition reserves; so what a job takes beyond its
-    processor time by that share, it waits for something else.
+    A demand of more LPs than the partition has processors asks for more of them. Otherwise, while a job waits for a
+    processor it gets at least what the partition reserves; so what a job takes beyond its processor time by that share,
+    it waits for something else.
 
     Args:
         overload: as seen at this reservation.
@@ -145,9 +146,9 @@ def more_processors_help(overload: Overload, share: float, processors: int) -> b
         processors: of the partition.
 
     Returns:
-        False: with all processors for itself, it would fall behind all the same.
+        False: with all processors for itself, it would fall behind all the same, since it waits.
     """
-    if overload.job_cpu_ms is None:
+    if overload.job_cpu_ms is None or overload.job_cpu_ms >= processors * overload.period_ms:
         return True
     waits_ms = overload.between_ms - overload.job_cpu_ms / share
     return waits_ms + overload.job_cpu_ms / processors <= overload.period_ms
@@ -161,17 +162,18 @@ class _Steps:
     left_out_ms: float  # by how much other pairs began further apart than a period
 
 
-def _steps(samples: SampleColumns, period: float) -> _Steps:
-    began, ends = samples.began_ms, ends_ms(samples)
-    apart = [later - sooner for sooner, later in pairwise(began)]
-    on_schedule = [abs(step - period) <= _ON_SCHEDULE * period for step in apart]
-    between = [later - sooner for (sooner, later), regular in zip(pairwise(ends), on_schedule, strict=True) if regular]
+def _steps(samples: SampleColumns, period: float, runs: Collection[int]) -> _Steps:
+    """NOTE: between two runs nothing is known, and both begin with an empty queue."""
+    pairs = zip(pairwise(samples.began_ms), pairwise(ends_ms(samples)), strict=True)
+    apart = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in runs]
     return _Steps(
-        between_ms=between,
-        left_out_ms=sum(
-            max(0.0, step - period) for step, regular in zip(apart, on_schedule, strict=True) if not regular
-        ),
+        between_ms=[ended for began, ended in apart if _is_on_schedule(began, period)],
+        left_out_ms=sum(max(0.0, began - period) for began, _ in apart if not _is_on_schedule(began, period)),
     )
+
+
+def _is_on_schedule(apart_ms: float, period: float) -> bool:
+    return abs(apart_ms - period) <= _ON_SCHEDULE * period
 
 
 def _least_mean(times: Sequence[float], error: float, *, wanders: bool) -> float:

@@ -18,33 +18,46 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "RenderableType":
-    """A table, a row an index, and a sentence a host."""
+def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
+    """A table a host and load, a row an index, and a sentence each."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows = [_row(verdict) for proof in proofs for verdict in proof.verdicts]
-    against = f" against {interference}" if interference else ""
-    sentences = [sentence for proof in proofs for sentence in (*_describe_sharing(proof), _sentence(proof, against))]
-    verdicts = table(rows, header=("component", "threshold", "measured", "verdict"), wrap=(1, 3))
-    return stack(verdicts, *map(paragraph, sentences))
+    rows = [_row(proof, verdict) for proof in proofs for verdict in proof.verdicts]
+    sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
+    verdicts = table(rows, header=("component", "threshold", "beside", "measured", "verdict"), wrap=(1, 4))
+    return stack(verdicts, *map(paragraph, (*sharing, *map(_sentence, proofs))), paragraph(_sureness(proofs)))
 
 
-def _row(verdict: IndexVerdict) -> tuple[str, str, str, str]:
+def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, str, str, str, str]:
     measured, index = verdict.measured, index_named(verdict.measured.index)
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
     threshold = f"{index.name} {show_bound(index, measured.threshold)}"
-    word = describe_verdict(index, verdict_word(verdict.verdict))
-    return measured.component, threshold, value, f"{word}, {measured.reason}" if measured.overload else word
+    return measured.component, threshold, proof.interference or "no load", value, _verdict(verdict)
+
+
+def _verdict(verdict: IndexVerdict) -> str:
+    measured = verdict.measured
+    word = describe_verdict(index_named(measured.index), verdict_word(verdict.verdict))
+    if measured.overload is not None:
+        return f"{word}, {measured.reason}"
+    return f"{word}: {verdict.samples_needed} samples may tell" if verdict.samples_needed else word
 
 
 def describe_proof_setting(proof: ComponentProof) -> str:
-    """`2026-02-01T12:00:00Z, on onboard at 40 %`: when and under what a component ran with all others."""
-    return f"{proof.when}, on {proof.host} at {proof.reserve} %"
+    """`2026-02-01T12:00:00Z, on onboard at 40 % beside busy-loop`: when and under what it ran with all others."""
+    beside = f"beside {proof.interference}" if proof.interference else "beside no load"
+    return f"{proof.when}, on {proof.host} at {proof.reserve} % {beside}"
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
-    """`met`; of a maximum or minimum `met so far`, since the next job may do worse."""
+    """`met`; of a maximum or minimum `met so far`, since the next job may do worse; undecided: `not shown yet`."""
+    if verdict in NOT_SHOWN:
+        return "not shown yet"
     return "met so far" if index.is_extreme and verdict == "met" else verdict
+
+
+NOT_SHOWN: tuple[VerdictWord, ...] = ("within the noise", "too few samples")
+"""Verdicts that more samples may change."""
 
 
 def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
@@ -54,8 +67,10 @@ def _describe_sharing(proof: LayoutProof) -> Iterator[str]:
             yield f"{in_a_row([member.name for member in members])} share partition {name}."
 
 
-def _sentence(proof: LayoutProof, against: str) -> str:
-    counts = Counter(verdict_word(each.verdict) for each in proof.not_met)
+def _sentence(proof: LayoutProof) -> str:
+    counts = Counter(
+        "not shown yet" if (word := verdict_word(each.verdict)) in NOT_SHOWN else word for each in proof.not_met
+    )
     shortfalls = [
         f"{count} {'without a steady state' if word == 'no steady state' else word}"
         for word, count in sorted(counts.items())
@@ -64,16 +79,24 @@ def _sentence(proof: LayoutProof, against: str) -> str:
     layout = proof.layout
     components = counted(len(layout.components), "component")
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
-    together = f"{proof.host}: {components} together on {amount}{against}: {message}"
-    judged = [
-        each for each in proof.verdicts if each.error is not None and not index_named(each.measured.index).is_extreme
-    ]
-    return f"{together}; {describe_error()}, all of it together." if judged else f"{together}."
+    beside = f"beside {proof.interference}" if proof.interference else "beside no load"
+    return f"{proof.host}: {components} together on {amount} {beside}, {proof.starts} times anew: {message}."
 
 
-def sample_counts(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
-    """A row of progress: the host, and how many samples there are of each component."""
-    return host, "samples of " + ", ".join(f"{name} {len(series.samples)}" for name, series in sorted(seen.items()))
+def _sureness(proofs: Sequence[LayoutProof]) -> str:
+    judged = any(
+        each.error is not None and not index_named(each.measured.index).is_extreme
+        for proof in proofs
+        for each in proof.verdicts
+    )
+    return f"This is {describe_error()}, all of it together." if judged else ""
+
+
+def sample_counts(host: str, load: str | None, seen: Mapping[str, Series]) -> tuple[str, str]:
+    """A row of progress: the host and the load, and how many samples there are of each component."""
+    return f"{host} beside {load or 'no load'}", "samples of " + ", ".join(
+        f"{name} {len(series.samples)}" for name, series in sorted(seen.items())
+    )
 
 
 class ProofProgress:
@@ -93,7 +116,7 @@ class ProofProgress:
         if self._live is not None:
             self._live.hide()
 
-    def __call__(self, host: str, series: Mapping[str, Series]) -> None:
+    def __call__(self, host: str, load: str | None, series: Mapping[str, Series]) -> None:
         """Show it in place."""
         if self._live is not None:
-            self._live.show(sample_counts(host, series))
+            self._live.show(sample_counts(host, load, series))

@@ -14,7 +14,7 @@ from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.drift import TITLES
-from rarms_iac.views.prove import describe_proof_setting
+from rarms_iac.views.prove import describe_proof_setting, describe_verdict
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -87,20 +87,24 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
 
 
 def _proven(proofs: Sequence[ComponentProof]) -> str:
-    """`3 of 4 thresholds held ..., last at 2026-11-22T10:12:00Z.`, and a sentence for each that does not hold."""
-    holding = [proof for proof in proofs if proof.met and not proof.outdated]
-    last = max((proof.when for proof in holding), default="")
-    when = f", last at {last.replace('T', ' ').replace('Z', ' UTC')}" if last else ""
-    sentences = [
-        f"{len(holding)} of {counted(len(proofs), 'threshold')} held together with all other components{when}."
-    ]
+    """`3 of 4 thresholds held ... beside busy-loop, last at ...`, and a sentence for each that does not hold."""
+    sentences = []
+    for load in dict.fromkeys(proof.interference for proof in proofs):
+        beside = [proof for proof in proofs if proof.interference == load]
+        holding = [proof for proof in beside if proof.met and not proof.outdated]
+        last = max((proof.when for proof in holding), default="")
+        when = f", last at {last.replace('T', ' ').replace('Z', ' UTC')}" if last else ""
+        thresholds = f"{len(holding)} of {counted(len(beside), 'threshold')}"
+        sentences.append(f"{thresholds} held together with all other components beside {load or 'no load'}{when}.")
     for proof in proofs:
         if proof.outdated:
             sentences.append(f"{proof.component} is outdated: {'; '.join(proof.outdated)}.")
         elif not proof.met:
             threshold = show_threshold(proof.index, proof.threshold)
+            verdict = describe_verdict(proof.index, proof.verdict)
+            needed = f", {proof.samples_needed} samples may tell" if proof.samples_needed else ""
             setting = describe_proof_setting(proof)
-            sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {proof.verdict} ({setting}).")
+            sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
     return " ".join(dict.fromkeys(sentences))
 
 

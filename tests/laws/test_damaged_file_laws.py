@@ -305,7 +305,7 @@ PLACED = [
 ]
 LOCKS = {
     ".rarms/hosts/onboard.lock": [["apply", "--auto-approve"], ["plan"]],
-    ".rarms/locks/configuration.lock": [["prove"]],
+    ".rarms/locks/configuration.lock": [["prove", "--load-host"]],
     ".rarms/locks/onboard/vision/busy-loop.jsonl.lock": [["measure", "vision", "--samples", "70"]],
     ".rarms/.gitignore": [["measure", "vision", "--samples", "70"]],
 }

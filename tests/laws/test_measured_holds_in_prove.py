@@ -63,7 +63,7 @@ def proven(folder: Path, text: str) -> list[str]:
         assert applied.code in (0, 4), applied.err
         if measured.code or applied.code:
             return []
-        proof = rarms("prove", "--interference", "busy-loop", "--samples", "600", "--json")
+        proof = rarms("prove", "--load-host", "--samples", "600", "--json")
     return [each["verdict"] for host in json.loads(proof.out)["proofs"] for each in host["verdicts"]]
 
 

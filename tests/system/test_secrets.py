@@ -36,7 +36,7 @@ ROUTE = (
     ("show", "plan.json", "--json"),
     ("show", "plan.json"),
     ("apply", "plan.json", "--json"),
-    ("prove", "--json"),
+    ("prove", "--load-host", "--json"),
     ("status", "--json"),
     ("history", "--json"),
     ("snapshot", "--out", "snapshot.json"),

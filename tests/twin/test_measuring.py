@@ -101,7 +101,9 @@ def test_a_task_class_is_not_measured_but_proven(
     assert leftovers(host) == []
 
     Path("rarms.yaml").write_text(f"{with_class}    cpu: {{ reserve: 10 % }}\n", encoding="utf-8")
-    assert [main(words) for words in (["apply", "--auto-approve"], ["prove"])] == [0, 0], capsys.readouterr()
+    assert [main(words) for words in (["apply", "--auto-approve"], ["prove", "--load-host"])] == [0, 0], (
+        capsys.readouterr()
+    )
 
 
 def test_lines_are_read_as_the_manifest_says(measured: Measured) -> None:
@@ -346,7 +348,7 @@ def test_what_was_measured_is_applied_and_proven(
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
-    routes = (["measure"], ["apply", "--auto-approve"], ["prove", "--interference", "busy-loop"])
+    routes = (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"])
     assert [main(words) for words in routes] == [0, 0, 0], capsys.readouterr()
 
     assert "80 ms     met" in capsys.readouterr().out  # 20 ms of work on 25 % of a processor

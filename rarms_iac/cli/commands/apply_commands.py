@@ -21,7 +21,7 @@ from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import argument, flag
+from rarms_iac.app.options import argument, flag, load_host_option
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.requests import DatedManifestSource, HostSelection, ManifestSource, PlanLimits, RunOptions
 from rarms_iac.applying.run_report import RunEnding, RunReport
@@ -40,6 +40,7 @@ class ApplyOptions:
 
     plan_file: str | None = argument("[PLAN]", default=None)
     proving: bool = flag("--prove", help="Then run all components in the layout: rarms prove.")
+    load_host: bool = load_host_option()
     abandoning: bool = flag("--abandon", help="Close an unfinished run and leave the host as it is.")
 
 
@@ -59,6 +60,12 @@ def apply_command(
     says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
     session.answer_follows = options.proving
+    if options.proving:
+        from rarms_iac.cli.prompts import refuse_load_unasked
+
+        refuse_load_unasked(session, loads=True, load_host=options.load_host)
+    elif options.load_host:
+        raise RequestError("--load-host is for --prove.")
     if options.plan_file is not None:
         if options.abandoning or host_selection.hosts or limits.targets or limits.max_disruption:
             raise RequestError(

@@ -14,7 +14,7 @@ from rarms_iac.app.select import SelectRequest, select_level
 from rarms_iac.cli.command import rarms_command
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, tell
-from rarms_iac.cli.prompts import refuse_standard_input
+from rarms_iac.cli.prompts import refuse_load_unasked, refuse_standard_input
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.component_run import FailureReporter, LiveSampleReporter
@@ -50,9 +50,12 @@ def prove_command(
 ) -> ExitCode:
     """Run all components together in the layout that is applied, and show every index beside its threshold.
 
-    What they show is written into the configuration logs. Exit code 4 where a threshold is missed or the samples cannot
-    tell; 3 where the manifest asks for something that is not applied yet.
+    They run beside the loads of the policy, one after the other, which use all idle time of the hosts: without a
+    terminal that needs --load-host. They begin anew at least eight times, until each threshold was shown to be met or
+    missed, for `policy.measuring.proof` at most. What they show is written into the configuration logs. Exit code 4
+    where a threshold is missed or not shown to be met yet; 3 where the manifest asks for something that is not applied.
     """
+    refuse_load_unasked(session, loads=not request.without_load, load_host=request.load_host)
     return prove_and_show(session, select_hosts(load_manifest(source), host_selection), request)
 
 
@@ -65,7 +68,7 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest) -> Exi
         session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
         return session.interrupts.exit_code or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
-    session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs, request.interference))
+    session.answer(lambda: json_of(outcome), lambda: proof_text(outcome.proofs))
     if outcome.not_proven:
         session.terminal.tell(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
     return ExitCode.NO if outcome.findings else ExitCode.DONE

@@ -50,6 +50,7 @@ class ProvenIndex:
     met: bool  # it was shown to be; not so: missed, or without a verdict
     verdict: VerdictWord
     error: float | None = None  # that the verdict is wrong; the truth is outside the bounds with twice as much
+    samples_needed: int | None = None  # that would show it, where it is not shown yet; None: nothing tells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +66,7 @@ class Proven:
     reserve: int
     beside: tuple[str, ...]  # the components that ran meanwhile, by name
     indexes: tuple[ProvenIndex, ...]
+    interference: str | None = None  # the load beside all of them; None: there was none
 
 
 Entry = Chosen | Proven

@@ -165,17 +165,17 @@ SITUATIONS = {
     ),
     "a stopped partition would be proven": Situation(
         (write(MANIFEST), APPLY, do("stop", "--auto-approve")),
-        "prove",
+        "prove --load-host",
         ("Start them, and prove again",),
         ("rarms start speech vision",),
     ),
     "nothing is applied that could be proven": Situation(
-        (write(MANIFEST),), "prove", ("See what is missing with",), ("rarms plan", "rarms apply")
+        (write(MANIFEST),), "prove --load-host", ("See what is missing with",), ("rarms plan", "rarms apply")
     ),
     "an APT is missed in the layout": Situation(
         (write(ALONE.replace("45 %", "10 %")), APPLY),
-        "prove --interference busy-loop",
-        ("relax its APT, or measure it again",),
+        "prove --load-host",
+        ("Its slowdown asks for", "Or measure it again"),
         ("rarms measure vision --again --stop-partitions",),
     ),
     "an apply was killed": Situation(
@@ -655,6 +655,9 @@ SITUATIONS = {
 OTHER_TESTS = {
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
+    "samples would show it": "tests/unit/app/experiments/test_prove.py",
+    "Free some, or prove what it is without a load": "tests/unit/app/experiments/test_prove.py",
+    "or prove what holds without a load": "tests/unit/app/experiments/test_prove.py",
     "Name the components that matter": "test_of_a_large_page_components_can_be_named",
     "nothing here defines it. On Windows": "tests/unit/test_rcss.py",
     "Run `rarms apply` from a prompt that was opened with": "tests/system/test_remote_host.py",
@@ -835,6 +838,8 @@ def run_it(command: str, folder: Path, may_answer: ExitCode = ExitCode.DONE) -> 
             do("plan", "--out", "a.plan")()
         elif words[0] in ASKS and "--abandon" not in words:
             words.append("--auto-approve")
+        elif words[0] == "prove" and "--without-load" not in words:
+            words.append("--load-host")
         ran = rarms(*words)
     assert ran.code in {*WORKS, may_answer}, f"`{command}`: exit {ran.code}\n{ran.out}{ran.err}"
 

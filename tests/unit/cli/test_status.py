@@ -160,7 +160,7 @@ def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
 def test_a_proof_of_a_partition_that_somebody_changed_is_outdated() -> None:
     (alone, _, _) = MANIFEST.partition("  vision:")
     Path("rarms.yaml").write_text(alone + MEASURED, encoding="utf-8")
-    for command in (["measure"], ["apply", "--auto-approve"], ["prove"]):
+    for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"]):
         assert rarms(*command).code == 0
     proven = rarms("status")
     assert rarms("simulate", "change", "planner", "--reserve", "1").code == 0
@@ -203,6 +203,8 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
             when=when,
             host="onboard",
             reserve=40,
+            interference="busy-loop",
+            samples_needed=None,
             outdated=(),
         )
         for name, met, when in (
@@ -215,5 +217,9 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
 
     shown = " ".join(render(status_text(overview)).split())
 
-    assert "2 of 3 thresholds held together with all other components, last at 2026-02-01 12:00:00 UTC." in shown
-    assert "logger, mean_response_time at most 100 ms: missed (2026-02-02T12:00:00Z, on onboard at 40 %)." in shown
+    assert (
+        "2 of 3 thresholds held together with all other components beside busy-loop, last at 2026-02-01 12:00:00 UTC."
+        in shown
+    )
+    missed = "missed (2026-02-02T12:00:00Z, on onboard at 40 % beside busy-loop)."
+    assert f"logger, mean_response_time at most 100 ms: {missed}" in shown

@@ -19,7 +19,7 @@ COMMANDS = (
     ("explain", "RARMS267"),
     ("report", "--text"),
     ("select", "vision", "--at", "1 ms"),
-    ("prove",),
+    ("prove", "--load-host"),
     ("apply",),
     ("tune",),
 )

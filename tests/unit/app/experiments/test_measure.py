@@ -70,7 +70,7 @@ def host(folder: Path) -> SimulatedHostProvider:
 def test_from_nothing_to_a_proven_layout(here: Path) -> None:
     first = rarms("measure")
     second = rarms("measure")
-    applied = rarms("apply", "--auto-approve", "--prove")
+    applied = rarms("apply", "--auto-approve", "--prove", "--load-host")
 
     assert (first.code, second.code) == (0, 0), first.err
     assert "of them new." in first.out

@@ -1,0 +1,219 @@
+"""The findings of a proof: each threshold that was not shown to be met, with the ways out of a miss in figures."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil
+from typing import assert_never
+
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.measuring import measuring_findings
+from rarms_iac.measuring.measuring_findings import NO_MORE_CPU, index_facts, show_index
+from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.performance import MeasuredIndex
+from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
+from rarms_iac.model.claims import WHOLE, load_of
+from rarms_iac.model.commands import Wording, command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
+from rarms_iac.model.indexes import index_named, show_threshold
+from rarms_iac.model.outcomes import Met, Missed, Overload, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
+from rarms_iac.model.quantities import Unit, show_processors
+from rarms_iac.model.state import State
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.statistics.curves import threshold_met_by
+from rarms_iac.statistics.overload import more_processors_help
+
+HUNDREDTHS = 100
+"""LPs are told in hundredths, rounded up where they are asked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WaysOut:
+    """What would let a component meet the threshold that it missed in the layout."""
+
+    helps: bool  # False: it waits for something else than a processor
+    reserved_lp: Fraction | None  # of its partition; None: it has none, or runs in the host's own system
+    asked_lp: Fraction | None  # that its slowdown asks for; None: nothing tells
+    free_lp: Fraction  # that its host has left
+    hosts: Mapping[str, Fraction]  # others that have what is asked for, with the LPs that they have left
+    processors: int  # VPs of its partition; 0: it has none
+    shares_with: tuple[str, ...]  # components in its partition
+    holds: Threshold | None  # the tightest that was shown to be met; None: there is none
+
+    @property
+    def facts(self) -> Facts:
+        """The same for a program."""
+        facts: dict[str, str | float | tuple[str, ...]] = {"free_lp": float(self.free_lp)}
+        if self.asked_lp is not None:
+            facts["asked_lp"] = float(self.asked_lp)
+        if self.hosts:
+            facts["other_hosts"] = tuple(self.hosts)
+        if self.shares_with:
+            facts["shares_with"] = self.shares_with
+        if self.holds is not None:
+            facts["threshold_that_holds"] = float(self.holds.value)
+        return facts
+
+
+def not_met(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, State]) -> Iterator[Diagnostic]:
+    """Report every threshold that a proof did not show to be met.
+
+    Args:
+        hosts: of the manifest.
+        proofs: by host and load.
+        states: of all hosts that could be reached, as they were before the proof.
+
+    Returns:
+        Findings in the order of the proofs; a miss has its ways out.
+    """
+    free = {name: _free_lp(hosts, name, state) for name, state in sorted(states.items())}
+    for proof in proofs:
+        for verdict in proof.not_met:
+            measured, ways = verdict.measured, _ways_out(hosts, proof, verdict, free)
+            index, load = index_named(measured.index), proof.interference
+            beside = f" beside {load}" if load else ""
+            finding, advice = _finding_of(verdict, ways)
+            yield finding.at(
+                hosts.manifest.places.value("components", measured.component, "apt", measured.index),
+                f"{measured.component} on {proof.host}{beside}: {show_index(measured)}, and its threshold is "
+                f"{show_threshold(index, measured.threshold)}.",
+                advice,
+                address=f"component/{measured.component}",
+                values={
+                    **index_facts(measured),
+                    "host": proof.host,
+                    **({"interference": load} if load else {}),
+                    **({"samples_needed": verdict.samples_needed} if verdict.samples_needed else {}),
+                    **(ways.facts if isinstance(verdict.verdict, Missed) else {}),
+                },
+            )
+
+
+def _finding_of(verdict: IndexVerdict, ways: WaysOut) -> tuple[Finding, Wording]:
+    """Return the finding for a verdict that is not met, and the advice with it."""
+    match verdict.verdict:
+        case Unsteady():
+            return measuring_findings.NO_STEADY_STATE, "Look for what grows while it runs."
+        case WithinNoise() | TooFewSamples() | TooManyFailures():
+            return measuring_findings.NOT_RESOLVED, _more_samples(verdict)
+        case Met() | Missed():
+            return measuring_findings.MISSED, _advice(verdict.measured, ways)
+        case _:
+            assert_never(verdict.verdict)
+
+
+def _more_samples(verdict: IndexVerdict) -> Wording:
+    if verdict.samples_needed is None:
+        return "It is too near its threshold for any number of samples: raise its reservation, or relax its APT."
+    many = verdict.samples_needed
+    return prose(
+        f"About {many} samples would show it: ",
+        command("prove", samples=many),
+        ", with `policy: { measuring: { proof: ... } }` as long as that takes. Or raise its reservation.",
+    )
+
+
+def _advice(measured: MeasuredIndex, ways: WaysOut) -> Wording:
+    """Each way out, in a sentence of its own."""
+    if not ways.helps:
+        return NO_MORE_CPU
+    sentences = list(_reserves(measured, ways))
+    if ways.shares_with:
+        sentences.append(f"Give it a partition of its own, without {in_a_row(ways.shares_with)}: `dedicated: true`.")
+    if ways.holds is not None:
+        sentences.append(f"A threshold of {show_threshold(index_named(measured.index), ways.holds)} held.")
+    again = command("measure", measured.component, again=True, stop_partitions=True)
+    return prose(" ".join(sentences), " Or measure it again: ", again, ".")
+
+
+def _reserves(measured: MeasuredIndex, ways: WaysOut) -> Iterator[str]:
+    if ways.reserved_lp is None:
+        yield "It runs in the host's own system, where nothing is reserved for it: give it a partition."
+        return
+    if ways.asked_lp is None:
+        yield f"Raise its reservation: {show_processors(ways.free_lp)} are free on its host."
+        return
+    asks = f"asks for about {show_processors(ways.asked_lp)}, and its partition has {show_processors(ways.reserved_lp)}"
+    more = ways.asked_lp - ways.reserved_lp
+    why = "Its demand" if measured.overload else "Its slowdown"
+    if more <= ways.free_lp:
+        yield f"{why} {asks}: reserve that, of the {show_processors(ways.free_lp)} that are free on its host."
+    else:
+        yield f"{why} {asks}; its host has only {show_processors(ways.free_lp)} left."
+    if 0 < ways.processors < ways.asked_lp:
+        yield f"That is more than {counted(ways.processors, 'virtual processor')} can give: it needs more of them."
+    for name, free in ways.hosts.items():
+        yield f"Or put it on {name}, which has {show_processors(free)} left."
+
+
+def _ways_out(hosts: Hosts, proof: LayoutProof, verdict: IndexVerdict, free: Mapping[str, Fraction]) -> WaysOut:
+    measured, layout = verdict.measured, proof.layout
+    name = measured.component
+    partition, members = next(
+        (
+            (partition, each)
+            for partition, each in layout.partitions.items()
+            if name in {member.name for member in each}
+        ),
+        ("", ()),
+    )
+    reserved = layout.reserves.get(partition)
+    reserved_lp = None if reserved is None else Fraction(reserved).limit_denominator(HUNDREDTHS**2)
+    others = tuple(member.name for member in members if member.name != name)
+    asked = None if reserved_lp is None else _asked_lp(measured, reserved_lp)
+    allowed = hosts.system.components[name].hosts
+    elsewhere = {
+        other: free_lp
+        for other, free_lp in free.items()
+        if asked is not None and other != proof.host and (allowed is None or other in allowed) and free_lp >= asked
+    }
+    helps = True
+    if isinstance(overload := measured.overload, Overload) and reserved and not others:
+        processors = layout.processors[partition]
+        helps = more_processors_help(overload, float(reserved) / processors, processors)
+    return WaysOut(
+        helps=helps,
+        reserved_lp=reserved_lp,
+        asked_lp=asked,
+        free_lp=free.get(proof.host, Fraction(0)),
+        hosts=elsewhere,
+        processors=layout.processors.get(partition, 0),
+        shares_with=others,
+        holds=_threshold_that_held(measured),
+    )
+
+
+def _asked_lp(measured: MeasuredIndex, reserved_lp: Fraction) -> Fraction | None:
+    """The LPs with which it would be as quick as its threshold asks, if its time goes by one over what it gets."""
+    if measured.overload is not None:
+        needed = measured.overload.needed_lp
+        return None if needed is None else _round_up(needed)
+    estimate, limit = measured.estimate, float(measured.threshold.value)
+    if estimate is None or estimate.value <= 0.0 or limit <= 0.0:
+        return None
+    match index_named(measured.index).unit, measured.threshold:
+        case Unit.TIME, AtMost():
+            slowdown = estimate.value / limit
+        case Unit.RATE, AtLeast():
+            slowdown = limit / estimate.value
+        case _:
+            return None
+    return _round_up(float(reserved_lp) * slowdown) if slowdown > 1.0 else None
+
+
+def _round_up(lp: float) -> Fraction:
+    return Fraction(ceil(lp * HUNDREDTHS), HUNDREDTHS)
+
+
+def _threshold_that_held(measured: MeasuredIndex) -> Threshold | None:
+    if measured.estimate is None:
+        return None
+    smaller_is_better = index_named(measured.index).smaller_is_better
+    safe = measured.estimate.upper if smaller_is_better else measured.estimate.lower
+    return threshold_met_by(measured.index, safe)
+
+
+def _free_lp(hosts: Hosts, name: str, state: State) -> Fraction:
+    budget = host_budget(hosts.system.hosts[name], state, hosts.system.application.name)
+    return Fraction(budget.capacity.processors) - Fraction(load_of(budget.claims).percent, WHOLE)
