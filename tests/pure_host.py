@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.capacity import core_sharing
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.operation_effects import partition_after
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseTaskRecord,
@@ -22,7 +23,6 @@ from rarms_iac.model.operations import (
     TaskOperation,
     WriteTaskClass,
     WriteTaskRecord,
-    partition_after,
 )
 from rarms_iac.model.plan import Readings, Scope, Step
 from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass

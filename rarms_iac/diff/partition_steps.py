@@ -29,6 +29,7 @@ from rarms_iac.diff.setting_steps import (
 )
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.layout import Making
+from rarms_iac.model.operation_effects import mark_operation
 from rarms_iac.model.operations import (
     CreatePartition,
     RemoveDisk,
@@ -36,7 +37,6 @@ from rarms_iac.model.operations import (
     RenamePartition,
     RestorePartition,
     StopPartition,
-    mark_operation,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Disk, DiskKind, Facet, Partition, PartitionSettings, RunState, State

@@ -7,6 +7,7 @@ from math import ceil
 from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.readings import partition_readings
 from rarms_iac.model.changes import Address, Reason
+from rarms_iac.model.operation_effects import mark_operation, partition_after, reverse
 from rarms_iac.model.operations import (
     MachineOperation,
     RenamePartition,
@@ -18,9 +19,6 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     forced_after_ms,
-    mark_operation,
-    partition_after,
-    reverse,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import plain, show_bytes, show_period

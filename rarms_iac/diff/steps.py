@@ -18,6 +18,7 @@ from rarms_iac.diff.readings import record_readings, values_readings
 from rarms_iac.model.changes import Address, Adopt, Change, Create, Delete, Reason, Release, Update
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.names import BETWEEN
+from rarms_iac.model.operation_effects import reverse_task, values_operation
 from rarms_iac.model.operations import (
     EraseTaskRecord,
     Operation,
@@ -26,8 +27,6 @@ from rarms_iac.model.operations import (
     WriteMark,
     WriteTaskClass,
     WriteTaskRecord,
-    reverse_task,
-    values_operation,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass

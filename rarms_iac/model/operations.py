@@ -10,30 +10,24 @@ has the name of the class, and no task class of the manifest may have that name 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from math import ceil
-from typing import Literal, assert_never
+from dataclasses import dataclass
+from typing import Literal
 
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.quantities import show_bytes, show_period
 from rarms_iac.model.state import (
     ID_DIGITS,
     NO_GENERATION,
-    SECURE_BOOT_OFF,
     Checkpoints,
     Mark,
-    Partition,
     PartitionSettings,
     RegistryValue,
-    Responsiveness,
-    RunState,
     StartAction,
     StopAction,
     StoppedBy,
     TaskClass,
     TaskRecord,
 )
-from rarms_iac.model.system import GRACE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -346,157 +340,3 @@ MachineOperation = (
 
 TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord
 Operation = CreatePartition | RestorePartition | MachineOperation | RemoveDisk | TaskOperation
-
-
-def mark_operation(mark: Mark | None, partition: str, machine: str = "") -> WriteMark | EraseMark:
-    """Write this mark on a machine; without one, erase the mark that it has."""
-    if mark is None:
-        return EraseMark(partition=partition, machine=machine)
-    return WriteMark(
-        partition=partition,
-        application=mark.application,
-        name=mark.name,
-        set=mark.set,
-        stopped_by=mark.stopped_by,
-        protected=mark.protected,
-        machine=machine,
-    )
-
-
-def applied(settings: PartitionSettings, operation: MachineOperation) -> PartitionSettings:
-    """Return what an operation makes of a partition's settings.
-
-    Args:
-        settings: before the operation.
-        operation: one that the host accepts.
-
-    Returns:
-        The settings after it; one that is about something else leaves them as they are.
-    """
-    match operation:
-        case RenamePartition(name=name):
-            return replace(settings, name=name)
-        case SetProcessors(processors=processors):
-            return replace(settings, processors=processors)
-        case SetCpu(reserve=reserve, limit=limit, weight=weight, quota_period_us=period):
-            return replace(settings, reserve=reserve, limit=limit, weight=weight, quota_period_us=period)
-        case SetMemory(memory=memory, dynamic=dynamic):
-            return replace(settings, memory=memory, dynamic_memory=dynamic)
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            return replace(
-                settings,
-                start_action=start or settings.start_action,
-                stop_action=stop or settings.stop_action,
-                checkpoints=checkpoints or settings.checkpoints,
-            )
-        case SetSecureBoot(secure_boot=secure_boot):
-            return replace(settings, secure_boot=secure_boot)
-        case StartPartition() | StopPartition():
-            return replace(settings, running=isinstance(operation, StartPartition))
-        case RemovePartition() | WriteMark() | EraseMark():
-            return settings
-        case _:
-            assert_never(operation)
-
-
-def partition_after(partition: Partition, operation: MachineOperation) -> Partition:
-    """Return a machine after an operation on it that leaves it there: its settings, its state and its mark.
-
-    Args:
-        partition: before the operation.
-        operation: one that the host accepts.
-
-    Returns:
-        The machine after it.
-    """
-    after = replace(partition, settings=applied(partition.settings, operation))
-    match operation:
-        case WriteMark():
-            return replace(after, mark=operation.mark(partition.id))
-        case EraseMark():
-            return replace(after, mark=None)
-        case StartPartition():
-            return replace(after, state=RunState.RUNNING)
-        case StopPartition():
-            return replace(after, state=RunState.OFF)
-        case _:
-            return after
-
-
-def reverse(operation: MachineOperation, before: Partition, *, grace_ms: int = ceil(GRACE)) -> Operation | None:
-    """Return the operation that takes this one back, given the machine that was there before.
-
-    Args:
-        operation: on that machine.
-        before: the machine before the operation.
-        grace_ms: how long its guest may take to shut down, where taking back means to stop it.
-
-    Returns:
-        None where nothing takes it back: a machine is not made again, and one that was stopped while it was paused is
-        not so again.
-    """
-    settings, partition, machine = before.settings, operation.partition, operation.machine
-    match operation:
-        case RenamePartition():
-            return replace(operation, name=settings.name)
-        case SetProcessors():
-            return replace(operation, processors=settings.processors)
-        case SetCpu():
-            return replace(
-                operation,
-                reserve=settings.reserve,
-                limit=settings.limit,
-                weight=settings.weight,
-                quota_period_us=settings.quota_period_us,
-            )
-        case SetMemory():
-            return replace(operation, memory=settings.memory, dynamic=settings.dynamic_memory)
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
-            return replace(
-                operation,
-                start=start and settings.start_action,
-                stop=stop and settings.stop_action,
-                checkpoints=checkpoints and settings.checkpoints,
-            )
-        case SetSecureBoot():
-            return replace(operation, secure_boot=settings.secure_boot or SECURE_BOOT_OFF)
-        case WriteMark() | EraseMark():
-            return mark_operation(before.mark, partition, machine)
-        case StartPartition():
-            return StopPartition(partition=partition, grace_ms=grace_ms, machine=machine)
-        case StopPartition():
-            return StartPartition(partition=partition, machine=machine) if settings.running else None
-        case RemovePartition():
-            return None
-        case _:
-            assert_never(operation)
-
-
-def reverse_task(operation: TaskOperation, before: TaskClass | Responsiveness | None) -> TaskOperation:
-    """Return the operation that takes this one back, given the task class, or SystemResponsiveness, before it.
-
-    Args:
-        operation: on that class, or on that value.
-        before: as it was; None: nothing was there.
-
-    Returns:
-        One that brings back the values, or rarms' record, that were there.
-    """
-    task, inside = operation.task, operation.inside
-    values, record = (before.values, before.record) if before else ({}, None)
-    match operation:
-        case WriteTaskClass() | RemoveTaskClass():
-            return values_operation(task, inside, values)
-        case WriteTaskRecord(record=TaskRecord(application=application)) | EraseTaskRecord(application=application):
-            if record is None:
-                return EraseTaskRecord(task=task, inside=inside, application=application)
-            return WriteTaskRecord(task=task, inside=inside, record=record)
-        case _:
-            assert_never(operation)
-
-
-def values_operation(task: str, inside: str, values: Mapping[str, RegistryValue]) -> WriteTaskClass | RemoveTaskClass:
-    """Make a task class, or SystemResponsiveness, exactly these values; without values, remove it."""
-    if not values:
-        return RemoveTaskClass(task=task, inside=inside)
-    return WriteTaskClass(task=task, inside=inside, values=dict(values))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from rarms_iac.model.host import Host
+from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
@@ -22,7 +23,6 @@ from rarms_iac.model.operations import (
     SetMemory,
     SetProcessors,
     WriteMark,
-    applied,
 )
 from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.state import (

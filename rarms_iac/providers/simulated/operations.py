@@ -9,6 +9,7 @@ from rarms_iac.model import operations
 from rarms_iac.model.changes import RESPONSIVENESS, SLASH, Address
 from rarms_iac.model.commands import PLAN, prose
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import (
     Checkpoints,
@@ -122,7 +123,7 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: opera
         case operations.StopPartition():
             changed = machine.now(RunState.OFF)
         case _:
-            changed = replace(machine, settings=operations.applied(machine.settings, operation))
+            changed = replace(machine, settings=applied(machine.settings, operation))
     return content.with_machine(changed)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.commands import Wording
 from rarms_iac.model.host import SchedulerType
+from rarms_iac.model.operation_effects import applied
 from rarms_iac.model.operations import (
     CreatePartition,
     Operation,
@@ -18,7 +19,6 @@ from rarms_iac.model.operations import (
     SetSecureBoot,
     StartPartition,
     StopPartition,
-    applied,
 )
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.model.operation_effects import applied, partition_after, reverse
 from rarms_iac.model.operations import (
     EraseMark,
     MachineOperation,
@@ -18,9 +19,6 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     WriteMark,
-    applied,
-    partition_after,
-    reverse,
 )
 from rarms_iac.model.state import Checkpoints, Mark, RunState, StartAction, StopAction, StoppedBy
 from tests import builders_plan as build
