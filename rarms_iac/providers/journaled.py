@@ -75,7 +75,7 @@ class JournaledHost:
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         """See the interface; also removes what killed writers left behind."""
         with ExitStack() as held:
-            with self._report_failure(self._lock_path):
+            with report_failure(self.name, self._lock_path):
                 held.enter_context(self._files.hold(self._lock_path, owner, timeout_ms))
                 self._recover()
             yield
@@ -84,49 +84,51 @@ class JournaledHost:
         """Bring in order what a killed run left, now that the host is held."""
 
     def journal(self) -> Journal | None:
-        with self._report_damage(self._journal_path):
+        with report_damage(self.name, self._journal_path):
             return journal_in(self._files.content(self._journal_path), self._journal_path)
 
     def unfinished(self) -> Journal | None:
-        with self._report_damage(self._journal_path):
+        with report_damage(self.name, self._journal_path):
             return unfinished_in(self._files.content(self._journal_path), self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
-        with self._report_failure(self._journal_path):
+        with report_failure(self.name, self._journal_path):
             self._files.replace(self._journal_path, line_of(_encode(started)))
 
     def record(self, record: JournalRecord) -> None:
-        with self._report_damage(self._journal_path), self._report_failure(self._journal_path):
+        with report_damage(self.name, self._journal_path), report_failure(self.name, self._journal_path):
             self._files.append(self._journal_path, _encode(record))
 
     def _serials(self) -> Mapping[str, int]:
-        with self._report_damage(self._journal_path):
+        with report_damage(self.name, self._journal_path):
             return _serials_in(self._files.content(self._journal_path), self._journal_path)
 
-    @contextmanager
-    def _report_damage(self, path: Path) -> Iterator[None]:
-        advice = f"Restore {path} from a copy, or move it away to go on without it."
-        try:
-            yield
-        except Damaged as problem:
-            raise HostDamaged(
-                self.name, f"{path.name} is damaged in line {problem.line}: {problem.message}", advice
-            ) from None
-        except NotDecodable as problem:
-            raise HostDamaged(self.name, f"{path.name} is damaged: {problem}", advice) from None
-        except OSError as problem:
-            raise HostDamaged(self.name, f"{path.name} cannot be read: {problem.strerror or problem}", advice) from None
 
-    @contextmanager
-    def _report_failure(self, path: Path) -> Iterator[None]:
-        try:
-            yield
-        except Locked as locked:
-            raise HostLocked(self.name, locked.owner) from None
-        except OSError as problem:
-            raise HostFailed(
-                self.name, f"{path} cannot be written: {problem.strerror or problem}", "Make room, or mend its rights."
-            ) from None
+@contextmanager
+def report_damage(host: str, path: Path) -> Iterator[None]:
+    """Raise `HostDamaged` where what is read of a host's file (`path`) is damaged, or cannot be read."""
+    advice = f"Restore {path} from a copy, or move it away to go on without it."
+    try:
+        yield
+    except Damaged as problem:
+        raise HostDamaged(host, f"{path.name} is damaged in line {problem.line}: {problem.message}", advice) from None
+    except NotDecodable as problem:
+        raise HostDamaged(host, f"{path.name} is damaged: {problem}", advice) from None
+    except OSError as problem:
+        raise HostDamaged(host, f"{path.name} cannot be read: {problem.strerror or problem}", advice) from None
+
+
+@contextmanager
+def report_failure(host: str, path: Path) -> Iterator[None]:
+    """Raise `HostLocked` where another run holds the host, `HostFailed` where its file cannot be written."""
+    try:
+        yield
+    except Locked as locked:
+        raise HostLocked(host, locked.owner) from None
+    except OSError as problem:
+        raise HostFailed(
+            host, f"{path} cannot be written: {problem.strerror or problem}", "Make room, or mend its rights."
+        ) from None
 
 
 def journal_in(data: bytes | None, path: Path) -> Journal | None:

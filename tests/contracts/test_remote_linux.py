@@ -25,10 +25,11 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import StartAction
 from rarms_iac.providers.cgroups import effects, remote
+from rarms_iac.providers.cgroups.condition import ORPHANS
 from rarms_iac.providers.cgroups.effects import LocalEffects
 from rarms_iac.providers.cgroups.machine import read_machine
 from rarms_iac.providers.cgroups.remote import through_channel
-from rarms_iac.providers.cgroups.run import ORPHANS, LinuxHostProvider
+from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.channel import CommandResult, ProgramChannel
 from rarms_iac.providers.interface import (
     HostDamaged,

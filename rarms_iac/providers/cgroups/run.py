@@ -7,9 +7,8 @@ from pathlib import Path
 
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
-from rarms_iac.model.commands import APPLY, DOCTOR, PLAN, START_AT_BOOT, prose
+from rarms_iac.model.commands import DOCTOR, PLAN, prose
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import Host, LinuxHost
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted
 from rarms_iac.model.operations import (
@@ -29,7 +28,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import PartitionSettings, StartAction, State
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.providers.cgroups.condition import nothing_withheld, off_without_stop, orphan_findings
 from rarms_iac.providers.cgroups.content import (
     GroupDefinition,
     RunningGroup,
@@ -41,28 +40,23 @@ from rarms_iac.providers.cgroups.content import (
     lack_of_reserve,
     new_definition,
     out_of_range,
-    read_definition,
     restored_definition,
     slice_limit,
     to_partitions,
     values_of,
-    write_definition,
 )
-from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects, open_folder
+from rarms_iac.providers.cgroups.definitions import DefinitionFiles
+from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects
 from rarms_iac.providers.cgroups.find_tree import MissingFeatures, find_tree
 from rarms_iac.providers.cgroups.groups import GroupTree, GroupValues
 from rarms_iac.providers.cgroups.machine import LinuxMachine, facts_of, read_machine
 from rarms_iac.providers.cgroups.processes import orphans
 from rarms_iac.providers.interface import HostFailed, HostRefused, ObservedHost
-from rarms_iac.providers.journaled import JournaledHost
-from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.providers.journaled import JournaledHost, report_failure
 
 GroupOperation = SettingOperation | RemovePartition | StartPartition | StopPartition
 """Operations on a partition that exists."""
 
-ORPHANS = Finding.note("RARMS168", "Processes run in a partition that rarms did not start")
-OFF_WITHOUT_STOP = Finding.warning("RARMS316", "Partitions are off that were not stopped with rarms")
-NOTHING_WITHHELD = Finding.note("RARMS317", "A Linux host keeps no processor time for itself")
 STATE_FOLDER = Path("/var/lib/rarms")
 PLAN_AGAIN = prose("Look at the host again: ", PLAN, ".")
 ASK_DOCTOR = prose("See what this kernel lacks: ", DOCTOR, ".")
@@ -95,6 +89,7 @@ class LinuxHostProvider(JournaledHost):
         self._settings = settings
         self._folder = state_folder / settings.slice
         self._effects: LinuxEffects = effects or LocalEffects()
+        self._definitions = DefinitionFiles(host.name, self._folder, self._effects)
         super().__init__(host.name, self._folder / "journal.jsonl", self._folder / "lock", self._effects)
         self._host = host
         self._known_tree = tree
@@ -137,7 +132,7 @@ class LinuxHostProvider(JournaledHost):
             self._is_held = True
             try:
                 yield
-                with self._report_failure(self._folder):
+                with report_failure(self.name, self._folder):
                     self._effects.commit()
             finally:
                 self._is_held = False
@@ -162,7 +157,7 @@ class LinuxHostProvider(JournaledHost):
 
     def _commit_record(self, *, is_last: bool) -> None:
         if is_last or not self._is_held:
-            with self._report_failure(self._journal_path):
+            with report_failure(self.name, self._journal_path):
                 self._effects.commit()
 
     def _look_unless_held(self) -> None:
@@ -173,7 +168,7 @@ class LinuxHostProvider(JournaledHost):
     def _refresh(self) -> None:
         if self._looks_once and self._has_looked:
             return
-        with self._report_failure(self._folder):
+        with report_failure(self.name, self._folder):
             self._effects.look()
         self._known_machine = self._described_machine
         self._has_looked = True
@@ -184,27 +179,12 @@ class LinuxHostProvider(JournaledHost):
     def examined(self) -> ObservedHost:
         """See `ExaminableHost`. Findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
         state, definitions = self._look()
-        found = [*self._off_without_stop(definitions), *self._without_withheld_time()]
+        off = [definition.settings.name for definition in self._stopped_by_no_run(definitions.values())]
+        found = [*off_without_stop(self._host, off), *nothing_withheld(self._host, self._processors)]
         read = self._effects.processes()
         for partition in state.partitions:
             running = self.tree.processes(definitions[partition.id].group) if partition.settings.running else ()
-            alone = orphans(running, read)
-            if alone:
-                names = ", ".join(f"{process} ({name})" for process, name in alone)
-                message = f"In {partition.settings.name} run processes that no rarms started or ends: {names}."
-                advice = "End them, where a component left them behind: they use the partition's processor time."
-                found.append(
-                    ORPHANS.at(
-                        None,
-                        message,
-                        advice,
-                        address=f"partition/{partition.settings.name}",
-                        values={
-                            "partition": partition.settings.name,
-                            "processes": tuple(str(process) for process, _ in alone),
-                        },
-                    )
-                )
+            found += orphan_findings(partition.settings.name, orphans(running, read))
         return ObservedHost(state=state, condition=HostCondition(), findings=tuple(found))
 
     def start_after_boot(self) -> tuple[str, ...]:
@@ -233,30 +213,6 @@ class LinuxHostProvider(JournaledHost):
         ]
         return sorted(off, key=lambda definition: definition.settings.name)
 
-    def _off_without_stop(self, definitions: Mapping[str, GroupDefinition]) -> Iterator[Diagnostic]:
-        names = [definition.settings.name for definition in self._stopped_by_no_run(definitions.values())]
-        if names:
-            message = f"{counted(len(names), 'partition')} of {self.name} ran until the machine stopped, or until "
-            message += f"the control group was removed: {in_a_row(names)}."
-            line = ' does that at each start, as a line of the machine (docs/linux.md, "After the machine starts").'
-            here = (START_AT_BOOT, line)
-            far = ("Nothing else does on a host that is only reached over ssh: run it after each start.",)
-            advice = prose(APPLY, " starts what is off. ", *(far if self._host.connect else here))
-            yield OFF_WITHOUT_STOP.at(
-                None,
-                message,
-                advice,
-                address=f"host/{self.name}",
-                values={"host": self.name, "partitions": tuple(names)},
-            )
-
-    def _without_withheld_time(self) -> Iterator[Diagnostic]:
-        if slice_limit(self._host, self._processors) is None:
-            message = f"{self.name} keeps no processor time for what runs outside its partitions. While they use all "
-            message += "of it, ssh, rarms and the kernel's own threads get about 1 % of a processor each."
-            advice = "Write `keep_for_host: { processor: 5 % }`: partitions never get that part."
-            yield NOTHING_WITHHELD.at(None, message, advice, address=f"host/{self.name}", values={"host": self.name})
-
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         """See the host, and return its state, and the definition of each partition by its id."""
         self._refresh()
@@ -272,7 +228,7 @@ class LinuxHostProvider(JournaledHost):
 
     def _state_and_definitions(self) -> tuple[State, Mapping[str, GroupDefinition]]:
         tree, machine = self.tree, self.machine
-        definitions = self._definitions()
+        definitions = self._definitions.all()
         running = self._running(tree, definitions)
         known = [*definitions, *self._foreign(running, definitions)]
         state = State(
@@ -317,7 +273,7 @@ class LinuxHostProvider(JournaledHost):
         definition = new_definition(operation, scope.pending(operation.partition), state.facts.id, taken)
         if problem := out_of_range(definition.settings):
             raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
-        self._save(definition)
+        self._definitions.save(definition)
 
     def _make_again(self, operation: RestorePartition, state: State, scope: Scope) -> None:
         known = {partition.id for partition in state.partitions}
@@ -326,7 +282,7 @@ class LinuxHostProvider(JournaledHost):
         definition = restored_definition(operation)
         if problem := out_of_range(definition.settings):
             raise self._plan_again(f"{operation.partition} cannot be made: {problem}")
-        self._save(definition)
+        self._definitions.save(definition)
 
     def _change(self, definition: GroupDefinition, operation: GroupOperation, state: State) -> None:
         match operation:
@@ -341,7 +297,7 @@ class LinuxHostProvider(JournaledHost):
                     )
                 if definition.boot == self.machine.boot:  # systemd remembers a group that is off since a restart
                     self.tree.remove(definition.group)
-                self._effects.delete(self._file(definition))
+                self._definitions.delete(definition)
             case _:
                 after = changed(definition, operation)
                 problem = out_of_range(after.settings)
@@ -354,18 +310,18 @@ class LinuxHostProvider(JournaledHost):
                 else:
                     if isinstance(operation, SetActions):
                         self._start_with_machine(after)
-                    self._save(after)
+                    self._definitions.save(after)
 
     def _redefine(self, before: GroupDefinition, after: GroupDefinition) -> None:
         """Change the settings of a running partition: the kernel first, then the definition.
 
         The kernel's values may differ from `before`, where they were changed by hand and the plan takes that back.
         """
-        self._save(replace(before, changing=True))
+        self._definitions.save(replace(before, changing=True))
         try:
             self._make_group(before.group)  # a group made by hand may lack a controller
             self.tree.write(before.group, self._values(after.settings))
-            self._save(after)
+            self._definitions.save(after)
             self._effects.commit()
         except OSError as problem:
             self._restore(replace(before, changing=True))
@@ -382,32 +338,32 @@ class LinuxHostProvider(JournaledHost):
                 raise self._plan_again(problem)
         group = self._free_name(definition)
         begun = replace(definition, group=group, boot="")
-        self._save(begun)
+        self._definitions.save(begun)
         self._make_group(group)
         self.tree.write(group, self._values(settings))
         started = replace(begun, boot=self.machine.boot)
         self._start_with_machine(started)
-        self._save(started)
+        self._definitions.save(started)
 
     def _stop(self, definition: GroupDefinition, grace_ms: int) -> None:
         if not self._runs(definition):
             return
         self.tree.ask_to_end(definition.group, grace_ms)
-        self._save(replace(definition, boot=""))
+        self._definitions.save(replace(definition, boot=""))
         self.tree.remove(definition.group)
-        self._save(replace(definition, group="", boot=""))
+        self._definitions.save(replace(definition, group="", boot=""))
 
     def _recover(self) -> None:
         """Take back what a killed run left half done; the definitions have what was there before."""
-        self._refuse_writable_folder()
+        self._definitions.refuse_writable_folder()
         with self._kernel_errors(self._settings.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))
             self._effects.commit()
-        for definition in self._definitions():
+        for definition in self._definitions.all():
             with self._kernel_errors(definition.settings.name):
                 if definition.group and not definition.boot:
                     self.tree.remove(definition.group)
-                    self._save(replace(definition, group=""))
+                    self._definitions.save(replace(definition, group=""))
                 elif definition.changing:
                     self._restore(definition)
                 self._effects.commit()
@@ -417,7 +373,7 @@ class LinuxHostProvider(JournaledHost):
             with suppress(OSError):  # refused only where its processes took more memory meanwhile
                 self.tree.write(definition.group, self._values(definition.settings))
                 self._effects.commit()
-        self._save(replace(definition, changing=False))
+        self._definitions.save(replace(definition, changing=False))
 
     def _start_with_machine(self, definition: GroupDefinition) -> None:
         if self._runs(definition):
@@ -470,35 +426,6 @@ class LinuxHostProvider(JournaledHost):
             count = f"{len(found)} control groups are" if found else "no control group is"
             raise self._plan_again(f"{count} managed as the partition {operation.partition}")
         return found[0].id
-
-    def _definitions(self) -> list[GroupDefinition]:
-        """Return all definitions, sorted by id.
-
-        Raises:
-            HostDamaged: one cannot be read, or others than this user may write them.
-        """
-        self._refuse_writable_folder()
-        names = self._effects.files(self._folder)
-        return [self._load(self._folder / name) for name in names if name.endswith(".json")]
-
-    def _refuse_writable_folder(self) -> None:
-        """Refuse a folder that others may write to: root must not finish what another user put there."""
-        if self._effects.has_folder(self._folder) and not self._effects.is_private(self._folder):
-            raise open_folder(self.name, self._folder)
-
-    def _load(self, path: Path) -> GroupDefinition:
-        with self._report_damage(path):
-            definition = read_definition(self._effects.content(path) or b"")
-            if f"{definition.id}.json" != path.name:
-                raise NotDecodable("id", "the file has another name")
-            return definition
-
-    def _save(self, definition: GroupDefinition) -> None:
-        with self._report_failure(path := self._file(definition)):
-            self._effects.replace(path, write_definition(definition))
-
-    def _file(self, definition: GroupDefinition) -> Path:
-        return self._folder / f"{definition.id}.json"
 
     @contextmanager
     def _kernel_errors(self, partition: str) -> Iterator[None]:

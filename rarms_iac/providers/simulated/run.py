@@ -20,7 +20,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.providers.interface import HostFailed, HostRefused
-from rarms_iac.providers.journaled import JournaledHost, LocalFiles
+from rarms_iac.providers.journaled import JournaledHost, LocalFiles, report_damage
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.content_file import read_content, write_content
 from rarms_iac.providers.simulated.observation import (
@@ -107,7 +107,7 @@ class SimulatedHostProvider(JournaledHost):
         Raises:
             HostDamaged: the file cannot be read, or is not as it was written.
         """
-        with self._report_damage(self._path):
+        with report_damage(self.name, self._path):
             data = self._files.content(self._path)
             if data is None:
                 return empty(f"{self._path.parent.name}/{self.name}")
