@@ -305,13 +305,18 @@ class ProgramChannel:
                     lines.append(line)
                     size += len(line)
                     if size > self.most_bytes:
-                        raise self._broken(f"its answer has more than {self.most_bytes:,} bytes")
+                        raise self._too_long()
             except SilenceTimeout:
                 raise self._broken(f"it said nothing for {silence_s:.0f} s") from None
             code = program.code()
             if code is None:
                 raise self._broken("it does not end")
             return CommandResult(code=code, output="\n".join([*lines, ""]), error="\n".join(program.error_lines))
+
+    def _too_long(self) -> HostFailed:
+        message = f"what {self.target} answers is not of rarms: its answer has more than {self.most_bytes:,} bytes"
+        advice = f"Look at what the host prints for each command: `{' '.join(self.words)} true`."
+        return HostFailed(self.host, message, advice)
 
     def _broken(self, message: str) -> HostFailed:
         advice = "Run the same command again once the host is up."

@@ -92,8 +92,8 @@ delete() { # FILE
     rm -f "$1" && sync "${1%/*}"
 }
 
-make() { # GROUP: a folder of the kernel
-    mkdir -p "$1"
+make() { # GROUP: a folder of the kernel, in one that exists
+    [ -d "$1" ] || mkdir "$1"
 }
 
 remove() { # GROUP: without processes

@@ -26,9 +26,9 @@ from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import StartAction
 from rarms_iac.providers.cgroups import effects, remote
 from rarms_iac.providers.cgroups.condition import ORPHANS
-from rarms_iac.providers.cgroups.effects import LocalEffects
+from rarms_iac.providers.cgroups.effects import LinuxEffects, LocalEffects
 from rarms_iac.providers.cgroups.machine import read_machine
-from rarms_iac.providers.cgroups.remote import through_channel
+from rarms_iac.providers.cgroups.remote import RemoteEffects, through_channel
 from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.channel import CommandResult, ProgramChannel
 from rarms_iac.providers.interface import (
@@ -88,6 +88,10 @@ def behind(*words: str) -> LinuxHostProvider:
 def answering(lines: str) -> LinuxHostProvider:
     """A host of root that answers every batch with these lines."""
     return behind("sh", "-c", f"printf 'rarms: user 0\\nrarms: ready\\n{lines}\\nend\\n'")
+
+
+def effects_there(folder: Path) -> LinuxEffects:
+    return RemoteEffects(on_linux(builders.a_host()), shell_channel(), folder / "state")
 
 
 def open_slice_here(folder: Path) -> LinuxHostProvider:
@@ -192,8 +196,26 @@ def test_an_answer_without_end_is_cut_off() -> None:
     words = ("sh", "-c", "echo 'rarms: ready'; while :; do echo ' noise'; done")
     channel = ProgramChannel(host="onboard", target="ann@onboard", words=words, most_bytes=10_000)
 
-    with pytest.raises(HostFailed, match="its answer has more than 10,000 bytes"):
+    with pytest.raises(HostFailed, match="its answer has more than 10,000 bytes") as failed:
         through_channel(on_linux(builders.a_host()), channel).observe()
+    assert "Look at what the host prints" in str(failed.value.advice)
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize("effects_in", [lambda _: LocalEffects(), effects_there], ids=["here", "there"])
+def test_a_group_is_made_in_one_that_exists(effects_in: Callable[[Path], LinuxEffects], tmp_path: Path) -> None:
+    effects_of_host = effects_in(tmp_path)
+    for _ in range(2):
+        _make_and_commit(effects_of_host, tmp_path / "group")
+    assert (tmp_path / "group").is_dir()
+
+    with pytest.raises(OSError, match="no-slice/group"):
+        _make_and_commit(effects_of_host, tmp_path / "no-slice" / "group")
+
+
+def _make_and_commit(effects_of_host: LinuxEffects, group: Path) -> None:
+    effects_of_host.make(group)
+    effects_of_host.commit()
 
 
 def test_a_held_host_is_held_for_everybody_until_the_connection_ends(host: LinuxHostProvider, tmp_path: Path) -> None:
