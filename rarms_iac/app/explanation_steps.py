@@ -76,7 +76,10 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
             f"{less} %, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how}){safe}; "
             f"it must be {_bound(apt)}"
         )
-    if missed:
+    overloaded = {at for apt in explanation.curves for at in apt.curve.overloaded if at <= less}
+    if less in overloaded and not missed:
+        yield f"{less} %, one less: it falls behind its jobs, so that response times grow without an end"
+    if missed or less in overloaded:
         return
     inconclusive = sorted({at for apt in explanation.curves for at in apt.curve.inconclusive if at <= less})
     if less in inconclusive:

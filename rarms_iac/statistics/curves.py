@@ -42,6 +42,7 @@ class Curve:
     points: tuple[Point, ...]
     estimates: tuple[Estimate, ...]  # as measured, before they were made monotone; one a point
     inconclusive: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
+    overloaded: tuple[int, ...] = ()  # reserves at which it grows without an end: every threshold is missed there
 
     def value_at(self, reserve: float) -> Point | None:
         """Look the curve up.
@@ -106,13 +107,15 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
         if series.component == component
     }
     measured = {reserve: each for reserve, each in sorted(found.items()) if isinstance(each, Estimate)}
+    overloaded = {reserve for reserve, each in found.items() if isinstance(each, NoEstimate) and each.overload}
     reserves, estimates = list(measured), tuple(measured.values())
     return Curve(
         component=component,
         index=index,
         points=_monotone(reserves, estimates, index),
         estimates=estimates,
-        inconclusive=tuple(sorted(found.keys() - measured.keys())),
+        inconclusive=tuple(sorted(found.keys() - measured.keys() - overloaded)),
+        overloaded=tuple(sorted(overloaded)),
     )
 
 
@@ -244,8 +247,10 @@ def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:
     Returns:
         Per cent; 0: nowhere. Between it and the least reserve that holds lies the noise.
     """
-    missed = (point.reserve for curve, threshold in apts for point in curve.points if _misses(point, curve, threshold))
-    return int(max(missed, default=0))
+    pairs = list(apts)
+    missed = (point.reserve for curve, threshold in pairs for point in curve.points if _misses(point, curve, threshold))
+    overloaded = (reserve for curve, _ in pairs for reserve in curve.overloaded)
+    return int(max((*missed, *overloaded), default=0))
 
 
 def _misses(point: Point, curve: Curve, threshold: Threshold) -> bool:

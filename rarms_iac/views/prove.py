@@ -22,17 +22,24 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
     """A table a host and load, a row an index, and a sentence each."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows = [_row(proof, verdict) for proof in proofs for verdict in proof.verdicts]
+    rows: list[tuple[str, ...]] = [_row(proof, verdict) for proof in proofs for verdict in proof.verdicts]
     sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
-    verdicts = table(rows, header=("component", "threshold", "beside", "measured", "verdict"), wrap=(1, 4))
+    header: tuple[str, ...] = ("component", "threshold", "beside", "measured", "verdict")
+    if len({proof.interference for proof in proofs}) == 1:  # then the sentences say it
+        header, rows = _without_load(header), list(map(_without_load, rows))
+    verdicts = table(rows, header=header, wrap=(1, len(header) - 1))
     return stack(verdicts, *map(paragraph, (*sharing, *map(_sentence, proofs))), paragraph(_sureness(proofs)))
 
 
-def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, str, str, str, str]:
+def _row(proof: LayoutProof, verdict: IndexVerdict) -> tuple[str, ...]:
     measured, index = verdict.measured, index_named(verdict.measured.index)
     value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
     threshold = f"{index.name} {show_bound(index, measured.threshold)}"
     return measured.component, threshold, proof.interference or "no load", value, _verdict(verdict)
+
+
+def _without_load(row: tuple[str, ...]) -> tuple[str, ...]:
+    return (*row[:2], *row[3:])
 
 
 def _verdict(verdict: IndexVerdict) -> str:

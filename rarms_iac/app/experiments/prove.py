@@ -166,9 +166,9 @@ def _announce(
     loads = [each.interference for each in conditions if each.interference]
     least = least_duration_ms(layout, session.held[name].scheduler_memory_ms) * len(conditions)
     most = max(least, float(session.hosts.system.policy.measuring.proof))
-    takes = f"{show_duration(least)} at least, and usually no more than {show_duration(most)}"
-    uses = f"beside {in_a_row(loads)} uses all idle time of {name}" if loads else f"on {name} is beside no load"
-    session.control.reporter.message(f"The proof {uses}, for {takes} of its time.")
+    takes = f"{show_duration(least)} to {show_duration(most)}"
+    beside = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
+    session.control.reporter.message(f"The proof takes {takes} {beside}.")
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:

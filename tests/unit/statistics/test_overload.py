@@ -6,11 +6,13 @@ from fractions import Fraction
 
 import pytest
 
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Estimate, Met, Missed, NoEstimate, Overload, Unsteady
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.run import Periodic, SampleCount
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import Threshold
+from rarms_iac.statistics.curves import curve_of, highest_missed
 from rarms_iac.statistics.error_probability import ERROR, LOOK_ERROR
 from rarms_iac.statistics.overload import describe_overload, estimate_of_setting, find_overload, more_processors_help
 from rarms_iac.statistics.verdicts import judge, judge_early
@@ -108,8 +110,15 @@ def test_a_machine_whose_speed_wanders_widens_the_bound() -> None:
     assert find_overload(replace(series, wanders=True), RUN, error=LOOK_ERROR) is None
 
 
-def test_a_curve_has_no_value_of_what_grows() -> None:
+def test_a_curve_has_no_value_of_what_grows_and_is_missed_there() -> None:
     series = served(noisy(1, 60.0, count=400))
+    enough = Setting(reserve=80, series=(served(noisy(1, 30.0, count=400)),))
+    settings = (Setting(reserve=60, series=(series,)), enough)
+    curve = curve_of(settings, "a", "mean_response_time", RUN)
+
+    assert (curve.overloaded, curve.inconclusive) == ((60,), ())
+    assert [point.reserve for point in curve.points] == [80]
+    assert highest_missed([(curve, at_most(1_000_000))]) == 60
 
     assert isinstance(estimate_of_setting("mean_response_time", series, RUN), NoEstimate)
     assert isinstance(estimate_of_setting("throughput", series, RUN), Estimate)
