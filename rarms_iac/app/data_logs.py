@@ -248,7 +248,7 @@ def _measured_together(
             f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
             f"against {subject.setup.interference} ({path_shown})."
         )
-        advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 20 % }`.")
+        advice = prose("Measure it: ", again, ". Or fix it for now: `cpu: { reserve: 0.4 LP }`.")
         return NotMeasured(
             components=to_be_measured(group.members), message=message, advice=advice, values={"log": path_shown}
         )

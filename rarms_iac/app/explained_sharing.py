@@ -53,7 +53,7 @@ class PreviousTuning:
                     claim = f", {run.claim} to be the best" if run.strategy == "default" else ""
                     return (
                         f"`rarms tune` combined them at {run.when}, by {STRATEGIES[run.strategy]}{claim}: CR "
-                        f"{partition.reserve} %, {show_lp_percent(partition.reserved)} instead of "
+                        f"{show_lp_percent(partition.reserved)} ({partition.reserve} % of its VPs) instead of "
                         f"{show_lp_percent(partition.parts)} apart"
                     )
         return ""
@@ -157,9 +157,9 @@ def _settings(settings: Mapping[int, Sequence[str]]) -> Iterator[str]:
     enough = min((reserve for reserve, worse in settings.items() if not worse), default=None)
     missed = max((reserve for reserve, worse in settings.items() if worse), default=None)
     if enough is not None:
-        yield f"{enough} % is enough, and another layout was taken"
+        yield f"{enough} % of its VPs is enough, and another layout was taken"
     if missed is not None:
-        yield f"{missed} % is not enough for {' and '.join(settings[missed])} for sure"
+        yield f"{missed} % of its VPs is not enough for {' and '.join(settings[missed])} for sure"
 
 
 def describe_apart(partition: ExplainedPartition, place: ExplainedPlace) -> str:

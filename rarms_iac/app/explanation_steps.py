@@ -26,9 +26,17 @@ from rarms_iac.model.commands import PLAN, Wording, prose
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.layout import PlacedPartition, describe_placement
-from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
+from rarms_iac.model.quantities import (
+    guaranteed,
+    in_processors,
+    share_of_host,
+    share_of_processors,
+    show_bytes,
+    show_processors,
+    show_reserve,
+)
 from rarms_iac.model.system import AtMost, Component
-from rarms_iac.model.wording import counted, each_processor, in_a_row
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.alternatives import ChosenPlace, elsewhere
 from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.planner.totals import totals_by_host
@@ -73,24 +81,25 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         side = _value(apt, _safe_side(apt, point))
         safe = "" if index_named(apt.index).is_extreme else f", and {side} on the safe side"
         yield (
-            f"{less} %, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how}){safe}; "
-            f"it must be {_bound(apt)}"
+            f"{_share(explanation, less)}, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how})"
+            f"{safe}; it must be {_bound(apt)}"
         )
     overloaded = {at for apt in explanation.curves for at in apt.curve.overloaded if at <= less}
     if less in overloaded and not missed:
-        yield f"{less} %, one less: it falls behind its jobs, so that response times grow without an end"
+        yield f"{_share(explanation, less)}, one less: it falls behind its jobs: response times grow without an end"
     if missed or less in overloaded:
         return
+    below = f"{_share(explanation, less)}, one less"
     inconclusive = sorted({at for apt in explanation.curves for at in apt.curve.inconclusive if at <= less})
     if less in inconclusive:
-        yield f"{less} %, one less: it was measured and gave no verdict, so it is unknown whether it is enough"
+        yield f"{below}: it was measured and gave no verdict, so it is unknown whether it is enough"
     elif inconclusive:
         yield (
-            f"{less} %, one less: not measured; lower settings gave no verdict ({_list_reserves(inconclusive)}), "
+            f"{below}: not measured; lower settings gave no verdict ({_list_reserves(inconclusive)}), "
             "so it is unknown whether it is enough"
         )
     else:
-        yield f"{less} %, one less: nothing so low was measured, so it is unknown whether it is enough"
+        yield f"{below}: nothing so low was measured, so it is unknown whether it is enough"
 
 
 def _why_not_measured(explanation: Explanation) -> str:
@@ -112,8 +121,8 @@ def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str
     """As in: measured: 1.24 LP (62 % of onboard) is enough; the manifest fixes 1.25 LP (63 % of onboard)."""
 
     def amount(processors: Fraction) -> str:
-        share = show_percent(100 * processors / explanation.place.host.logical_processors)
-        return f"{show_processors(processors)} ({share} of {explanation.place.host.name})"
+        host = explanation.place.host
+        return f"{show_processors(processors)} ({share_of_host(processors, host.logical_processors, host.name)})"
 
     least = explanation.least
     enough = f"{amount(guaranteed(least, log.processors))} is" if least else "no setting that was measured is"
@@ -125,7 +134,7 @@ def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) 
     """What was measured there, beside what the curve, on which every reservation rests, makes of it."""
     estimate = apt.curve.estimate_at(at)
     seen = point if estimate is None else estimate
-    value = f"at {at} %: {_name(explanation, apt)} {_value(apt, seen.value)}"
+    value = f"at {_share(explanation, at)}: {_name(explanation, apt)} {_value(apt, seen.value)}"
     samples = "" if estimate is None else f" ({counted(estimate.samples, 'sample')})"
     met = holds(apt.curve, apt.threshold, at)
     if index_named(apt.index).is_extreme:
@@ -138,12 +147,17 @@ def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) 
     return f"{sentence}: not shown to be met, {curve} is not {_bound(apt)}"
 
 
+def _share(explanation: Explanation, reserve: int) -> str:
+    assert explanation.measured is not None, "a curve is of a log"
+    return share_of_processors(reserve, explanation.measured.processors)
+
+
 def _safe_side(apt: MemberCurve, point: Point) -> float:
     return point.upper if isinstance(apt.threshold, AtMost) else point.lower
 
 
 def _list_reserves(reserves: list[int]) -> str:
-    return ", ".join(f"{reserve} %" for reserve in reserves)
+    return ", ".join(f"{reserve} % of its VPs" for reserve in reserves)
 
 
 def _name(explanation: Explanation, apt: MemberCurve) -> str:
@@ -288,18 +302,18 @@ def _reservation(explanation: Explanation) -> Iterator[str]:
         yield f"not known: {_what_is_missing(explanation)}"
         return
     if explanation.least is not None and explanation.measured is not None:
-        processors = counted(explanation.measured.processors, "virtual processor")
+        processors = explanation.measured.processors
         yield (
-            f"CR {explanation.least} %: the least whole per cent of P1's {processors} at which every APT of "
-            "the partition is seen to hold"
+            f"{show_reserve(explanation.least, processors)}: the least whole per cent of P1's processors at which "
+            "every APT of the partition is seen to hold"
         )
     elif not explanation.wanted:
         yield "none: nothing asks for one"
         return
     else:
         yield f"as {explanation.fixed_by} fixes it"
-    share = show_percent(100 * explanation.wanted / whole)
-    yield f"{show_processors(explanation.wanted)}, {share} of {explanation.place.host.name}"
+    share = share_of_host(explanation.wanted, whole, explanation.place.host.name)
+    yield f"{show_processors(explanation.wanted)}, {share}"
 
 
 def _what_is_missing(explanation: Explanation) -> str:
@@ -317,9 +331,8 @@ def _rounding(explanation: Explanation) -> Iterator[str]:
         yield "none: nothing is reserved"
         return
     lost = guaranteed(placed.settings.reserve, placed.settings.processors) - explanation.wanted
-    each = each_processor(placed.settings.processors, place.host.processor_word)
-    grain = f"{placed.settings.reserve} % of {each} (whole per cent are the provider's grain)"
-    yield f"{grain}: {show_processors(placed.reserved)}, " + (
+    given = show_reserve(placed.settings.reserve, placed.settings.processors)
+    yield f"{given}: whole per cent are the provider's grain, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )
 
@@ -343,7 +356,7 @@ def _host(explanation: Explanation) -> Iterator[str]:
     name, whole = place.host.name, Fraction(place.host.logical_processors)
 
     def share(processors: Fraction) -> str:
-        return f"{show_processors(processors)} ({show_percent(100 * processors / whole)})"
+        return f"{show_processors(processors)} ({share_of_host(processors, whole, name)})"
 
     if place.no_host_because:
         condition = "once its reservation is known" if explanation.wanted is None else "if it could be there"
@@ -378,7 +391,7 @@ def _host(explanation: Explanation) -> Iterator[str]:
 
 
 def _limit_and_weight(placed: PlacedPartition) -> Iterator[str]:
-    yield f"limit {placed.settings.limit} %: {placed.why_limit}"
+    yield f"limit {show_reserve(placed.settings.limit, placed.settings.processors)}: {placed.why_limit}"
     yield f"weight {placed.settings.weight}: {placed.why_weight}"
     if placed.mechanism:
         yield placed.mechanism

@@ -24,6 +24,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, first_of_each_kind,
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
+from rarms_iac.model.quantities import show_reserve
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
@@ -212,7 +213,7 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
     if not isinstance(placed, PlacedPartition):
         yield "nothing that holds says what it reserves"
     elif placed.settings.reserve != entry.reserve:
-        yield f"its partition reserves {placed.settings.reserve} % now"
+        yield f"its partition reserves {show_reserve(placed.settings.reserve, placed.settings.processors)} now"
 
 
 def _entries(path: Path) -> list[Proven]:

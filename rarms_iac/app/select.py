@@ -115,9 +115,10 @@ def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether,
     """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
     highest, limit = log.measured[-1], _limit(log, host)
     safe = curve.safe_value_at(highest)
-    holds = "" if safe is None or not isfinite(safe) else f": {_show_level(index, safe)} holds at {highest} %"
+    level = "" if safe is None or not isfinite(safe) else _show_level(index, safe)
+    holds = "" if not level else f": {level} holds with {highest} % of its VPs"
     if highest >= limit:
-        return f"Choose an easier level{holds}, and {limit} % is the most that there is."
+        return f"Choose an easier level{holds}, and {limit} % of its VPs is the most that there is."
     return prose(
         f"Choose an easier level{holds}. Or measure higher settings, and select again: ",
         log.again.also(from_=f"{highest + 1}%", to=f"{limit}%"),

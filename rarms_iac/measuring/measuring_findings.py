@@ -22,7 +22,7 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import show_amount, show_duration, show_processors
+from rarms_iac.model.quantities import guaranteed, show_amount, show_duration, show_processors, show_reserve
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
@@ -85,7 +85,8 @@ def findings_of(
             reasons = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
             yield FAILED_SAMPLES.at(
                 places.key("components", component),
-                f"{component} at {reserve} %: {len(failures)} failed, and `run.failures` allows fewer: {reasons}.",
+                f"{component} at {reserve} % of its VPs: {len(failures)} failed, and `run.failures` "
+                f"allows fewer: {reasons}.",
                 f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
                 address=f"component/{component}",
                 values={"component": component, "reserve_percent": reserve, "failed_samples": len(failures)},
@@ -146,7 +147,7 @@ def _not_achievable(
     experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     last = [setting for setting in settings if setting.reserve == reserve][-1:]
-    most = "" if reserve == 100 else f" {reserve} % is the most that {experiment.host.name} can give it now."
+    most = "" if reserve == 100 else f" {reserve} % of its VPs is the most that {experiment.host.name} can give it now."
     first, last_resort = "Relax the threshold (", "make the component cheaper, or use a faster platform."
     if most:
         first = "Free the host, where something else holds its processors; else relax the threshold ("
@@ -157,7 +158,7 @@ def _not_achievable(
         for measured in [index for index in indexes if index.misses] or indexes:
             yield NOT_ACHIEVABLE.at(
                 places.value("components", measured.component, "apt", measured.index),
-                f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
+                f"{measured.component} at {reserve} % of its VPs: {show_index(measured)}, and its threshold is "
                 f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
                 NO_MORE_CPU
                 if measured.component in waiting
@@ -191,7 +192,7 @@ def _not_resolved(
     for reserve, component, why in unsteady:
         yield NO_STEADY_STATE.at(
             places.key("components", component),
-            f"{component} at {reserve} %: {why}.",
+            f"{component} at {reserve} % of its VPs: {why}.",
             f"Look for what grows while it runs{_or_more_time(settings[-1], experiment)}.",
             address=f"component/{component}",
             values={"component": component, "reserve_percent": reserve, "reason": why},
@@ -251,11 +252,12 @@ def _less_unknown(
     reserve, component, reason = _unsteady(highest)[-1]
     more_time = _or_more_time(highest[-1], experiment)
     pronoun = "it" if len(end.inconclusive) == 1 else "they"
-    lowest = f"; {end.failed} % is not shown to be" if end.failed else ""
+    lowest = f"; {end.failed} % of them is not shown to be" if end.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
-        f"{experiment.name}: {end.reserve} % is enough{lowest}. Of {in_a_row(end.inconclusive)} % nothing is known: "
-        f"{pronoun} reached no steady state ({component} at {reserve} %: {reason}).",
+        f"{experiment.name}: {end.reserve} % of its VPs is enough{lowest}. "
+        f"Of {in_a_row(end.inconclusive)} % of them nothing is known: "
+        f"{pronoun} reached no steady state ({component} at {reserve} % of its VPs: {reason}).",
         f"Look for what grows in {component} while it runs{more_time}. Or leave it.",
         address=f"component/{experiment.members[0].name}",
         values={
@@ -274,9 +276,10 @@ def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Itera
             continue
         yield FIXED_ANYWAY.at(
             places.value("components", member.name, "cpu", "reserve"),
-            f"{member.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
-            f"{show_amount(member.cpu.reserve)} for it all the same.",
-            "For a plan to take what was measured, write `reserve: measured`.",
+            f"{member.name} meets its thresholds with {show_reserve(reserve, experiment.setup.processors)}, and the "
+            f"manifest reserves {show_amount(member.cpu.reserve)} for it all the same.",
+            "For a plan to take what was measured, write `reserve: measured`, or "
+            f"`reserve: {show_processors(guaranteed(reserve, experiment.setup.processors))}`.",
             address=f"component/{member.name}",
             values={"component": member.name, "measured_percent": reserve, "fixed": show_amount(member.cpu.reserve)},
         )
@@ -294,7 +297,8 @@ def _unusable_processors(
         now, then = (show_processors(Fraction(reserve * count, 100)) for count in (processors, usable))
         yield UNUSABLE_PROCESSORS.at(
             places.key("components", member.name),
-            f"It uses {usable} of its {processors} virtual processors at most: a CR of {reserve} % is {now} with "
+            f"It uses {usable} of its {processors} virtual processors at most: a CR of {reserve} % of its VPs is "
+            f"{now} with "
             f"{processors}, and about {then} with {usable}.",
             prose(
                 command("measure", member.name, write_processors=True),

@@ -71,16 +71,22 @@ def units_of(*kinds: Unit) -> tuple[str, ...]:
 def parse_quantity(text: str, *kinds: Unit) -> tuple[Unit, Fraction]:
     """The kind and the exact value of e.g. `88 ms`, `512 MiB`, `70 %`, `1.4 LP`, `24 /s`.
 
+    Where processor time fits, a share is of the host, and may say so: `70 % of host`.
+
     Raises:
         NotAQuantity: it is not one ASCII number, at most one space, and a unit of `kinds`.
     """
-    found = _WRITTEN.fullmatch(text)
+    found = _WRITTEN.fullmatch(text.removesuffix(f" {OF_HOST}") if _says_host(text, kinds) else text)
     if found:
         for kind in kinds:
             size = UNITS[kind].get(found["unit"])
             if size is not None:
                 return kind, Fraction(found["number"]) * size
     raise NotAQuantity(text, units_of(*kinds))
+
+
+def _says_host(text: str, kinds: tuple[Unit, ...]) -> bool:
+    return {Unit.SHARE, Unit.PROCESSORS} <= set(kinds) and text.endswith(f"% {OF_HOST}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +105,10 @@ class ProcessorTime:
 
 CpuAmount = ShareOfHost | ProcessorTime
 """A reservation or limit as the manifest may write it."""
+
+
+OF_HOST = "of host"
+"""May stand after a share of a host, in the manifest too: `70 % of host`."""
 
 
 def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:
@@ -145,8 +155,30 @@ def show_percent(value: Fraction | int) -> str:
 
 
 def show_processors(value: Fraction | int) -> str:
-    """`1.4 LP`."""
-    return f"{plain(value)} LP"
+    """`1.4 LP`, `0.33 LP`: what is shown of an amount; what is exact writes `show_amount`."""
+    exact = Fraction(value)
+    if exact.denominator == 1:
+        return f"{exact.numerator} LP"
+    return f"{float(exact):.2f}".rstrip("0").rstrip(".") + " LP"
+
+
+def share_of_processors(percent: Fraction | int, processors: int) -> str:
+    """`26 % of its 1 VP`, `80 % of its 2 VPs`: a share of a partition's own virtual processors, always with them."""
+    return f"{plain(percent)} % of its {processors} VP{'' if processors == 1 else 's'}"
+
+
+def share_of_host(amount: Fraction | int, whole: Fraction | int, host: str) -> str:
+    """`13 % of onboard`: a share of a host's logical processors, always with its name; none where it has none."""
+    if not whole:
+        return ""
+    share = f"{float(100 * Fraction(amount) / whole):.1f}".removesuffix(".0")
+    return f"{share} % of {host}"
+
+
+def show_reserve(percent: int, processors: int) -> str:
+    """`0.26 LP (26 % of its 1 VP)`: a reservation or limit of a partition."""
+    amount = show_processors(guaranteed(percent, processors))
+    return f"{amount} ({share_of_processors(percent, processors)})"
 
 
 def show_lp_percent(percent: int) -> str:
@@ -155,11 +187,18 @@ def show_lp_percent(percent: int) -> str:
 
 
 def show_bytes(value: int) -> str:
-    """The largest unit that keeps the number whole: `512 MiB`, `4 GiB`, `1537 MiB`."""
+    """The largest unit that keeps the number whole, `512 MiB`, `4 GiB`, `1537 MiB`; of other sizes one decimal."""
     for unit, size in reversed(UNITS[Unit.MEMORY].items()):
-        if value and value % size == 0:
+        if value and value % size == 0 and value // int(size) < MOST_DIGITS:
             return f"{value // int(size)} {unit}"
+    for unit in ("GiB", "MiB", "KiB"):
+        if value >= (whole := int(UNITS[Unit.MEMORY][unit])):
+            return f"{value / whole:.1f} {unit}".replace(".0 ", " ")
     return f"{value} B"
+
+
+MOST_DIGITS = 10_000
+"""A number of bytes is shown with fewer than five digits: above, in the larger unit."""
 
 
 def show_period(microseconds: int | None) -> str:
@@ -208,6 +247,6 @@ def show_amount(amount: CpuAmount) -> str:
     """The amount as the manifest would write it."""
     match amount:
         case ShareOfHost(percent):
-            return show_percent(percent)
+            return f"{show_percent(percent)} {OF_HOST}"
         case ProcessorTime(processors):
-            return show_processors(processors)
+            return f"{plain(processors)} LP"

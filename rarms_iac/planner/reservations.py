@@ -331,11 +331,11 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
     if not log.measured:
         message, advice = f"{log.path} holds no setting yet.", prose("Measure it: ", log.again, ".")
     elif highest < 100:
-        message = f"No setting of {log.path} meets {indexes}: the highest is {highest} %."
+        message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
     else:
         message = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {indexes}."
-        advice = prose(relax, "make the component cheaper, or use a faster platform: 100 % is measured already.")
+        advice = prose(relax, "make the component cheaper, or use a faster platform: it had all of its VPs.")
     return NotMeasured(
         components=names,
         code=planning_findings.NOT_MET.code,

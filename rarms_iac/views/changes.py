@@ -5,11 +5,17 @@ Everything here is text in the words and units of the manifest; nothing is laid 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Forced, Release, Resource, Update
-from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_period, show_processors
+from rarms_iac.model.quantities import (
+    guaranteed,
+    share_of_host,
+    share_of_processors,
+    show_bytes,
+    show_period,
+    show_processors,
+)
 from rarms_iac.model.state import NO_GENERATION, HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
@@ -98,8 +104,8 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
     return {
         "name": (settings.name, ""),
         "processors": (str(settings.processors), ""),
-        "reserve": (show_percent(settings.reserve), _amount(settings, facts)),
-        "limit": (show_percent(settings.limit), ""),
+        "reserve": _amount(settings.reserve, settings, facts),
+        "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
         "weight": (str(settings.weight), ""),
         "memory": (show_bytes(settings.memory), ""),
         "dynamic memory": (_yes_or_no(settings.dynamic_memory), ""),
@@ -117,8 +123,8 @@ def _settings_of_group(settings: PartitionSettings, facts: HostFacts) -> _Attrib
     return {
         "name": (settings.name, ""),
         "processors": (str(settings.processors), ""),
-        "reserve": (show_percent(settings.reserve), _amount(settings, facts)),
-        "limit": (show_percent(settings.limit), ""),
+        "reserve": _amount(settings.reserve, settings, facts),
+        "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
         "period": (show_period(settings.quota_period_us), "how often the limit is counted anew"),
         "memory": (show_bytes(settings.memory) if settings.memory else "no limit", ""),
         "start action": (settings.start_action.value.replace("_", " "), ""),
@@ -126,13 +132,10 @@ def _settings_of_group(settings: PartitionSettings, facts: HostFacts) -> _Attrib
     }
 
 
-def _amount(settings: PartitionSettings, facts: HostFacts) -> str:
-    """What a reserve is of the host, where that is another number than per cent of its own processors."""
-    if settings.processors == facts.logical_processors or not facts.logical_processors:
-        return ""
-    processors = guaranteed(settings.reserve, settings.processors)
-    of_host = show_percent(Fraction(processors) * 100 / facts.logical_processors)
-    return f"{show_processors(processors)}, {of_host} of the host"
+def _amount(percent: int, settings: PartitionSettings, facts: HostFacts) -> tuple[str, str]:
+    """A reserve or limit in LPs; its shares of the partition's processors and of the host as a note."""
+    amount, own = guaranteed(percent, settings.processors), share_of_processors(percent, settings.processors)
+    return show_processors(amount), f"{own}, {share_of_host(amount, facts.logical_processors, facts.name)}"
 
 
 def _yes_or_no(value: bool) -> str:

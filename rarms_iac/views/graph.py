@@ -33,7 +33,7 @@ def _label(node: HostNode | PartitionNode | ComponentNode) -> tuple[str, ...]:
             size = f"{show_processors(node.host_lp)}, {show_bytes(node.memory)}"
             return node.name, f"{node.provider.value}, {size}"
         case PartitionNode():
-            reserve = f"{show_processors(node.reserved_lp)} reserved ({show_percent(node.reserve)} each VP)"
+            reserve = f"{show_processors(node.reserved_lp)} reserved ({show_percent(node.reserve)} of each of its VPs)"
             return node.name, reserve, show_bytes(node.memory)
         case ComponentNode():
             return node.name, f"criticality {node.criticality}", *((f"task {node.task}",) if node.task else ())

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator
 
 from rarms_iac.app.guide import GuideFacts
-from rarms_iac.model.wording import each_processor
+from rarms_iac.model.quantities import show_reserve
 
 
 def guide_text(facts: GuideFacts) -> str:
@@ -20,7 +20,7 @@ def _head(facts: GuideFacts) -> Iterator[str]:
     yield f"# {facts.component} by hand, on {facts.platform}"
     yield ""
     yield f"Good enough is: {'; '.join(facts.apt) or 'no threshold is set'}."
-    yield f"Its partition {facts.partition} gets {facts.reserve} % of {each_processor(facts.processors)},"
+    yield f"Its partition {facts.partition} gets {show_reserve(facts.reserve, facts.processors)},"
     yield f"{facts.depends_on}."
     if facts.beside:
         yield f"In the same partition run: {', '.join(facts.beside)}."
@@ -78,7 +78,8 @@ def _linux(facts: GuideFacts) -> Iterator[str]:
     if facts.limit < 100:
         period = _period_us(facts.shortest_ms)
         quota = period * facts.limit * facts.processors // 100
-        yield f"4. The limit of {facts.limit} %: `echo '{quota} {period}' > {group}/cpu.max`. The period is a tenth of"
+        limit = show_reserve(facts.limit, facts.processors)
+        yield f"4. The limit of {limit}: `echo '{quota} {period}' > {group}/cpu.max`. The period is a tenth of"
         yield "   the shortest response time that is allowed: with a longer one, response times come in steps."
     else:
         yield f"4. No limit: leave `{group}/cpu.max` at `max`; a cap would falsify what was measured."

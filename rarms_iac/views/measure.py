@@ -24,7 +24,7 @@ from rarms_iac.model.outcomes import (
     Swept,
     Unsteady,
 )
-from rarms_iac.model.quantities import guaranteed, plain, show_processors
+from rarms_iac.model.quantities import guaranteed, share_of_processors, show_processors
 from rarms_iac.model.series import MOST_SAMPLES, Series
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-Row = tuple[str, str, str, str, str]
+Row = tuple[str, str, str, str, str, str]
 
-HEADER = ("component", "threshold", "CR", "LP", "remark")
+HEADER = ("component", "threshold", "on", "reservation", "CR", "remark")
 
 
 def summary_text(outcome: MeasureOutcome) -> "RenderableType":
@@ -53,39 +53,39 @@ def summary_text(outcome: MeasureOutcome) -> "RenderableType":
         for beside in outcome.partitions
         for row in _rows(beside[0].experiment, *_outcome(decisive(beside), _loads(beside)))
     ]
-    rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "-", "", "not begun")]
-    return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(outcome)))
+    rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "", "-", "not begun")]
+    return stack(table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
 
 
-def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) -> Iterator[Row]:
+def _rows(experiment: Experiment, share: str, amount: str, remark: str) -> Iterator[Row]:
     for member in experiment.members:
         name = member.name
         bounds = [f"{index} {show_bound(index_named(index), threshold)}" for index, threshold in member.apt.items()]
         for threshold in bounds or ["none"]:
-            yield name, threshold, reserve, processors, remark
-            name = reserve = processors = remark = ""
+            yield name, threshold, experiment.host.platform, amount, share, remark
+            name = share = amount = remark = ""
 
 
 def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
     match result.conclusion:
         case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive):
-            remarks = [_below(result, failed), _inconclusive(inconclusive), _planned(result, reserve), loads]
-            reserved = plain(guaranteed(reserve, result.experiment.setup.processors))
-            return f"{reserve} %", reserved, ", ".join(filter(None, remarks))
+            remarks = [_below(result, failed), _inconclusive(result, inconclusive), _planned(result, reserve), loads]
+            share = share_of_processors(reserve, result.experiment.setup.processors)
+            return share, _amount(result, reserve), ", ".join(filter(None, remarks))
         case NotAchievable(reserve=reserve):
-            return "-", "", ", ".join(filter(None, [f"not achievable at {reserve} %", loads]))
+            return "", "-", ", ".join(filter(None, [f"not achievable at {_amount(result, reserve)}", loads]))
         case NotResolved():
             remark = "not resolved"
         case SettingFailed(reserve=reserve):
-            remark = f"too many failed samples at {reserve} %"
+            remark = f"too many failed samples at {_amount(result, reserve)}"
         case Swept():
             remark = "measured"
         case Stopped():
             remark = "stopped"
         case _:
             assert_never(result.conclusion)
-    return "-", "", ", ".join(filter(None, [remark, _planned(result, None), loads]))
+    return "", "-", ", ".join(filter(None, [remark, _planned(result, None), loads]))
 
 
 def _loads(beside: Sequence[ExperimentResult]) -> str:
@@ -93,8 +93,14 @@ def _loads(beside: Sequence[ExperimentResult]) -> str:
     last, first = decisive(beside), beside[0]
     if len(beside) == 1 and last.of_loads == 1:
         return ""
-    alone = f" ({first.interference} alone: {first.reserve} %)" if last is not first and first.reserve else ""
-    return f"beside {last.interference}{alone}"
+    if last is first or not first.reserve:
+        return f"beside {last.interference}"
+    return f"beside {last.interference} ({first.interference} alone: {_amount(first, first.reserve)})"
+
+
+def _amount(result: ExperimentResult, reserve: int) -> str:
+    """A setting in LPs; the row has the share beside it."""
+    return show_processors(guaranteed(reserve, result.experiment.setup.processors))
 
 
 def _below(result: ExperimentResult, failed: int | None) -> str:
@@ -103,21 +109,21 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
         return ""
     match shortfall_at(failed, result.settings, result.experiment):
         case Missed():
-            return f"{failed} % too little"
+            return f"{_amount(result, failed)} too little"
         case Unsteady():
-            return f"{failed} % unsteady"
+            return f"{_amount(result, failed)} unsteady"
         case _:
-            return f"{failed} % unresolved"
+            return f"{_amount(result, failed)} unresolved"
 
 
-def _inconclusive(reserves: Sequence[int]) -> str:
+def _inconclusive(result: ExperimentResult, reserves: Sequence[int]) -> str:
     """Those between, without a steady state: they are neither enough nor too little."""
-    return f"{in_a_row(reserves)} % unsteady" if reserves else ""
+    return f"{in_a_row([_amount(result, reserve) for reserve in reserves])} unsteady" if reserves else ""
 
 
 def _planned(result: ExperimentResult, reserve: int | None) -> str:
     planned = result.planned
-    return "" if planned is None or planned == reserve else f"a plan reserves {planned} %"
+    return "" if planned is None or planned == reserve else f"a plan reserves {_amount(result, planned)}"
 
 
 def _totals(outcome: MeasureOutcome) -> Iterator[str]:
@@ -160,8 +166,11 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
     rows = []
     for setting in sorted(result.settings, key=lambda each: (each.reserve, each.seed)):
         indexes = {(index.component, index.index): index for index in measured_indexes(setting, result.experiment)}
-        rows.append((f"{setting.reserve} %", *(show_band(indexes[name]) for name in names)))
-    return table(rows, header=("CR", *heads), wrap=range(1, len(heads) + 1))
+        processors = result.experiment.setup.processors
+        amount = show_processors(guaranteed(setting.reserve, processors))
+        share = share_of_processors(setting.reserve, processors)
+        rows.append((amount, share, *(show_band(indexes[name]) for name in names)))
+    return table(rows, header=("reservation", "CR", *heads), wrap=range(2, len(heads) + 2))
 
 
 def show_band(index: MeasuredIndex) -> str:
@@ -208,14 +217,14 @@ class MeasuringProgress(MeasuringReporter):
         """Show the running setting where it can be updated."""
         self._began = self._clock()
         if self._live is not None:
-            self._live.show((_subject(experiment), f"{reserve} %", "..."))
+            self._live.show((_subject(experiment), _setting(experiment, reserve), "..."))
 
     def samples_came(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
             values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
             progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, seen)}"
-            self._live.show((_subject(experiment), f"{reserve} %", progress))
+            self._live.show((_subject(experiment), _setting(experiment, reserve), progress))
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
         """Say what was measured there, where the last line is long ago."""
@@ -230,12 +239,12 @@ class MeasuringProgress(MeasuringReporter):
         )
         took = show_seconds(now - self._began)
         done = f"{samples_of(series)}, {values or 'measured'}, in {took}"
-        self._say(paragraph(f"{_subject(experiment)} at {setting.reserve} %: {done}"))
+        self._say(paragraph(f"{_subject(experiment)} at {_setting(experiment, setting.reserve)}: {done}"))
 
     def setting_disturbed(self, experiment: Experiment, reserve: int, reason: str) -> None:
         """Say that it is measured again, and why."""
-        subject = _subject(experiment)
-        self._say(paragraph(f"{subject} at {reserve} % is measured again, because it was disturbed: {reason}."))
+        subject = f"{_subject(experiment)} at {_setting(experiment, reserve)}"
+        self._say(paragraph(f"{subject} is measured again, because it was disturbed: {reason}."))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""
@@ -276,6 +285,10 @@ def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
 
 def _subject(experiment: Experiment) -> str:
     return f"{experiment.name} beside {experiment.setup.interference}"
+
+
+def _setting(experiment: Experiment, reserve: int) -> str:
+    return show_processors(guaranteed(reserve, experiment.setup.processors))
 
 
 def _owner(index: MeasuredIndex, *, several: bool) -> str:

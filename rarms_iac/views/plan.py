@@ -14,7 +14,7 @@ from rarms_iac.model.diagnostics import Place, Sources
 from rarms_iac.model.layout import describe_placement
 from rarms_iac.model.operations import RemoveDisk, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, UnusedPartition
-from rarms_iac.model.quantities import guaranteed, plain, show_bytes, show_milliseconds, show_percent, show_processors
+from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, show_milliseconds, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
 from rarms_iac.model.wording import counted, in_a_row
@@ -134,7 +134,7 @@ def _planned_host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[Ren
         yield from _threads(part)
         yield from _steps(part)
     if part.host_totals is not None:
-        yield paragraph(_totals(part.host_totals), indent=2)
+        yield paragraph(_totals(part.host_totals, part.name), indent=2)
 
 
 def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
@@ -150,7 +150,7 @@ def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
         if isinstance(change, Create) and change.address.task and change.address.partition in created:
             classes.setdefault(change.address.partition, []).append(change.address.task)
     if machines:
-        yield table([_row(change, part, classes) for change in machines], right=(1, 2, 3), wrap=(0, 4), indent=2)
+        yield table([_row(change, part, classes) for change in machines], right=(1, 2), wrap=(0, 3), indent=2)
     for change in part.changes:
         if change not in machines and not (change.address.is_in_guest and change.address.partition in created):
             yield _line(change, part)
@@ -168,16 +168,15 @@ def _resource(change: Create | Delete) -> object:
 
 
 def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence[str]]) -> "tuple[Text | str, ...]":
-    """`+ hmi [hmi, historian]  29 %  1.16 LP  1 GiB  task Localization`."""
+    """`+ hmi [hmi, historian]  1.16 LP  1 GiB  task Localization`."""
     machine = _resource(change)
     assert isinstance(machine, Partition)
-    settings, total = machine.settings, part.facts.logical_processors
+    settings = machine.settings
     reserved = Fraction(guaranteed(settings.reserve, settings.processors))
     tasks = ", ".join(classes.get(change.address.partition, ()))
     note = f"task {tasks}" if tasks else ""
     return (
         _name(change, part),
-        show_percent(reserved * 100 / total) if total else "",
         show_processors(reserved),
         show_bytes(settings.memory),
         note if isinstance(change, Create) else _note(change, part),
@@ -191,25 +190,14 @@ def _name(change: Change, part: HostPlan) -> "Text":
 
 
 def _line(change: Change, part: HostPlan) -> "RenderableType":
-    """`~ vision  reserve 70 % -> 40 %; stopped for up to 60 s to shut down, and the start after it`."""
+    """`~ vision  reserve 0.7 LP -> 0.4 LP; stopped for up to 60 s to shut down`."""
     differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
-    differences = ", ".join(f"{attribute.name} {_amount_of(change, attribute, part)}" for attribute in differing)
+    differences = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
     if isinstance(change, Create | Delete):
         differences = ""
     note = _note(change, part)
     text = "; ".join(words for words in (differences, note) if words)
     return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
-
-
-def _amount_of(change: Change, attribute: AttributeText, part: HostPlan) -> str:
-    """Its value; of a reserve LPs where per cent of the partition are not per cent of the host, as the table has it."""
-    match change:
-        case Update(before=Partition(settings=before), after=Partition(settings=after)) if attribute.name == "reserve":
-            amounts = [show_processors(guaranteed(each.reserve, each.processors)) for each in (before, after)]
-            is_share = {before.processors, after.processors} == {part.facts.logical_processors}
-            return _value(attribute) if is_share or amounts[0] == amounts[1] else " -> ".join(amounts)
-        case _:
-            return _value(attribute)
 
 
 def _note(change: Change, part: HostPlan) -> str:
@@ -329,13 +317,12 @@ def _steps(part: HostPlan) -> "Iterator[RenderableType]":
         yield paragraph(step.comment, indent=len(start))
 
 
-def _totals(totals: HostTotals) -> str:
+def _totals(totals: HostTotals, host: str) -> str:
     """What the host has promised once the plan is done, in one sentence."""
     promised, whole = totals.promised, totals.host_lp
-    share = show_percent(totals.reserved_lp * 100 / whole) if whole else "0 %"
-    sentences = [
-        f"{plain(totals.reserved_lp)} of {show_processors(whole)} ({share}) and {show_bytes(promised.memory)} reserved"
-    ]
+    share = share_of_host(totals.reserved_lp, whole, host)
+    reserved = f"{show_processors(totals.reserved_lp)} of {show_processors(whole)}"
+    sentences = [f"{reserved} ({share}) and {show_bytes(promised.memory)} reserved"]
     if promised.idle_percent or promised.idle_memory:
         idle = _amount(Fraction(promised.idle_percent, 100), promised.idle_memory)
         sentences.append(f"of these, {idle} by partitions that do not run")

@@ -53,7 +53,7 @@ def _verdict(verdict: IndexVerdict) -> str:
 def describe_proof_setting(proof: ComponentProof) -> str:
     """`2026-02-01T12:00:00Z, on onboard at 40 % beside busy-loop`: when and under what it ran with all others."""
     beside = f"beside {proof.interference}" if proof.interference else "beside no load"
-    return f"{proof.when}, on {proof.host} at {proof.reserve} % {beside}"
+    return f"{proof.when}, on {proof.host} with {proof.reserve} % of its VPs {beside}"
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:

@@ -6,7 +6,6 @@ holds 65,536 characters; each part has its share of that, and says what it leave
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import UseCaseError
@@ -16,7 +15,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, UndoLevel
-from rarms_iac.model.quantities import guaranteed, show_bytes, show_milliseconds, show_percent, show_processors
+from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, show_milliseconds, show_processors
 from rarms_iac.model.state import Partition, PartitionSettings
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import counted, in_a_row
@@ -285,8 +284,8 @@ def _reserve(settings: PartitionSettings | None, part: HostPlan) -> str:
     if settings is None:
         return ""
     processors, whole = guaranteed(settings.reserve, settings.processors), part.facts.logical_processors
-    share = f" ({show_percent(Fraction(processors) * 100 / whole)})" if whole else ""
-    return f"{show_processors(processors)}{share}"
+    share = share_of_host(processors, whole, safe(part.name))
+    return f"{show_processors(processors)} ({share})" if share else show_processors(processors)
 
 
 def _name(partition: str, part: HostPlan) -> str:

@@ -49,7 +49,7 @@ def level_question(component: str) -> Question:
 def refine_question(written: Selection) -> Question:
     """Whether to search below the reservations that were measured, where nothing close below them was."""
     gaps = sorted({(level.measured_below, level.reserve) for level in written.levels if level.may_be_less})
-    named = in_a_row([f"{below} and {reserve} %" for below, reserve in gaps])
+    named = in_a_row([f"{below} and {reserve} % of its VPs" for below, reserve in gaps])
     return Question(
         text=f"Nothing between {named} was measured. Search there?",
         help_text="y searches the least reservation there, setting by setting; n takes what was measured; q ends.",
@@ -59,6 +59,7 @@ def refine_question(written: Selection) -> Question:
 def extend_question(beyond: BeyondMeasured) -> Question:
     """Whether to measure higher settings for a level that no measured one reaches."""
     settings = f"{beyond.first} to {beyond.last} %" if beyond.first < beyond.last else f"{beyond.last} %"
+    settings += " of its VPs"
     return Question(
         text=f"{settings} is not measured yet. Measure there?",
         help_text="y measures there and looks the level up again; n asks for another level; q ends.",

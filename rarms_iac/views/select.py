@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.select import Selection
 from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_threshold, show_value
-from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import each_processor
+from rarms_iac.model.quantities import share_of_host, share_of_processors, show_processors
 from rarms_iac.views.console import paragraph, stack
 
 if TYPE_CHECKING:
@@ -23,11 +22,9 @@ def selection_text(selection: Selection) -> "RenderableType":
 
 def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
     for level in selection.levels:
-        amount = show_processors(level.reserved_lp)
-        yield (
-            f"partition {level.partition} on {level.host}: {level.reserve} % of {each_processor(level.processors)}, "
-            f"{amount} of {show_processors(level.host_lp)}"
-        )
+        own = share_of_processors(level.reserve, level.processors)
+        share = share_of_host(level.reserved_lp, level.host_lp, level.host)
+        yield f"partition {level.partition}: {show_processors(level.reserved_lp)}, {own}, {share}"
         if level.expected is not None:
             expected = level.expected
             bounds = "so far" if index.is_extreme else f"({show_range(index, expected.lower, expected.upper)})"

@@ -8,7 +8,7 @@ from rarms_iac.app.status import History, HostOverview, Overview, PartitionStatu
 from rarms_iac.model.commands import sentences
 from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import PastRun, RunKind
-from rarms_iac.model.quantities import show_percent, show_processors
+from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import members_of
@@ -68,8 +68,8 @@ def _bar(used: float, capacity: float) -> str:
 def _row(partition: PartitionStatus) -> tuple[str, ...]:
     return (
         partition.name + members_of(partition.name, {partition.name: partition.components}),
-        show_percent(partition.reserve),
         show_processors(partition.reserved_lp),
+        share_of_processors(partition.reserve, partition.processors),
         "; ".join(_remarks(partition)),
     )
 

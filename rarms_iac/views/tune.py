@@ -30,8 +30,8 @@ class TuningProgress(SilentReporter):
 
     def setting_answered(self, answer: Answer) -> None:
         """Show the answer."""
-        predicted = "" if answer.predicted is None else f" (predicted {answer.predicted} %)"
-        row = "+".join(answer.members), f"{answer.reserve} %", f"{answer_text(answer.worse)}{predicted}"
+        predicted = "" if answer.predicted is None else f" (predicted {answer.predicted} % of its VPs)"
+        row = "+".join(answer.members), f"{answer.reserve} % of its VPs", f"{answer_text(answer.worse)}{predicted}"
         if self._live is None:
             self._say(paragraph(f"{row[0]} at {row[1]}: {row[2]}"))
         else:
@@ -72,13 +72,13 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
         (
             partition.name,
             ", ".join(partition.components),
-            f"{partition.reserve} %",
             _number(partition.reserved),
+            f"{partition.reserve} % of its VPs",
             "" if partition.parts is None else _number(partition.parts),
         )
         for partition in partitions
     ]
-    return table(rows, header=("partition", "components", "CR", "LP", "LP apart"), wrap=(0, 1), right=(2, 3, 4))
+    return table(rows, header=("partition", "components", "LP", "CR", "LP apart"), wrap=(0, 1), right=(2, 4))
 
 
 def _sentences(result: TuningResult) -> Sequence[str]:

@@ -74,6 +74,8 @@
 
   const figure = (value, places = 2) => String(Number(value.toFixed(places)));
   const inProcessors = (hundredths) => `${figure(hundredths / 100)} LP`;
+  const shareOfProcessors = (reserve, processors) => `${reserve} % of its ${processors} VP${processors === 1 ? "" : "s"}`;
+  const shareOfHost = (share) => figure(share, 1);
   const inWords = (plot) => `${plot.direction.replace("_", " ")} ${plot.text} ${plot.unit}`;
 
   // Labels that a pill would cover, even in part, are not shown: looked at once a frame, since looking is dear.
@@ -102,7 +104,7 @@
   const showPlot = (plot) => {
     const reserve = leastReserve([plot]);
     const line = element(`${plot.id}-line`);
-    const cost = reserve === null ? "no measured reserve is enough" : `needs a reserve of ${reserve} %`;
+    const cost = reserve === null ? "no measured reserve is enough" : `needs ${inProcessors(reserve * plot.card.processors)} (${shareOfProcessors(reserve, plot.card.processors)})`;
     line.style.top = `${100 - 100 * heightOf(plot, Number(plot.text))}%`;
     line.setAttribute("aria-valuenow", plot.text);
     line.setAttribute("aria-valuetext", `${inWords(plot)} ${cost}`);
@@ -113,7 +115,7 @@
     if (reserve !== null) {
       for (const end of ["x1", "x2"]) element(`${plot.id}-drop`).setAttribute(end, `${reserve}%`);
       element(`${plot.id}-mark`).setAttribute("x", `${reserve}%`);
-      element(`${plot.id}-reserve`).textContent = `${reserve} %`;
+      element(`${plot.id}-reserve`).textContent = inProcessors(reserve * plot.card.processors);
     }
     makeRoomSoon(plot);
   };
@@ -157,8 +159,8 @@
     if (card.plots.length === 0) return;
     const reserve = reserveOf(card);
     element(`${card.id}-reserve`).textContent =
-      reserve === undefined ? "No reserve yet" : reserve === null ? "Not achieved" : `Reserve ${reserve} %`;
-    element(`${card.id}-bandwidth`).textContent = reserve ? inProcessors(reserve * card.processors) : "";
+      reserve === undefined ? "No reserve yet" : reserve === null ? "Not achieved" : `Reserve ${inProcessors(reserve * card.processors)}`;
+    element(`${card.id}-bandwidth`).textContent = reserve ? shareOfProcessors(reserve, card.processors) : "";
     element(`${card.id}-level`).textContent = levelSentence(card, reserve);
     element(`${card.id}-reset`).hidden = !plotsOf(card).some((plot) => plot.moved);
     fill(`${card.id}-manifest`, manifestLines(card));
@@ -169,14 +171,14 @@
     data.capacities.forEach((capacity, place) => {
       const total = totalOf(capacity);
       const headroom = capacity.capacity - capacity.unmanaged - total;
-      const share = (amount) => `${figure(amount / capacity.processors)} %`;
+      const share = (amount) => `${inProcessors(amount)} (${shareOfHost(amount / capacity.processors)} % of ${capacity.name})`;
       const fits = headroom >= 0;
       const message = fits
-        ? `Headroom of ${capacity.name}: ${share(headroom)} (${inProcessors(headroom)})`
-        : `Over ${capacity.name} by ${share(-headroom)} (${inProcessors(-headroom)})`;
+        ? `Headroom of ${capacity.name}: ${share(headroom)}`
+        : `Over ${capacity.name} by ${share(-headroom)}`;
       const fit = element(`fit-${place + 1}`);
       fit.querySelector(".sentence").textContent =
-        `${share(total)} reserved of ${share(capacity.capacity)} (${inProcessors(total)} of ${inProcessors(capacity.capacity)}). ${message}.`;
+        `${inProcessors(total)} of ${inProcessors(capacity.capacity)} reserved (${shareOfHost(total / capacity.processors)} % of ${capacity.name}). ${message}.`;
       fit.querySelector(".sentence").classList.toggle("over-full", !fits);
       fit.querySelector(".used").setAttribute("width", Math.min(total / capacity.processors, 100).toFixed(3));
       fit.querySelector(".used").classList.toggle("over", !fits);

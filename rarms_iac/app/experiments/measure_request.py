@@ -308,7 +308,7 @@ def describe_request(request: MeasureRequest) -> str:
     """
     words: str = request.strategy
     if request.reserves:
-        words = ", ".join(f"{reserve} %" for reserve in request.reserves)
+        words = ", ".join(f"{reserve} % of its VPs" for reserve in request.reserves)
     return words if request.samples is None else f"{words}; {request.samples} samples"
 
 

@@ -303,7 +303,10 @@ class Experiments:
 
     def _measured(self, members: Members, reserve: int) -> frozenset[str]:
         if reserve > (highest := self.subject.highest(members)):
-            raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
+            names = ", ".join(members)
+            raise Unanswered(
+                f"{reserve} % of the VPs of {names} was to be measured; the host gives {highest} % of them"
+            )
         for experiment in self.subject.experiments(members, self.strategy, self.samples):
             if worse := self._worse_beside(experiment, members, reserve):
                 return worse
@@ -318,7 +321,7 @@ class Experiments:
             case SettingFailed(verdict=TooManyFailures(component=component, failures=failures)):
                 raise Unanswered(
                     f"{len(failures)} samples of {component} failed, together with {_without(members, component)} "
-                    f"at {reserve} %: {failures[0]}"
+                    f"at {reserve} % of its VPs: {failures[0]}"
                 )
             case _:
                 pass

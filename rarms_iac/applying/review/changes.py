@@ -172,8 +172,8 @@ def review_raised_limits(request: PlanRequest, desired: Desired) -> Iterator[Dia
         if limit is not None and limit < reserve:
             yield LIMIT_RAISED.at(
                 request.places.key(request.system.section_of(partition.name), partition.name),
-                f'"{partition.name}" is limited to {limit} % of each of its virtual processors, and its reserve needs '
-                f"{reserve} %: the plan raises the limit to that, and the partition never gets more.",
+                f'"{partition.name}" is limited to {limit} % of each of its VPs, and its reserve needs '
+                f"{reserve} % of each: the plan raises the limit to that, and the partition never gets more.",
                 "Raise the limit, or remove it: what was measured without one holds without one.",
                 address=f"partition/{partition.name}",
                 values={"partition": partition.name, "limit_percent": limit, "reserve_percent": reserve},
@@ -188,7 +188,7 @@ def review_widened_limits(plan: HostPlan) -> Iterator[Diagnostic]:
                 yield LIMIT_WIDENS.at(
                     change.reason.place,
                     f'"{old.name}" may take {new.limit} % of each of its {new.processors} virtual processors, not '
-                    f"{old.limit} %: what is not reserved may go to it.",
+                    f"{old.limit} % of each: what is not reserved may go to it.",
                     "Nothing, if it is meant. Reserves of others stay; what they got beyond may shrink.",
                     address=str(change.address),
                     values={

@@ -19,6 +19,7 @@ from rarms_iac.model.indexes import (
     threshold_of,
 )
 from rarms_iac.model.quantities import (
+    OF_HOST,
     Bytes,
     CpuAmount,
     LogicalProcessors,
@@ -56,12 +57,13 @@ def _facts_of_quantity(kinds: tuple[Unit, ...], *, positive: bool = False, also:
 def quantity_schema(*kinds: Unit, positive: bool = False, also: str = "") -> dict[str, Any]:
     """The JSON Schema of such a text; `errorMessage` is what editors show instead of the pattern."""
     units = units_of(*kinds)
+    forms = [f"{unit}( {OF_HOST})?" if unit == "%" and Unit.PROCESSORS in kinds else unit for unit in units]
     some = r"(?=[0-9.]*[1-9])" if positive else ""
     examples = [also] * bool(also) + [_EXAMPLES[kind] for kind in kinds]
     number = f"{also and f'`{also}` or '}a number{' above 0' if positive else ''}"
     return {
         "type": "string",
-        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({'|'.join(units)})$",
+        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({'|'.join(forms)})$",
         "errorMessage": f"Write {number} with one of the units {', '.join(units)}, as in "
         f"{' or '.join(f'`{example}`' for example in examples)}.",
         "examples": examples,

@@ -348,7 +348,7 @@ def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
     described = "; ".join(
         f"{name} {_DESCRIPTIONS.get(type(highest.verdicts[name]), _DESCRIPTIONS[WithinNoise])}" for name in members
     )
-    return NotResolved(reason=f"at {highest.reserve} % {described}", samples=_samples_to_clear(highest))
+    return NotResolved(reason=f"at {highest.reserve} % of its VPs {described}", samples=_samples_to_clear(highest))
 
 
 def _samples_to_clear(trial: SearchTrial) -> int | None:

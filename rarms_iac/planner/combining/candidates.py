@@ -239,8 +239,8 @@ def _contradictions(
         if passed and failed and min(passed) <= max(failed):
             yield Contradiction(
                 members=candidate.coi.members,
-                message=f"{named(candidate.coi.members)} meets its thresholds at {min(passed)} % "
-                f"and misses one at {max(failed)} %",
+                message=f"{named(candidate.coi.members)} meets its thresholds with {min(passed)} % of its VPs "
+                f"and misses one with {max(failed)} %",
             )
         if not passed:
             continue
@@ -324,11 +324,11 @@ class Node:
     def label(self) -> tuple[str, ...]:
         """The lines of text in the node, where the graph is drawn."""
         if not self.is_gain:
-            return self.name, f"no gain: needs at least {self.low} %"
+            return self.name, f"no gain: needs at least {self.low} % of its VPs"
         if self.measured:
-            return self.name, f"{self.low} %"
-        predicted = "" if self.predicted is None else f"predicted: {self.predicted} %, "
-        return self.name, f"{self.low} % to {self.high} %, {predicted}{TO_BE_MEASURED}"
+            return self.name, f"{self.low} % of its VPs"
+        predicted = "" if self.predicted is None else f"predicted: {self.predicted} % of its VPs, "
+        return self.name, f"{self.low} to {self.high} % of its VPs, {predicted}{TO_BE_MEASURED}"
 
 
 def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Node, ...]:

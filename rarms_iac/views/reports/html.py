@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import PlatformCapacity, Report
 from rarms_iac.model.commands import command, plain_text, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.statistics.error_probability import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.harmless import visible
@@ -79,6 +80,7 @@ def as_html(report: Report) -> bytes:
             ],
             findings=[_finding(diagnostic) for diagnostic in report.findings],
             reserves=RESERVES,
+            lp=lambda reserve, processors: show_processors(guaranteed(reserve, processors)),
             errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte
             script=Markup(script),  # noqa: S704 - ours, to the byte

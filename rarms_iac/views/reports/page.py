@@ -149,8 +149,8 @@ def _description(curve: IndexCurve) -> str:
         return f"The {name} is not known."
     first, last = curve.curve.points[0], curve.curve.points[-1]
     return (
-        f"The {name} goes from {show_value(curve.index, first.value)} at a reserve of {first.reserve:.0f} % "
-        f"to {show_value(curve.index, last.value)} at {last.reserve:.0f} %."
+        f"The {name} goes from {show_value(curve.index, first.value)} at a reserve of {first.reserve:.0f} % of its VPs "
+        f"to {show_value(curve.index, last.value)} at {last.reserve:.0f} % of them."
     )
 
 

@@ -4,27 +4,20 @@ from fractions import Fraction
 
 from rarms_iac.app.report_model import HostStatus, PlatformCapacity, PlatformTuning
 from rarms_iac.model.commands import APPLY, PLAN, Wording, prose
-from rarms_iac.model.quantities import show_lp_percent
+from rarms_iac.model.quantities import share_of_host, show_lp_percent, show_processors
 from rarms_iac.views.tune import describe_proof
 
 
 def fit_text(fit: PlatformCapacity) -> str:
-    """As `70 % reserved of 100 % (1.4 LP of 2 LP). Headroom of onboard: 30 % (0.6 LP).`."""
+    """As `1.4 LP of 2 LP reserved (70 % of onboard). Headroom of onboard: 0.6 LP (30 % of onboard).`."""
+    headroom, hosts = fit.headroom_lp, ", ".join(fit.hosts)
 
-    def share(amount: Fraction) -> str:
-        return f"{_figure(100 * amount / fit.processors)} %"
+    def amount(processors: Fraction) -> str:
+        return f"{show_processors(processors)} ({share_of_host(processors, fit.processors, hosts)})"
 
-    def processors(amount: Fraction) -> str:
-        return f"{_figure(amount)} LP"
-
-    headroom, capacity, hosts = fit.headroom_lp, fit.capacity_lp, ", ".join(fit.hosts)
-    room = f"Headroom of {hosts}: {share(headroom)} ({processors(headroom)})"
-    over = f"Over {hosts} by {share(-headroom)} ({processors(-headroom)})"
-    return (
-        f"{share(fit.reserved_lp)} reserved of {share(capacity)} "
-        f"({processors(fit.reserved_lp)} of {processors(capacity)}). "
-        f"{room if headroom >= 0 else over}."
-    )
+    room = f"Headroom of {hosts}: {amount(headroom)}" if headroom >= 0 else f"Over {hosts} by {amount(-headroom)}"
+    share = share_of_host(fit.reserved_lp, fit.processors, hosts)
+    return f"{show_processors(fit.reserved_lp)} of {show_processors(fit.capacity_lp)} reserved ({share}). {room}."
 
 
 def tuning_text(tuning: PlatformTuning) -> str:

@@ -18,7 +18,7 @@ from rarms_iac.app.report_model import (
 )
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
-from rarms_iac.model.quantities import guaranteed, show_percent
+from rarms_iac.model.quantities import guaranteed, share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.statistics.error_probability import describe_error
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict
@@ -54,8 +54,8 @@ LEVELS = (
     Column(short="threshold", wraps=True),
     Column(field="unit"),
     Column(field="expected at the reserve", title="Expected"),
-    Column(field=RESERVE, title="Reserve", short="CR", style="strong", wraps=True, right=True),
-    Column(field="bandwidth (LP)", title="Bandwidth", short="LP", unit="LP", right=True),
+    Column(field="reserve (LP)", title="Reserve", short="LP", style="strong", unit="LP", right=True),
+    Column(field=RESERVE, title="CR", short="CR", wraps=True),
     Column(field="verdict", title="Verdict"),
 )
 
@@ -88,14 +88,17 @@ def _level(measurement: Measurement, curve: IndexCurve) -> Row:
         f"{curve.index.name} {show_bound(curve.index, curve.threshold)}",
         curve.index.symbol,
         None if point is None else Cell(text=show_value(curve.index, point.value), value=finite(point.value)),
-        Cell(text="none is enough" if reserve is None else show_percent(reserve), value=reserve),
         None if reserve is None else guaranteed(reserve, measurement.processors),
+        Cell(
+            text="none is enough" if reserve is None else share_of_processors(reserve, measurement.processors),
+            value=reserve,
+        ),
         _verdict_of(curve, reserve),
     )
 
 
 def _without_curve(name: str, reserved: Fraction | None, verdict: str) -> Row:
-    return name, None, None, None, verdict, None, None, None, reserved, verdict
+    return name, None, None, None, verdict, None, None, reserved, None, verdict
 
 
 def _reserved_for(measurement: Measurement, curve: IndexCurve) -> int | None:
@@ -163,7 +166,7 @@ def _setting(measurement: Measurement, curve: IndexCurve, point: MeasuredPoint) 
     failed = f", {point.failed} failed" if point.failed else ""
     return (
         *_of_a_log(curve.component, measurement),
-        Cell(text=f"{point.reserve} %", value=point.reserve),
+        Cell(text=show_reserve(point.reserve, measurement.processors), value=point.reserve),
         measurement.processors,
         index.name,
         index.symbol,
@@ -285,10 +288,10 @@ def _trail(tuning: PlatformTuning) -> Iterator[Row]:
             run.when,
             number,
             Cell(text=together, value="+".join(setting.components)),
-            Cell(text=show_percent(setting.reserve), value=setting.reserve),
+            Cell(text=f"{setting.reserve} % of its VPs", value=setting.reserve),
             "no" if setting.worse else "yes",
             " ".join(setting.worse),
-            None if predicted is None else Cell(text=show_percent(predicted), value=predicted),
+            None if predicted is None else Cell(text=f"{predicted} % of its VPs", value=predicted),
             f"not met for sure by {', '.join(setting.worse)}" if setting.worse else "all thresholds met",
             run.claim if number == len(run.trail) and run.strategy == "default" else "",
         )
@@ -301,8 +304,8 @@ def _outdated(tuning: PlatformTuning, components: Sequence[str]) -> str:
 TUNED = (
     Column(title="Partition", short="partition"),
     Column(title="Components", short="components", wraps=True),
-    Column(title="Reserve", short="CR", style="strong", right=True),
-    Column(title="Bandwidth", short="LP", unit="LP", right=True),
+    Column(title="Reserve", short="LP", style="strong", unit="LP", right=True),
+    Column(title="CR", short="CR"),
     Column(title="Its parts apart", short="LP apart", unit="LP", right=True),
 )
 
@@ -313,8 +316,8 @@ def tuned_table(tuning: PlatformTuning) -> Table:
         (
             part.name,
             ", ".join(part.components) + _outdated(tuning, part.components),
-            show_percent(part.reserve),
             part.reserved_lp,
+            f"{part.reserve} % of its VPs",
             part.parts_lp,
         )
         for part in tuning.run.partitions

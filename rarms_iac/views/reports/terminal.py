@@ -244,4 +244,4 @@ def _conclusion(index_curve: IndexCurve) -> str:
     threshold, least = show_threshold(index_curve.index, index_curve.threshold), index_curve.least
     if least is None:
         return f"{threshold}: no measured reserve is enough"
-    return f"{threshold}: reserve {least} %"
+    return f"{threshold}: reserve {least} % of its VPs"

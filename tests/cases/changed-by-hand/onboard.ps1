@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '6a4bbaf5a695'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f0909f9899917b3523019cb0a4b26b9bf4dc3887f1b2ab9f3dbf0eebf8e121db'
+        UndoDigest = '7e083fa3b4d83d39c1b1906b124afeaf64804158e259f37a25b5bc6ea3e514ca'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

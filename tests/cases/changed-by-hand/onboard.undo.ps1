@@ -3,7 +3,7 @@
     rarms undo script: plan 6a4bbaf5a695 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
-    vision: changed (reserve 55 %, limit 100 %, weight 100)
+    vision: changed (of each VP reserve 55 % and limit 100 %, weight 100)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -48,7 +48,9 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Read-Partition -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 55 %, limit 100 %, weight 100' -Undoes 0 -Before @{ limit = 100; reserve = 80; weight = 100 } -After @{
+    Add-Step -Action 'of each VP reserve 55 % and limit 100 %, weight 100' -Undoes 0 -Before @{
+        limit = 100; reserve = 80; weight = 100
+    } -After @{
         limit = 100; reserve = 55; weight = 100
     } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 55 -Maximum 100 -RelativeWeight 100 }
 }

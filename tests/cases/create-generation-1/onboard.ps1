@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b3fb399e79f8 of application robot, for the host itself.
+    rarms apply script: plan 77de1f930f2c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b3fb399e79f8'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '77de1f930f2c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f8c57fe59b394309ce56fe899943723a4203fb8df368b850ace01200ba126c01'
+        UndoDigest = '748d60ce05a95a5321fecc6ad13fe05ec25e51df482939a0ce7b0b018684aa5e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

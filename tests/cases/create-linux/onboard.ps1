@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1223e4f25ca8 of application robot, for the host itself.
+    rarms apply script: plan 507bb01f26f3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1223e4f25ca8'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '507bb01f26f3'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dcbd78db54ce408fc28198c0087b9449b836b6bb69adcc2215db544099c3835e'
+        UndoDigest = '3946ed571f06a052dabb29506ea1add6cbab46ff9237d557a5c382c8dac8de74'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

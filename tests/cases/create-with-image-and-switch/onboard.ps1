@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 912f5fb65e8e of application robot, for the host itself.
+    rarms apply script: plan 34ffe019cd2b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '912f5fb65e8e'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '34ffe019cd2b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '19db0eae72e18ca05f9d79b9673868e5512ed3c1bc54b3c64a1124c706389b33'
+        UndoDigest = '0cef274e8a8cec8a48a54aa7154a7e1816ec88964edb84b47a4d55f936e5ae4b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5b5a1e8ed4ff of application robot, for the host itself.
+    rarms apply script: plan c36a4d9b5ec7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5b5a1e8ed4ff'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'c36a4d9b5ec7'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'fde58fb762a78fa105d18cfce5eb624bcc0b99e36aeab7c8b4a9487d165540f1'
+        UndoDigest = '137fec188f790d6ae0609ab414e87d3c258ad6eaa7d09604910531dd250499ca'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 5b5a1e8ed4ff of application robot, for the host itself.
+    rarms undo script: plan c36a4d9b5ec7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '5b5a1e8ed4ff'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'c36a4d9b5ec7'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

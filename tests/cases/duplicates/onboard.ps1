@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 8ca9bf87da01 of application robot, for the host itself.
+    rarms apply script: plan 761157c1218d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '8ca9bf87da01'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '761157c1218d'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd5bda9933be38e98ebbe400dc513a0005c5546d9286eb3d86e58e51ae053f637'
+        UndoDigest = '8ac373026c0a8676d25490c9c72da5896cc63722a1502d29d3d7cdb01e05ba65'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

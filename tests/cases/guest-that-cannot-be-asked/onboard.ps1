@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '01dbb9125b8e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '538b7948bae3dabd16e4207f4ec2aaff03303d2d569a91c1c64d8b3a21ec3539'
+        UndoDigest = 'da23a0535ddd75614ed41fcf24f95da420d084e198f721e57aa05b8c4e12f2b3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

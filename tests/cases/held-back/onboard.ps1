@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'a00904abb539'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd50828b47bdf8d02668f8ae21665d326a7d13fd0579d2e42c5ce2f49ea8139d2'
+        UndoDigest = 'ce77ba98bc10a052acfc154332bda34b8ae77abaff803c7a14ab8c1e73b65140'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan db1440676384 of application robot, for the host itself.
+    rarms apply script: plan 317505314b70 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'db1440676384'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '317505314b70'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd17f5a73321eccb2e5c2d25fef1a1a596831597f4ab1c82efdee30c220c7bb80'
+        UndoDigest = '5e1b07503bf3ff1af0a2fe9014b69140e1f6eab7d86de04879110e04aac0186f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

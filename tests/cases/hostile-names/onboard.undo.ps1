@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan db1440676384 of application robot, for the host itself.
+    rarms undo script: plan 317505314b70 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'db1440676384'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '317505314b70'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

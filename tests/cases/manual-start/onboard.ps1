@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan fed1451c54d7 of application robot, for the host itself.
+    rarms apply script: plan c25e180ff276 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'fed1451c54d7'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'c25e180ff276'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bba19dd3311ac9b02c5767ef7b552c03c349c33cd5b2aa9e046d2ecab839f161'
+        UndoDigest = '2be9422ec13a824a261ec5c67d1a85b2812140cf819569926539e116e534d3f6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

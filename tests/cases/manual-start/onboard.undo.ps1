@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan fed1451c54d7 of application robot, for the host itself.
+    rarms undo script: plan c25e180ff276 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed
@@ -37,7 +37,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'fed1451c54d7'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'c25e180ff276'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

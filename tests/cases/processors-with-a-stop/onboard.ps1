@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'fc2a382847b5'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a9e8f82f965b9407aca978e95344c99ba76b7b9f75b174a49d434f0d7b818ee2'
+        UndoDigest = '0dc644470bfa5eebd0be250e728f91f601ff3f70db93dd9e263cd88c23a111d0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -3,7 +3,7 @@
     rarms undo script: plan fc2a382847b5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
-    speech: changed, stopped, started (processors 1; reserve 40 %, limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
+    speech: changed, stopped, started (processors 1; of each VP reserve 40 % and limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -53,7 +53,7 @@ function Add-Plan {
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'mark it as robot/speech; processors 1; reserve 40 %, limit 100 %, weight 100' -Undoes 1 -Before @{
+    Add-Step -Action 'mark it as robot/speech; processors 1; of each VP reserve 40 % and limit 100 %, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/speech'; processors = 2; reserve = 20; set = '9574858e36ae'; state = 'off'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/speech'; processors = 1; reserve = 40; set = '9318451c660e'; state = 'off'; weight = 100

@@ -38,7 +38,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bef6e672b331'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '547154ab564a875d0f197df0a33497bbd2b55d96beeeab45c38e259519702ec7'
+        UndoDigest = '04b928d19676e946e86d075e683bb010e954a3dc0c81329abf747820339d6852'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

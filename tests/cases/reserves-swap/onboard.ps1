@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '2c935b350ecd'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5c5c5112a63dbb7b4b2d4db82d6848f4066dde609e70573d9607db4a2704c200'
+        UndoDigest = '9c51747af3136f48dc2ddeafe4a533990e0e0ef3ba7bd8cceecdb55d6a8880b1'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

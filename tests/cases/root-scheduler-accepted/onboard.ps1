@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 94c900794c7c of application robot, for the host itself.
+    rarms apply script: plan 83a8e2352a9b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -37,9 +37,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '94c900794c7c'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '83a8e2352a9b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3cb3023b0df6a84f79877bc73550932222e868b3831f12b05817fcf099951592'
+        UndoDigest = 'baf5a4ee7ced433409338743e3d4fa1f348f11abc5e03a7b009422cfb2705337'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

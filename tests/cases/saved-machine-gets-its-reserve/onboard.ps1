@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'a61ed5d9d7fa'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4d389d82ecffbf3efa143573cff8f6997a886fb4ba8f75e2175ffcf25e43459f'
+        UndoDigest = '849adfbd2865dda6392f09501dba625e5713a786dcbb69c984fbdeab0c1879de'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

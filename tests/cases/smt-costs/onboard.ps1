@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 064acfdcf39a of application robot, for the host itself.
+    rarms apply script: plan a2cf00e52d3d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '064acfdcf39a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'a2cf00e52d3d'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '04bb419d63b5a3cb8a0462fea9561b409655c536dfedb676bd0d20b82b2ef51b'
+        UndoDigest = '8252c002537fcee785cd49f5ee4462e965d6709aac80afe7abc7a2ba1fa29cb3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2

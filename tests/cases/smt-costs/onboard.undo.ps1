@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 064acfdcf39a of application robot, for the host itself.
+    rarms undo script: plan a2cf00e52d3d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '064acfdcf39a'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'a2cf00e52d3d'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7e69e1380c78 of application robot, for the host itself.
+    rarms apply script: plan eba548a534b2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -38,9 +38,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7e69e1380c78'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'eba548a534b2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8d236a7aa76d78b48a0b1028a5ce705f2add6bfab925b6bdab29f82859f0fedd'
+        UndoDigest = 'b230b216be419532da08652b63d5edc801d8a8c646c3693ab38ea8ad6d5ec2ad'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

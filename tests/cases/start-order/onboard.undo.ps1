@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 7e69e1380c78 of application robot, for the host itself.
+    rarms undo script: plan eba548a534b2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -38,7 +38,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '7e69e1380c78'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'eba548a534b2'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -39,7 +39,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'ba8db0f92546'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2b6084c45592bce63519a39e6a23b3de0fa101501cfcc72153355f4474559747'
+        UndoDigest = '136239cab30a5c97bf1f0d657af64ff59b0764495bcbca5329e98b042dad3569'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

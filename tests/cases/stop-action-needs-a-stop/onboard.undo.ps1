@@ -3,7 +3,7 @@
     rarms undo script: plan ba8db0f92546 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
-    vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
+    vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; of each VP reserve 80 % and limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -53,7 +53,7 @@ function Add-Plan {
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set {
         Invoke-PartitionStop -GraceMs 120000
     }
-    Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100' -Undoes 1 -Before @{
+    Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; of each VP reserve 80 % and limit 100 %, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -After @{

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan eec588136f17 of application robot, for the host itself.
+    rarms apply script: plan adf3d7fde336 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'eec588136f17'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'adf3d7fde336'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '27d7af1c7554b08a8b4c7045c14e4f38af2208548e6acf114927de2a933e6bd1'
+        UndoDigest = 'af55a2137c2241cc06e208815cc43bf6fb2ae3ab926d314fde4f62d17fe7ace8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5bcadde7aa3f of application robot, for the guest of partition vision.
+    rarms apply script: plan e97d9f1633ed of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5bcadde7aa3f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e97d9f1633ed'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '941d8e8c45608ea3857f177848f5224ebd3c9e773d1442180fc7f203aaf0bcfa'
+        UndoDigest = 'bbe33acc06548d437bd96aee81511cbc42d0011d9d965c15595ed5642ffedbcb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5bcadde7aa3f of application robot, for the host itself.
+    rarms apply script: plan e97d9f1633ed of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5bcadde7aa3f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e97d9f1633ed'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '93ab4b75fa5152025355fdbe72e3f0fd6738ce91842d4d910d728d8ed0552f29'
+        UndoDigest = 'c7657970320c29a560a7c50fb228cdbac801a38707381f2490daa38714911618'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

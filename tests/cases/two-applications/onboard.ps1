@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 627812fffcc2 of application robot, for the host itself.
+    rarms apply script: plan d10700376e26 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '627812fffcc2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'd10700376e26'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '66c383b3826b5afd78e010e423e86f96ca28203d46f6836f6292b25402c04c9d'
+        UndoDigest = '1b7e8b1e103c1467c6e6deda0543f19a88c24c0232230a9ed8813746520a798c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 627812fffcc2 of application robot, for the host itself.
+    rarms undo script: plan d10700376e26 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -36,7 +36,7 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '627812fffcc2'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'd10700376e26'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1f4a20121424 of application robot, for the host itself.
+    rarms apply script: plan 86f603bba11b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -36,9 +36,9 @@ $ErrorActionPreference = 'Stop'
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1f4a20121424'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '86f603bba11b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b67042185c6aeb83b2062d33ff98aea086f6b5593da1c3dc8e50da5706d10c28'
+        UndoDigest = 'a57ba44d56430041d84b52a2acd3cdd8676f7dfeecf9a5463cbb4780dc49b7fa'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -35,14 +35,14 @@ def test_a_walk_leads_from_the_apt_to_the_per_cent(here: Path) -> None:
     for part in (
         "mean_response_time at most 100 ms",
         "measurements/two-core/vision/busy-loop.jsonl, 6 settings, measured 2026-01-01T00:00:00Z",
-        "at 62 %: mean_response_time 97 ms",
-        "CR 62 %: the least whole per cent of P1's 2 virtual processors",
+        "at 62 % of its 2 VPs: mean_response_time 97 ms",
+        "1.24 LP (62 % of its 2 VPs): the least whole per cent of P1's processors",
         "1.24 LP, 62 % of onboard",
-        "62 % of each of its 2 virtual processors (whole per cent are the provider's grain): 1.24 LP, nothing is lost",
-        "headroom: 0.76 LP (38 %)",
-        "limit 100 %: left open: a cap would falsify what was measured",
-        "weight 100: policy.headroom is by_criticality, and all are equally critical",
-        "61 %, one less: mean_response_time 105 ms (measured)",
+        "1.24 LP (62 % of its 2 VPs): whole per cent are the provider's grain, nothing is lost",
+        "headroom: 0.76 LP (38 % of onboard)",
+        "limit 2 LP (100 % of its 2 VPs): left open: a cap would falsify what was measured",
+        "weight 3000: policy.headroom is by_criticality: 100 times the criticality 30, within 100 to 10000",
+        "61 % of its 2 VPs, one less: mean_response_time 105 ms (measured)",
         "on workshop: it would reserve 1.24 LP there too; it does not fit",
     ):
         assert part in said
@@ -59,9 +59,9 @@ def test_a_fixed_reserve_that_does_not_fit_is_walked_to_its_end(here: Path) -> N
     assert answer.code == 4
     said = " ".join(answer.out.split())
     assert "none is needed: the manifest, for vision, fixes the reserve" in said
-    assert "63 % of each of its 2 virtual processors (whole per cent are the provider's grain): 1.26 LP" in said
+    assert "1.26 LP (63 % of its 2 VPs): whole per cent are the provider's grain, rounded up" in said
     assert "rounded up by 0.01 LP" in said
-    assert "weight 200: policy.headroom is by_criticality: criticality 2 of 2" in said
+    assert "weight 3000: policy.headroom is by_criticality: 100 times the criticality 30" in said
     assert "Reservations exceed the platform (RARMS014)" in said
 
 
@@ -143,7 +143,7 @@ def test_what_was_not_measured_is_walked_as_far_as_it_is_known(here: Path) -> No
         "2 virtual processors"
     )
     assert said["host"] == "onboard, once its reservation is known: it has 2 LP"
-    assert "weight 100" in said["limit and weight"]
+    assert "weight 3000" in said["limit and weight"]
     assert "sharing with others: `rarms tune` has measured nothing on two-core" in said["rejected"]
     assert "another host: the manifest has no other" in said["rejected"]
     assert "RARMS100" in said["no layout"]
@@ -160,7 +160,7 @@ def test_an_apt_that_nothing_meets_is_shown_with_the_best_that_was_measured(here
 
     said = steps(here, "vision", 4)
 
-    assert "at 100 %: mean_response_time 150 ms" in said["setting and verdict"]
+    assert "at 100 % of its 2 VPs: mean_response_time 150 ms" in said["setting and verdict"]
     assert "not shown to be met" in said["setting and verdict"]
     assert said["reservation"] == "not known: no setting that was measured is enough"
     assert "Threshold performance is not achievable on this platform" in said["no layout"]
@@ -228,9 +228,13 @@ def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> 
 
     said = steps(here, "vision")
 
-    assert "measured without a verdict (no steady state, or too few answers): 61 %" in said["setting and verdict"]
     assert (
-        "61 %, one less: it was measured and gave no verdict, so it is unknown whether it is enough" in said["rejected"]
+        "measured without a verdict (no steady state, or too few answers): 61 % of its VPs"
+        in said["setting and verdict"]
+    )
+    assert (
+        "61 % of its 2 VPs, one less: it was measured and gave no verdict, so it is unknown whether it is enough"
+        in said["rejected"]
     )
     assert "nothing so low was measured" not in said["rejected"]
 
@@ -272,11 +276,12 @@ def test_what_tuning_combined_and_rejected_is_told(here: Path) -> None:
 
     assert "so it was written by hand" in by_hand["partition"]
     assert (
-        "`rarms tune` combined them at 2026-11-21T23:04:31Z, by the default strategy, proved to be the best: CR 62 %, "
-        "1.24 LP instead of 1.5 LP apart"
+        "`rarms tune` combined them at 2026-11-21T23:04:31Z, by the default strategy, proved to be the best: CR "
+        "1.24 LP (62 % of its VPs) instead of 1.5 LP apart"
     ) in tuned["partition"]
     assert (
-        "driver+speech, as `rarms tune` measured it: 50 % is enough, and another layout was taken; 40 % is not enough "
+        "driver+speech, as `rarms tune` measured it: 50 % of its VPs is enough, and another layout was taken; "
+        "40 % of its VPs is not enough "
         "for driver for sure; outdated: the manifest has no driver any more"
     ) in tuned["rejected"]
     assert "speech+vision, as" not in tuned["rejected"]

@@ -64,11 +64,11 @@ def labels(folder: Path) -> list[str]:
 
 def test_compounds_stand_with_the_interval_in_which_they_save_something(here: Path) -> None:
     assert labels(here) == [
-        '  n0["path<br/>20 %"]',
-        '  n1["speech<br/>30 %"]',
-        '  n2["vision<br/>50 %"]',
-        '  n3["path+speech<br/>28 % to 49 %, predicted: 49 %, to be measured"]',
-        '  n4["speech+vision<br/>48 % to 79 %, predicted: 57 %, to be measured"]',
+        '  n0["path<br/>20 % of its VPs"]',
+        '  n1["speech<br/>30 % of its VPs"]',
+        '  n2["vision<br/>50 % of its VPs"]',
+        '  n3["path+speech<br/>28 to 49 % of its VPs, predicted: 49 % of its VPs, to be measured"]',
+        '  n4["speech+vision<br/>48 to 79 % of its VPs, predicted: 57 % of its VPs, to be measured"]',
     ]
 
 
@@ -77,16 +77,16 @@ def test_what_was_measured_of_a_compound_is_told(here: Path) -> None:
     leave(here, ["speech", "vision"], {79: 150.0})
 
     assert labels(here)[3:] == [
-        '  n3["path+speech<br/>35 %"]',
-        '  n4["speech+vision<br/>no gain: needs at least 80 %"]',
+        '  n3["path+speech<br/>35 % of its VPs"]',
+        '  n4["speech+vision<br/>no gain: needs at least 80 % of its VPs"]',
     ]
 
 
 def test_its_interval_begins_where_its_parts_were_shown_to_miss(here: Path) -> None:
     leave(here, ["speech"], {21: 150.0, 29: 100.0, 30: 90.0})
 
-    assert '30 %"]' in labels(here)[1]
-    assert "path+speech<br/>20 % to" in labels(here)[3], (
+    assert '30 % of its VPs"]' in labels(here)[1]
+    assert "path+speech<br/>20 to" in labels(here)[3], (
         "speech missed for sure at 21 % only, and there are two processors"
     )
 

@@ -53,6 +53,6 @@ def test_a_component_without_a_program_and_with_one_processor_has_a_guide_withou
 
     answer = rarms("explain", "vision", "--guide", "-f", str(here))
 
-    assert "gets 80 % of its virtual processor,\n" in answer.out
+    assert "gets 0.8 LP (80 % of its 1 VP),\n" in answer.out
     assert "have vision start with Windows.\n" in answer.out
     assert "exec COMMAND'`, with what starts vision in place of COMMAND.\n" in answer.out

@@ -240,7 +240,7 @@ def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
 
     assert "; outdated: the threshold is at most 100 ms now; speech is gone; its partition reserves " in page
     assert "met (outdated)" in " ".join(text.split())
-    now = int(page.partition("its partition reserves ")[2].partition(" ")[0])
+    now = int(page.partition("its partition reserves ")[2].partition("(")[2].partition(" ")[0])
     held = replace(seen, threshold=at_most(100))
     append_entry(path, replace(a_proof(held), beside=(), reserve=now))
     assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out

@@ -58,7 +58,10 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
 
     rows = levels_in(report_of(system, [logged]))
 
-    assert [(row["Component"], row["Reserve"]) for row in rows] == [("quick", "60 %"), ("slow", "60 %")]
+    assert [(row["Component"], row["CR"]) for row in rows] == [
+        ("quick", "60 % of its 2 VPs"),
+        ("slow", "60 % of its 2 VPs"),
+    ]
 
 
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
@@ -68,7 +71,9 @@ def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
 
     assert fit.reserved_lp == Fraction(2 * (60 + 16), 100) + Fraction(2, 10)
     assert fit.fits
-    assert fit_text(fit) == ("86 % reserved of 100 % (1.72 LP of 2 LP). Headroom of onboard: 14 % (0.28 LP).")
+    assert fit_text(fit) == (
+        "1.72 LP of 2 LP reserved (86 % of onboard). Headroom of onboard: 0.28 LP (14 % of onboard)."
+    )
 
 
 def test_a_total_above_the_capacity_is_said_so() -> None:
@@ -77,7 +82,7 @@ def test_a_total_above_the_capacity_is_said_so() -> None:
     [fit] = report_of(system, the_logs(system)).capacities
 
     assert not fit.fits
-    assert fit_text(fit).endswith("Over onboard by 36 % (0.72 LP).")
+    assert fit_text(fit).endswith("Over onboard by 0.72 LP (36 % of onboard).")
 
 
 def test_what_is_kept_for_the_host_is_no_capacity() -> None:
@@ -177,9 +182,9 @@ def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> N
 
     rows = levels_in(report_of(system, the_logs(system)[:1]))
 
-    assert [(row["Component"], row["Threshold (APT)"], row["Reserve"], row["Bandwidth"]) for row in rows] == [
-        ("face-detection", "at most 100 ms", "60 %", "1.2 LP"),
-        ("video-streaming", "", "", "0.2 LP"),
+    assert [(row["Component"], row["Threshold (APT)"], row["Reserve"], row["CR"]) for row in rows] == [
+        ("face-detection", "at most 100 ms", "1.2 LP", "60 % of its 2 VPs"),
+        ("video-streaming", "", "0.2 LP", ""),
         ("path-planning", "", "", ""),
         ("speech-recognition", "", "", ""),
     ]

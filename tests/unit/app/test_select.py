@@ -25,7 +25,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert answer.code == 0, answer.err
     assert answer.lines == [
         "vision: mean_response_time at most 100 ms -> at most 110 ms",
-        "  partition vision on onboard: 61 % of each of its 2 virtual processors, 1.22 LP of 2 LP",
+        "  partition vision: 1.22 LP, 61 % of its 2 VPs, 61 % of onboard",
         "  measured there: 105 ms (104.6 to 105.4 ms)",
         "  headroom of onboard: 0.78 LP of 2 LP",
     ]
@@ -33,7 +33,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     (entry,) = read_entries(configuration_path(here, "two-core", "vision"))
     assert isinstance(entry, Chosen)
     assert (entry.apt, entry.reserve) == ({"mean_response_time": "at most 110 ms"}, 61)
-    assert "61 %" in rarms("plan", "-f", str(here)).out
+    assert "1.22 LP" in rarms("plan", "-f", str(here)).out
 
 
 def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path) -> None:
@@ -52,7 +52,7 @@ def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(
 
     answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
 
-    assert "holds at 100 %, and 100 % is the most that there is." in answer
+    assert "holds with 100 % of its VPs, and 100 % of its VPs is the most that there is." in answer
     assert "rarms measure" not in answer
 
 

@@ -43,6 +43,7 @@ components:
 """
 MEASURED = MANIFEST.replace("45 %", "measured")
 ALONE = MANIFEST[: MANIFEST.index("  speech")]
+PROTECTED = MANIFEST + "partitions:\n  speech: { protect: true }\n"
 
 PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
   speech:
@@ -201,11 +202,11 @@ SITUATIONS = {
         ("Make a new plan: `rarms plan --out FILE`",),
         ("rarms plan --out FILE",),
     ),
-    "a partition is no longer wanted": Situation(
-        (write(MANIFEST), APPLY, write(ALONE), APPLY),
+    "a protected partition is no longer named": Situation(
+        (write(PROTECTED), APPLY, write(ALONE)),
         "plan",
-        ("is unused and stopped",),
-        ("rarms destroy --target partition/speech",),
+        ("or let it go on without rarms: ",),
+        ("rarms release speech",),
         printed=True,
     ),
     "a machine that is not managed has a wanted name": Situation(
@@ -653,6 +654,7 @@ SITUATIONS = {
 
 
 OTHER_TESTS = {
+    "no longer names it": "tests/unit/applying/test_unnamed.py",
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "samples would show it": "tests/unit/app/experiments/test_prove.py",

@@ -44,7 +44,7 @@ def test_the_status_names_what_is_missing_then_what_is_there() -> None:
     assert "0 LP of 1.8 LP reserved" in before.out
     assert "Next: `rarms plan` shows what is not applied yet." in before.out
     assert "[#############.......]  1.2 LP of 1.8 LP reserved" in after.out
-    assert "vision 40 % 0.8 LP running" in " ".join(after.out.split())
+    assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
     assert "Nothing is left to do" in after.out
     assert rarms().out == after.out
 
@@ -118,7 +118,7 @@ def test_an_intruder_is_told_by_drift_and_by_the_plan() -> None:
     drift, planned = rarms("drift"), json.loads(rarms("plan", "--json").out)
 
     assert drift.code == 2
-    assert "reserve is 11 %, wanted 40 %" in drift.out
+    assert "reserve is 0.22 LP, wanted 0.8 LP" in drift.out
     outside = [finding["address"] for finding in planned["findings"] if finding["code"] == "RARMS311"]
     assert sorted(outside) == ["partition/speech", "partition/vision"]
     assert "Next: `rarms drift`" in rarms("status").out
@@ -221,5 +221,5 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
         "2 of 3 thresholds held together with all other components beside busy-loop, last at 2026-02-01 12:00:00 UTC."
         in shown
     )
-    missed = "missed (2026-02-02T12:00:00Z, on onboard at 40 % beside busy-loop)."
+    missed = "missed (2026-02-02T12:00:00Z, on onboard with 40 % of its VPs beside busy-loop)."
     assert f"logger, mean_response_time at most 100 ms: {missed}" in shown

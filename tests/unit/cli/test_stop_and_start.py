@@ -144,4 +144,4 @@ def test_what_was_stopped_stays_promised_while_another_is_removed() -> None:
     destroyed = rarms("destroy", "--target", "partition/speech", "--auto-approve")
 
     assert destroyed.code == 0
-    assert "Afterwards: 0.9 of 2 LP" in destroyed.out, "vision, and logger, which was never started"
+    assert "Afterwards: 0.9 LP of 2 LP" in destroyed.out, "vision, and logger, which was never started"

@@ -85,8 +85,17 @@ def drifting(reserve: int) -> Setting:
 @pytest.mark.parametrize(
     ("failed", "inconclusive", "message"),
     [
-        (None, (45,), "vision: 46 % is enough. Of 45 % nothing is known: it reached no steady state"),
-        (20, (44, 45), "46 % is enough; 20 % is not shown to be. Of 44 and 45 % nothing is known: they reached no"),
+        (
+            None,
+            (45,),
+            "vision: 46 % of its VPs is enough. Of 45 % of them nothing is known: it reached no steady state",
+        ),
+        (
+            20,
+            (44, 45),
+            "46 % of its VPs is enough; 20 % of them is not shown to be. "
+            "Of 44 and 45 % of them nothing is known: they reached no",
+        ),
         (43, (44, 45), None),
         (45, (), None),
         (20, (), None),
@@ -102,7 +111,9 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
 
     assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if message else [])
     assert all(message is not None and message in diagnostic.detail for diagnostic in found)
-    assert all("(vision at 45 %: its response times still changed" in diagnostic.detail for diagnostic in found)
+    assert all(
+        "(vision at 45 % of its VPs: its response times still changed" in diagnostic.detail for diagnostic in found
+    )
 
 
 @pytest.mark.parametrize(

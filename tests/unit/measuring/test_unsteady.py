@@ -105,7 +105,7 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     assert all((end.failed or 0) < level < end.reserve for level in end.inconclusive)
     found = findings_of(experiment, end, ended.settings, FirstLine(""))
     (told,) = [finding for finding in found if finding.code == "RARMS267"]
-    assert f"coi: {end.reserve} % is enough" in told.detail
+    assert f"coi: {end.reserve} % of its VPs is enough" in told.detail
     assert f"coi at {end.inconclusive[-1]} %: its response times still changed within" in told.detail
     assert str(told.advice) == "Look for what grows in coi while it runs. Or leave it."
 

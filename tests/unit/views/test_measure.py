@@ -63,14 +63,14 @@ def text(results: list[ExperimentResult], waiting: list[Experiment] | None = Non
 
 
 def test_a_setting_below_that_misses_is_not_enough() -> None:
-    assert "59 % too little" in text([found(105.0)])
+    assert "1.18 LP too little" in text([found(105.0)])
     assert '"undecided": false' in json_of(outcome_of(found(105.0)))
 
 
 def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> None:
     summary = text([found(100.2)])
 
-    assert "59 % unresolved" in summary
+    assert "1.18 LP unresolved" in summary
     assert "too little" not in summary
     assert '"undecided": true' in json_of(outcome_of(found(100.2)))
 
@@ -78,7 +78,7 @@ def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> N
 def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
     drifting = a_setting(59, a_series("vision", [80.0 + at / 4 for at in range(200)]))
 
-    assert "59 % unsteady" in text([replace(found(105.0), settings=(drifting, at(60, 95.0)))])
+    assert "1.18 LP unsteady" in text([replace(found(105.0), settings=(drifting, at(60, 95.0)))])
 
 
 def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that_is_not_enough() -> None:
@@ -90,8 +90,8 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
     )
     alone = replace(member, conclusion=Sufficient(reserve=60, failed=None, inconclusive=(57,)))
 
-    assert "55 % too little, 56 and 57 % unsteady" in text([member])
-    assert "60 %  1.2  57 % unsteady" in text([alone])
+    assert "1.1 LP too little, 1.12 LP and 1.14 LP unsteady" in " ".join(text([member]).split())
+    assert "1.2 LP  60 % of its 2 VPs  1.14 LP unsteady" in text([alone])
     assert '"inconclusive": [\n        56,\n        57\n' in json_of(outcome_of(member))
     check(json_of(outcome_of(member)))
 
@@ -173,7 +173,7 @@ def written(
 def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
     assert written(seconds_since_start=1.0) == []
     assert written(seconds_since_start=32.0) == [
-        "vision beside busy-loop at 62 %: 100 samples, mean_response_time 98 ms (89.1 to 106.9 ms), in 32 s\n"
+        "vision beside busy-loop at 1.24 LP: 100 samples, mean_response_time 98 ms (89.1 to 106.9 ms), in 32 s\n"
     ]
 
 
@@ -189,8 +189,8 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     shown = screen.getvalue()
     progress.experiment_ended()
 
-    assert "vision beside busy-loop  62 %  ..." in shown
-    assert "vision beside busy-loop  62 %  50 samples, mean_response_time 98 ms, at most 476 s left" in shown
+    assert "vision beside busy-loop  1.24 LP  ..." in shown
+    assert "vision beside busy-loop  1.24 LP  50 samples, mean_response_time 98 ms, at most 476 s left" in shown
     assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 

@@ -50,7 +50,7 @@ def test_drift_says_what_differs_and_who_moved() -> None:
 
     assert shown[0] == "Host onboard (2 LP)"
     assert "  vision [face-detection, vision], 0.8 LP wanted: changed on the host;" in shown
-    assert "      reserve is 50 %, wanted 40 %" in shown
+    assert "      reserve is 1 LP, wanted 0.8 LP" in shown
     assert shown[-1].startswith("Drift: 1 changed on the host, 1 not applied yet.")
 
 
@@ -196,7 +196,7 @@ def test_a_graph_nests_hosts_partitions_and_components() -> None:
 
     mermaid = graph_text(graph)
 
-    assert '    subgraph n3["speech<br/>0.8 LP reserved (40 % each VP)<br/>512 MiB"]' in mermaid
+    assert '    subgraph n3["speech<br/>0.8 LP reserved (40 % of each of its VPs)<br/>512 MiB"]' in mermaid
     assert mermaid.count("subgraph ") == mermaid.count("end\n")
     check(json_of(graph))
 

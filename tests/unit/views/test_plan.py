@@ -45,17 +45,18 @@ def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memor
         components={"vision": ("vision", "speech")},
     )
 
-    assert "  + vision [vision, speech]  15 %  0.3 LP  512 MiB  task MotionControl" in lines_of(plan(part))
+    assert "  + vision [vision, speech]  0.3 LP  512 MiB  task MotionControl" in lines_of(plan(part))
 
 
 def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_rest() -> None:
     change = update(partition(settings(reserve=70)), partition(settings(reserve=40)), reason=because("asked", line=7))
 
-    assert "  ~ vision  reserve 70 % -> 40 %" in shown_alone(change)
+    assert "  ~ vision  reserve 1.4 LP -> 0.8 LP" in shown_alone(change)
     shown = shown_alone(change, verbose=True)
     start = shown.index("  ~ vision  (rarms.yaml:7)")
     assert shown[start + 1 : start + 3] == ["      asked", "      name            vision"]
-    assert "      reserve         70 % -> 40 %" in shown
+    reserve = next(line.split() for line in shown if line.strip().startswith("reserve"))
+    assert " ".join(reserve).startswith("reserve 1.4 LP -> 0.8 LP (40 % of its 2 VPs, 40 % of")
 
 
 def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
@@ -76,12 +77,12 @@ def test_what_must_be_made_again_says_so_and_counts_twice() -> None:
     assert shown[-1] == "Plan: 1 to add, 0 to change, 1 to remove."
 
 
-def test_a_reserve_is_shown_as_a_share_of_the_host_where_that_is_another_number() -> None:
+def test_a_reserve_is_shown_in_lps_with_its_shares_beside() -> None:
     narrow = shown_alone(create(partition(settings(processors=1, reserve=30))), verbose=True)
     wide = shown_alone(create(partition(settings(processors=2, reserve=30))), verbose=True)
 
-    assert "      reserve         30 %       (0.3 LP, 15 % of the host)" in narrow
-    assert "      reserve         30 %" in wide
+    assert "      reserve         0.3 LP     (30 % of its 1 VP, 15 % of onboard)" in narrow
+    assert "      reserve         0.6 LP     (30 % of its 2 VPs, 30 % of onboard)" in wide
 
 
 def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
@@ -89,7 +90,7 @@ def test_a_reserve_that_is_per_cent_of_few_processors_changes_in_lps() -> None:
     wide = update(partition(settings(processors=2, reserve=80)), partition(settings(processors=2, reserve=60)))
 
     assert "  ~ vision  reserve 0.8 LP -> 0.6 LP" in shown_alone(narrow)
-    assert "  ~ vision  reserve 80 % -> 60 %" in shown_alone(wide)
+    assert "  ~ vision  reserve 1.6 LP -> 1.2 LP" in shown_alone(wide)
 
 
 def test_what_goes_with_a_removed_machine_is_not_listed_as_coming_back_in_part() -> None:
@@ -124,8 +125,8 @@ def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:
         "Host workshop (simulated, 4 LP, 4 GiB)",
         "  partition/former is unused and stopped: the manifest no longer names it.",
         "    partition/old, remove the machine: not at all; it is not made again",
-        "  ~ speech  processors 1 -> 2; stops the partition",
-        "  Afterwards: 1.9 of 2 LP (95 %) and 2 GiB reserved; 0.1 LP and 2 GiB free.",
+        "  ~ speech  processors 1 -> 2, reserve 0.4 LP -> 0.8 LP; stops the partition",
+        "  Afterwards: 1.9 LP of 2 LP (95 % of onboard) and 2 GiB reserved; 0.1 LP and",
         "warning[RARMS041] A change restarts or stops a partition",
     ],
 )

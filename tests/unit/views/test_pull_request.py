@@ -50,7 +50,10 @@ def test_the_comment_begins_with_its_marker_and_tells_the_risk_first(applied: Pa
     assert "**Stops:** vision on onboard, for at most 45 s of shutdown, and then as long as its start takes" in text
     assert "- The undo stops vision again, for as long as above." in text
     assert "reserve 1.6 LP → 1.2 LP, limit 4 LP → 2 LP, memory 1 GiB → 512 MiB" in text
-    assert "| `~` | vision | onboard | 1.6 LP (40 %) | 1.2 LP (30 %) | 1 GiB | 512 MiB | processors 4 → 2" in text
+    assert (
+        "| `~` | vision | onboard | 1.6 LP (40 % of onboard) | 1.2 LP (30 % of onboard) "
+        "| 1 GiB | 512 MiB | processors 4 → 2" in text
+    )
 
 
 def test_what_stops_comes_before_what_shrinks_and_a_weight_is_no_risk(applied: Path) -> None:

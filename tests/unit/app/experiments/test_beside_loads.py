@@ -125,7 +125,7 @@ def test_what_is_measured_beside_several_loads_is_what_a_plan_reserves(tmp_path:
     assert (bursts["interference"], bursts["so_far"]) == ("bursts-100", busy["reserve"])
     assert busy["reserve"] <= 12 < bursts["reserve"]
     assert bursts["measured"][0]["reserve"] == busy["reserve"], "a further load is asked to confirm"
-    assert f"beside bursts-100 (busy-loop alone: {busy['reserve']} %)" in again.out
+    assert f"beside bursts-100 (busy-loop alone: {busy['reserve'] / 100:g} LP)" in again.out
     assert "0 of them new" in again.out
     (onboard,) = json.loads(planned.out)["hosts"]
     assert [change["reserved_lp"] for change in onboard["changes"]] == [bursts["reserve"] / 100]

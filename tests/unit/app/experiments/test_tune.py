@@ -121,7 +121,7 @@ def in_all_reports(trail: list[str]) -> None:
     ]
     assert Path("again.csv").read_text(encoding="utf-8").splitlines() == trail
     assert [[*map(str, row[2:5])] for row in rows] == [line.split(",")[2:5] for line in trail]
-    asked = re.findall(r'<th scope="row">paths \+ video</th><td data-is="Reserve">(\d+) %</td>', page)
+    asked = re.findall(r'<th scope="row">paths \+ video</th><td data-is="Reserve">(\d+) % of its VPs</td>', page)
     assert asked == [line.split(",")[4] for line in trail[1:]]
     assert 'id="candidates"' in page
     assert rarms("export", "again.xlsx", "--trail").code == 64
@@ -153,7 +153,7 @@ def test_a_log_that_nobody_asked_for_may_void_the_proof(here: Path) -> None:
     ran = rarms("tune", "--samples", "60", "--dry-run")
 
     assert ran.code == 0
-    assert "paths+vision at 5 %: all met" in ran.err
+    assert "paths+vision at 5 % of its VPs: all met" in ran.err
     assert "RARMS306" in ran.err
     assert "No other layout is better" not in ran.out
 

@@ -156,7 +156,7 @@ def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_
 def test_a_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
     settings, step = unsteady(strategy, 1, range(1, 101), level)
 
-    assert step == NotResolved(reason="at 100 % coi has no steady state")
+    assert step == NotResolved(reason="at 100 % of its VPs coi has no steady state")
     assert len(settings) <= MOST_INCONCLUSIVE + 1
 
 

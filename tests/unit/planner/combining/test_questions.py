@@ -253,7 +253,7 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
-    assert ended.contradictions[0].message == "a+b meets its thresholds at 45 % and misses one at 50 %"
+    assert ended.contradictions[0].message == "a+b meets its thresholds with 45 % of its VPs and misses one with 50 %"
 
 
 def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:

@@ -183,9 +183,9 @@ def test_several_reserves_are_lowered_together_the_least_critical_first() -> Non
 
     assert offered.splitlines() == [
         "all of these:",
-        "  - arm reserves 1 % instead of 40 %",
-        "  - base reserves 1 % instead of 40 %",
-        "  - camera reserves 38 % instead of 70 %",
+        "  - arm reserves 1 % of host instead of 40 % of host",
+        "  - base reserves 1 % of host instead of 40 % of host",
+        "  - camera reserves 38 % of host instead of 70 % of host",
     ]
 
 
@@ -199,8 +199,8 @@ def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> No
     )
 
     assert [in_a_list(way.changes).splitlines()[1:] for way in ways(system, {})] == [
-        ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % instead of 70 %"],
-        ["  - 1 GiB more memory on onboard", "  - base reserves 30 % instead of 50 %"],
+        ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % of host instead of 70 % of host"],
+        ["  - 1 GiB more memory on onboard", "  - base reserves 30 % of host instead of 50 % of host"],
     ]
 
 
@@ -224,7 +224,7 @@ def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
 
     offered = [in_a_list(way.changes) for way in ways(a_system(components=components, partitions=[both]), {})]
 
-    assert "partition arm reserves 60 % instead of 70 %" in offered
+    assert "partition arm reserves 60 % of host instead of 70 % of host" in offered
 
 
 def test_hosts_of_one_platform_stay_alike() -> None:

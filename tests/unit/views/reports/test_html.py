@@ -184,8 +184,11 @@ def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> No
 
     page = as_html(report).decode()
 
-    assert candidates_table(report).rows == (("a + c", "20 %"), ("a + b", "20 % to 60 %, to be measured"))
-    assert '<th scope="row">a + c</th><td data-is="Reserve">20 %</td>' in page
+    assert candidates_table(report).rows == (
+        ("a + c", "20 % of its VPs"),
+        ("a + b", "20 to 60 % of its VPs, to be measured"),
+    )
+    assert '<th scope="row">a + c</th><td data-is="Reserve">20 % of its VPs</td>' in page
     assert "more are not listed" not in page
 
 

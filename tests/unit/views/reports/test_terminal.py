@@ -43,7 +43,7 @@ def test_the_threshold_is_a_line_across_and_the_reserve_one_from_top_to_bottom()
     column = int(60 / 100 * 68)
     assert {row.ljust(80)[column] for row in field} <= {":", "+", "o", "*"}
     assert sum(row.count("o") for row in field) == 10
-    assert text.splitlines()[-1] == "at most 100 ms: reserve 60 %"
+    assert text.splitlines()[-1] == "at most 100 ms: reserve 60 % of its VPs"
 
 
 def test_a_scale_that_is_logarithmic_is_called_so() -> None:
@@ -87,6 +87,6 @@ def test_what_cannot_be_plotted_is_said() -> None:
 def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:
     text = render(report_text(REPORT))
 
-    assert "onboard: 86 % reserved of 100 %" in text
-    assert re.search(r"face-detection +mean_response_time <= 100 ms +60 % +1\.2\n", text)
+    assert "onboard: 1.72 LP of 2 LP reserved (86 % of onboard)" in text
+    assert re.search(r"face-detection +mean_response_time <= 100 ms +1\.2 +60 % of its 2 VPs", text)
     assert text.count("against CPU reservation") == 4
