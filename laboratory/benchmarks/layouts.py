@@ -76,15 +76,15 @@ class DrawnLayout:
     kept_percent: int
     components: tuple[Drawn, ...]
 
-    def manifest(self, family: Family) -> str:
-        """Return the manifest: measured beside a family."""
+    def manifest(self, family: Family, until: str = "") -> str:
+        """Return the manifest: measured beside a family; `until`: how long each component runs, as `run` says it."""
         lines = [
             "schema: rarms/v1",
             f"application: {{ name: layout-{self.seed} }}",
             "hosts:",
             f"  onboard: {{ logical_processors: {self.logical_processors}, memory: 16 GiB, "
             f"keep_for_host: {{ processor: {self.kept_percent} % }} }}",
-            f"policy: {{ interference: [{', '.join(family)}] }}",
+            f"policy: {{ interference: [{', '.join(family)}], measuring: {{ setting: {LONGEST} }} }}",
             "components:",
         ]
         for number, each in enumerate(self.components, start=1):
@@ -95,7 +95,7 @@ class DrawnLayout:
                 f"  {each.name}:",
                 f"    criticality: {number}",
                 f"    apt: {{ {each.threshold} }}",
-                f"    run: {{ command: [{each.name}], timeout: 10 min, until: {{ elapsed: {LONGEST} }}{arrival} }}",
+                f"    run: {{ command: [{each.name}], timeout: 10 min{until}{arrival} }}",
                 f"    processors: {each.processors}",
                 "    memory: 256 MiB",
                 f"    cpu: {{ reserve: measured{weight} }}",
@@ -189,6 +189,8 @@ def outcome_of(family: Family, folder: Path, seed: int) -> Outcome:
     hosts = rarms.load(str(place / "rarms.yaml"))
     for load in family[1:] or family:  # each begins at what the first one asks for: the logs serve every family
         rarms.measure(hosts, MeasureRequest(interference=tuple(dict.fromkeys((family[0], load)))))
+    (place / "rarms.yaml").write_text(layout.manifest(family, f", until: {{ elapsed: {LONGEST} }}"), encoding="utf-8")
+    hosts = rarms.load(str(place / "rarms.yaml"))
     try:
         plan = rarms.plan(hosts)
     except UseCaseError as problem:

@@ -3,21 +3,24 @@
 Here and nowhere else files of measurements become values for the planner, which reads none.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.measuring.evidence import SHORT
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.commands import RecommendedCommand, command, prose
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.model.host import Host, HypervHost, ProviderKind
 from rarms_iac.model.layout import Cause
+from rarms_iac.model.loads import BUSY_LOOP, could_take_all
 from rarms_iac.model.measurement import CONFINEMENT, GROUP_CONFINEMENT
 from rarms_iac.model.quantities import Bytes, show_bytes
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Component, System, run_of
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner import planning_findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import (
@@ -226,13 +229,29 @@ def _beside_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
 ) -> tuple[MeasuredTogether, ...] | NotMeasured:
     """The log of each load, or why the first of those is missing that are."""
-    members, found = names_of(group.members), []
+    members, found = names_of(group.members), list[MeasuredTogether]()
+    described = [system.interference[load] for load in system.loads_of(members)]
     for load in system.loads_of(members):
         log = _measured_together(subject_of(system, host, members, load), folder, group, host, platform_facts)
         if isinstance(log, NotMeasured):
             return log
         found.append(log)
+    if all(log.weak for log in found) and any(could_take_all(load, host.logical_processors) for load in described):
+        found[0] = replace(found[0], remarks=(*found[0].remarks, _left_idle(group, found)))
     return tuple(found)
+
+
+def _left_idle(group: Group, logs: Sequence[MeasuredTogether]) -> Cause:
+    """NOTE: of loads that cannot take all by what they are RARMS325 tells, from the manifest."""
+    paths = [log.path for log in logs]
+    return Cause(
+        address=f"component/{to_be_measured(group.members)[0]}",
+        message=f"{in_a_row(paths)}: the load left more than {SHORT:.0%} of the processors idle. What is enough there "
+        "need not be enough beside others.",
+        code=planning_findings.WEAK_LOG.code,
+        values={"logs": tuple(paths)},
+        advice=prose("Measure beside a load that takes all: ", command("measure", interference=BUSY_LOOP), "."),
+    )
 
 
 def _measured_together(
@@ -287,6 +306,7 @@ def _measured_together(
         curves=curves_in(log, {member.name: member for member in group.members}),
         remarks=tuple(_remarks(log, comparison, group, path_shown, again, folder.files.cut)),
         again=again,
+        weak=any(recorded.provenance.weak_load for recorded in log.counting),
         cpu_ms=_cpu_ms_in(log),
         usable=lambda component: usable_processors(log.settings, component, log.header.setup.processors),
     )

@@ -8,6 +8,7 @@ doing, and in service it is the same. Time that the machine below took makes a c
 from collections.abc import Sequence
 from dataclasses import replace
 
+from rarms_iac.model.loads import Interference, could_take_all, is_steady
 from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
 
 TRIES = 3
@@ -45,6 +46,39 @@ def disturbance(evidence: SettingEvidence, processors: int, load_takes: float | 
     if p2 + beyond_reserve < load_takes - SHORT * processors:
         return f"the load in P2 got {p2:.2f} LP where {load_takes:.2f} are reserved"
     return ""
+
+
+def leaves_idle(evidence: SettingEvidence | None, processors: int) -> bool:
+    """Tell whether a load that never sleeps by design left processors idle all the same.
+
+    Args:
+        evidence: what the host counted; None: it counts nothing.
+        processors: LPs of the host.
+
+    Returns:
+        Whether neither P1 nor P2 nor the machine below had more than `SHORT` of all processors' time.
+    """
+    whole = 0.0 if evidence is None else evidence.elapsed_ms * processors
+    if evidence is None or not whole:
+        return False
+    used = evidence.cpu_ms.get(P1, 0.0) + evidence.cpu_ms.get(P2, 0.0) + evidence.stolen_ms
+    return used < (1.0 - SHORT) * whole
+
+
+def is_weak(load: Interference, setting: Setting, processors: int) -> bool:
+    """Tell whether what was measured beside a load rests on one that leaves to P1 what others would take.
+
+    Args:
+        load: in P2.
+        setting: with what the host counted.
+        processors: LPs of the host.
+
+    Returns:
+        Whether it cannot take all that P2 reserves, or never sleeps by design and was seen to leave some of it idle.
+    """
+    if not could_take_all(load, processors):
+        return True
+    return is_steady(load) and leaves_idle(setting.evidence, processors)
 
 
 def with_evidence(

@@ -113,7 +113,7 @@ class SettingsLog:
 
     path: Path
     header: Header
-    provenance: Callable[[], Provenance]  # of what is recorded now
+    provenance: Callable[[Setting], Provenance]  # of what is recorded now
     anew: int | None = None  # a strategy sees reservations only once they were measured with this seed; None: all
     replaces_stale: bool = False  # what is there is stale, and gives way to the first setting
 
@@ -159,7 +159,7 @@ class SettingsLog:
         if log is None or (self.replaces_stale and log.header != self.header):
             make_folders(self.path.parent)
             begin_log(self.path, self.header)
-        append_setting(self.path, Recorded(setting=setting, provenance=self.provenance()))
+        append_setting(self.path, Recorded(setting=setting, provenance=self.provenance(setting)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

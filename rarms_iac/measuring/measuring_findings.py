@@ -47,6 +47,7 @@ CANNOT_MEASURE = Finding.error("RARMS262", "This version cannot measure on this 
 MEASURED_BUSY = Finding.warning("RARMS263", "Measured while something else ran")
 MEASURED_ELSEWHERE = Finding.error("RARMS265", "Another run measures the same")
 NO_THRESHOLD = Finding.error("RARMS264", "There is no threshold to search for")
+WEAK_ANSWER = Finding.error("RARMS326", "What was measured beside weak loads is no answer")
 FIXED_ANYWAY = Finding.note("RARMS266", "The manifest fixes a reservation that was measured")
 LESS_UNKNOWN = Finding.warning("RARMS267", "Less may be enough: settings below have no steady state")
 UNUSABLE_PROCESSORS = Finding.note("RARMS268", "Fewer virtual processors may be enough")

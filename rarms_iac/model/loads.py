@@ -98,6 +98,29 @@ def is_steady(load: Interference) -> bool:
             assert_never(load)
 
 
+def could_take_all(load: Interference, processors: int) -> bool:
+    """Tell whether a load could take all that P2 reserves, by what it is.
+
+    Args:
+        load: of a program of which nothing is known it is taken for granted; what was seen of it may say otherwise.
+        processors: that P2 may use.
+
+    Returns:
+        False for fewer threads than processors, for bursts of a fixed duty, and for browsers.
+    """
+    match load:
+        case BusyLoop(threads=threads) | Stress(workers=threads):
+            return threads is None or threads >= processors
+        case Bursts(duty=duty, threads=threads):
+            return (threads is None or threads >= processors) and (duty is None or duty >= 100)
+        case CommandLoad():
+            return True
+        case Browser():
+            return False
+        case _:
+            assert_never(load)
+
+
 BUSY_LOOP = "busy-loop"
 
 PERIODS_MS = (5, 10, 20, 50, 100, 200)

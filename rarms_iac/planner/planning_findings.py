@@ -21,6 +21,7 @@ BETTER_ELSEWHERE = Finding.note("RARMS127", "A partition would be better off on 
 CLASS_ORDER = Finding.warning("RARMS128", "Task classes cannot express the order of criticalities")
 NEIGHBOURS = Finding.note("RARMS129", "Threads of different criticality are one priority apart")
 IN_LOW = Finding.note("RARMS136", "A task class in Low goes first while those above are lowered")
+WEAK_LOG = Finding.warning("RARMS327", "A data log was measured beside a load that left processors idle")
 NOT_PROVEN = Finding.note("RARMS301", "The layout is not proved to be the best")
 MEASURED_STEADY = Finding.warning("RARMS313", "Measured beside loads that never pause, and others may")
 ON_NEIGHBOURS = Finding.note("RARMS324", "A threshold depends on its neighbours")
@@ -43,7 +44,7 @@ KINDS = {
 }
 """What a `Cause` of an `Infeasible` may be."""
 
-REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, BUSY)}
+REMARKS = {finding.code: finding for finding in (NOT_VERIFIED, DIFFERENT, BUSY, WEAK_LOG)}
 """What may be said of a measured reservation that was found."""
 
 

@@ -159,6 +159,7 @@ class MeasuredTogether:
     curves: Callable[[str, str], Curve]  # by component and index
     remarks: tuple[Cause, ...] = ()
     again: RecommendedCommand = MEASURE  # what measures it
+    weak: bool = False  # its load cannot take all that P2 reserves, or left some of it idle
     cpu_ms: Callable[[str], float | None] = _no_cpu_ms  # processor time of a component's job, on average
     usable: Callable[[str], int | None] = _no_cpu_ms  # fewer processors than these that a component can use at most
 

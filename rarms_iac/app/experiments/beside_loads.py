@@ -5,8 +5,10 @@ from dataclasses import replace
 from itertools import groupby
 
 from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.measuring.evidence import leaves_idle
 from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.loads import is_steady
 from rarms_iac.model.outcomes import NotAchievable, NotResolved, SettingFailed, Stopped, Swept
 from rarms_iac.planner.reservations import hardest
 
@@ -49,6 +51,24 @@ def measure_beside_loads(experiments: Sequence[Experiment], method: Method, run:
         if isinstance(result.conclusion, NotAchievable | NotResolved | SettingFailed | Stopped):
             break
     return tuple(results)
+
+
+def leave_idle(results: Sequence[ExperimentResult]) -> bool:
+    """Tell whether every load of the results was seen to leave processors idle that it could take.
+
+    Args:
+        results: Of the same components, one a load.
+
+    Returns:
+        False where one of them sleeps by design: such loads are not judged by idle time.
+    """
+
+    def left_idle(result: ExperimentResult) -> bool:
+        load, processors = result.experiment.load, result.experiment.host.logical_processors
+        at_answer = [setting for setting in result.settings if setting.reserve == result.reserve]
+        return is_steady(load) and any(leaves_idle(setting.evidence, processors) for setting in at_answer)
+
+    return all(map(left_idle, results))
 
 
 def decisive(results: Sequence[ExperimentResult]) -> ExperimentResult:

@@ -12,6 +12,7 @@ from rarms_iac.app.data_logs import subject_of
 from rarms_iac.app.experiments.session import MeasuringSession
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
+from rarms_iac.measuring.evidence import is_weak
 from rarms_iac.measuring.loop import SettingsLog
 from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.setup import Experiment
@@ -61,11 +62,14 @@ def read_experiment_log(session: MeasuringSession, experiment: Experiment) -> Ex
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 
 
-def settings_log_of(log: ExperimentLog, anew: int | None, running: Sequence[Partition]) -> SettingsLog:
+def settings_log_of(
+    log: ExperimentLog, experiment: Experiment, anew: int | None, running: Sequence[Partition]
+) -> SettingsLog:
     """Return the log as the loop of measuring writes to it; a stale log gives way to the first setting.
 
     Args:
         log: What is recorded.
+        experiment: What it is of.
         anew: The seed of a remeasurement: all of it is measured with that; None: what is there is not measured again.
         running: What runs on the host beside P1 and P2; every setting says so.
 
@@ -76,7 +80,12 @@ def settings_log_of(log: ExperimentLog, anew: int | None, running: Sequence[Part
     return SettingsLog(
         path=log.path,
         header=log.header,
-        provenance=lambda: Provenance(rarms_version=__version__, when=now(), beside=beside),
+        provenance=lambda setting: Provenance(
+            rarms_version=__version__,
+            when=now(),
+            beside=beside,
+            weak_load=is_weak(experiment.load, setting, experiment.host.logical_processors),
+        ),
         anew=anew,
         replaces_stale=bool(log.changed),
     )

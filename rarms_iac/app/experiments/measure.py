@@ -15,7 +15,7 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.experiments.beside_loads import by_partition, decisive, measure_beside_loads
+from rarms_iac.app.experiments.beside_loads import by_partition, decisive, leave_idle, measure_beside_loads
 from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.app.experiments.measure_request import (
@@ -24,6 +24,7 @@ from rarms_iac.app.experiments.measure_request import (
     describe_request,
     experiments_of_request,
     method_of,
+    weak_answer,
 )
 from rarms_iac.app.experiments.run_experiment import make_room, run_experiment
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
@@ -144,6 +145,10 @@ def _measure_all(
                 answered, ended = _with_levels(hosts, decisive(beside), prompt, further)
                 beside = (*(each for each in beside if each.log != answered.log), answered)
             answer = decisive(beside)
+            if answer.reserve is not None and not request.weak_load and leave_idle(beside):
+                loads_beside = tuple(each.interference for each in beside)
+                host, places = answer.experiment.host, hosts.manifest.places
+                findings.append(weak_answer(answer.components, loads_beside, host, places))
             findings += findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
             results += beside
             begun += 1

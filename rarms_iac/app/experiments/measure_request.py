@@ -13,8 +13,10 @@ from rarms_iac.measuring.methods import PAPER, USUAL_STEP, Method, Search
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
+from rarms_iac.model.commands import command, prose
+from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.host import Host
-from rarms_iac.model.loads import BUSY_LOOP
+from rarms_iac.model.loads import BUSY_LOOP, Browser, could_take_all
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
@@ -29,7 +31,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.system import RunsOn, System
-from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.model.wording import in_a_row, quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.error_probability import ERROR
 
@@ -59,6 +61,9 @@ class MeasureRequest:
     samples: int | None = samples_option()
     seed: int | None = option("--seed", least=1, help="Draw chance from here; only its own settings count.")
     again: bool = flag("--again", help="Measure all of it once more, beside what is recorded.")
+    weak_load: bool = flag(
+        "--weak-load", help="Take an answer that rests on loads which leave processors idle; the log says so."
+    )
     on_busy_host: bool = busy_host_option()
     lock_timeout_ms: int = lock_timeout_option()
 
@@ -232,12 +237,53 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     experiments: list[Experiment] = []
     for members in _members(hosts, request):
         loads = tuple(dict.fromkeys(request.interference or loads_for(system, members, request.strategy)))
+        if isinstance(method_of(request), Search) and request.strategy != PAPER:
+            _refuse_weak(hosts, request, members, loads)
         experiments += [
             experiment_of(system, host, members, load, request.samples).sharing_budget(len(loads))
             for host in _hosts_to_measure_on(hosts, members)
             for load in loads
         ]
     return tuple(experiments)
+
+
+def _refuse_weak(hosts: Hosts, request: MeasureRequest, members: tuple[str, ...], loads: tuple[str, ...]) -> None:
+    """Refuse to search beside loads of which none can take all that P2 reserves; a browser is there by design.
+
+    Raises:
+        UseCaseError: Nothing said that it is wanted all the same (negative).
+    """
+    system = hosts.system
+    described = [system.interference[name] for name in loads]
+    for host in _hosts_to_measure_on(hosts, members):
+        is_weak = not any(could_take_all(load, host.logical_processors) for load in described)
+        if is_weak and not request.weak_load and not any(isinstance(load, Browser) for load in described):
+            raise UseCaseError(
+                Outcome.NEGATIVE, [weak_answer(members, loads, host, hosts.manifest.places)], hosts.manifest.sources
+            )
+
+
+def weak_answer(members: tuple[str, ...], loads: tuple[str, ...], host: Host, places: Places) -> Diagnostic:
+    """Make the finding of an answer that rests on weak loads.
+
+    Args:
+        members: Names of the components.
+        loads: Beside which they are measured.
+        host: Where.
+        places: Lines of the manifest.
+    """
+    return measuring_findings.WEAK_ANSWER.at(
+        places.key("components", members[0]),
+        f"{in_a_row(loads)} cannot take, or did not take, all that is reserved beside {in_a_row(members)} on "
+        f"{host.name}. What is enough there need not be enough beside others.",
+        prose(
+            "Measure beside one that can, too: ",
+            command("measure", *members, interference=BUSY_LOOP, together=len(members) > 1),
+            ". Or take it all the same: --weak-load.",
+        ),
+        address=f"component/{members[0]}",
+        values={"components": tuple(members), "loads": tuple(loads), "host": host.name},
+    )
 
 
 def loads_for(system: System, members: tuple[str, ...], strategy: str) -> tuple[str, ...]:

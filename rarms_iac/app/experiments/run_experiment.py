@@ -73,7 +73,7 @@ def make_room(session: MeasuringSession, experiment: Experiment, method: Method)
 def _run_held(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
     available = _availability(session, experiment)
     log = read_experiment_log(session, experiment)
-    settings_log = settings_log_of(log, session.seed if session.anew else None, available.running)
+    settings_log = settings_log_of(log, experiment, session.seed if session.anew else None, available.running)
     if log.changed:
         session.control.reporter.message(_describe_stale(log))
 

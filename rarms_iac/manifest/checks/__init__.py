@@ -69,6 +69,7 @@ CHECKS: Mapping[Finding, Check] = {
     measurement.PATTERN_WITHOUT_GROUP: measurement.pattern_without_group,
     measurement.TOO_FEW_SAMPLES: measurement.samples_not_to_be_had,
     measurement.MEASURED_WITHOUT_APT: of_components(measurement.measured_without_apt),
+    measurement.WEAK_LOADS: measurement.weak_loads,
     measurement.NOTHING_TO_RUN: of_components(measurement.nothing_to_run),
     secrets.SECRET_IN_CLEAR: secrets.secret_in_clear,
     secrets.SECRET_IN_ENVIRONMENT: of_components(secrets.secret_in_environment),

@@ -7,11 +7,12 @@ from math import ceil
 from rarms_iac.manifest.checks.common import Violation
 from rarms_iac.model.diagnostics import Facts, Finding
 from rarms_iac.model.indexes import SampleValue, find_index
-from rarms_iac.model.quantities import show_duration, show_milliseconds
+from rarms_iac.model.loads import could_take_all
+from rarms_iac.model.quantities import show_duration, show_milliseconds, show_processors
 from rarms_iac.model.run import Call, Closed, Elapsed, Periodic, Run, SampleCount, Samples
 from rarms_iac.model.series import MOST_SAMPLES
 from rarms_iac.model.system import AtMost, Component, Measured, System, run_of
-from rarms_iac.model.wording import did_you_mean, suggested
+from rarms_iac.model.wording import did_you_mean, in_a_row, suggested
 from rarms_iac.running.reading import compile_pattern
 from rarms_iac.statistics.error_probability import samples_needed
 
@@ -23,6 +24,7 @@ PATTERN_IS_NOT_RE2 = Finding.error("RARMS072", "The pattern is not a valid RE2 p
 PATTERN_WITHOUT_GROUP = Finding.error("RARMS073", "The pattern lacks a group that a field names")
 TOO_FEW_SAMPLES = Finding.note("RARMS074", "A threshold needs more samples than it may have")
 MEASURED_WITHOUT_APT = Finding.error("RARMS077", "A measured reserve needs an APT")
+WEAK_LOADS = Finding.warning("RARMS325", "The loads leave processors idle")
 NOTHING_TO_RUN = Finding.error("RARMS079", "A measured reserve needs something to run")
 
 
@@ -35,6 +37,29 @@ def measured_without_apt(component: Component) -> Iterator[Violation]:
             advice="Add `apt`, or fix the reserve: `reserve: 20 %`.",
             values={"reserve": "measured"},
         )
+
+
+def weak_loads(system: System) -> Iterator[Violation]:
+    """Reservations that rest on loads of which none can take all that P2 reserves."""
+    for component in system.components.values():
+        if component.cpu.reserve is not Measured.MEASURED:
+            continue
+        loads = [name for name in system.loads_of([component.name]) if name in system.interference]
+        for host in system.hosts.values():
+            if component.hosts is not None and host.name not in component.hosts:
+                continue
+            if loads and not any(could_take_all(system.interference[name], host.logical_processors) for name in loads):
+                own = ("components", component.name, "interference")
+                yield Violation(
+                    path=own if component.interference else ("policy", "interference"),
+                    detail=f"None of {in_a_row(loads)} can take all that is reserved beside {component.name} on the "
+                    f"{show_processors(host.logical_processors)} of {host.name}. What is measured there need not hold "
+                    "beside others.",
+                    advice="Add one that can: `busy-loop`.",
+                    address=f"component/{component.name}",
+                    values={"component": component.name, "host": host.name, "loads": tuple(loads)},
+                )
+                break
 
 
 def nothing_to_run(component: Component) -> Iterator[Violation]:

@@ -39,6 +39,7 @@ class Provenance:
     rarms_version: str
     when: str  # UTC, as 2027-01-31T12:00:00Z
     beside: tuple[str, ...] = ()  # partitions that ran on the host meanwhile, which was overridden
+    weak_load: bool = False  # the load cannot take all that P2 reserves, or was seen to leave some of it idle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,9 @@ class Bench:
             platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
         )
         header = header_of(subject, identity_of(subject, {}, {}), self.host().platform_facts())
-        return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, anew=anew)
+        return SettingsLog(
+            path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda _setting: TAKEN, anew=anew
+        )
 
     def search(self, name: str = "bisection", most: int = 100) -> Searching:
         searching = strategy_of(Search(strategy=name), goal_of(self.experiment), most)

@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.measuring.evidence import disturbance
+from rarms_iac.measuring.evidence import disturbance, is_weak, leaves_idle
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, Bursts, BusyLoop, CommandLoad, Interference, Stress
 from rarms_iac.model.measurement import P1, P2, Setting, SettingEvidence
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import Provenance, Recorded
+from tests.builders import milliseconds
+from tests.builders_measured import a_setting
 
 QUIET = SettingEvidence(elapsed_ms=10_000, cpu_ms={P1: 12_000.0, P2: 7_900.0}, stolen_ms=100, waiting_ms=9_000.0)
 SHORT_LOAD = replace(QUIET, cpu_ms={P1: 12_000.0, P2: 4_000.0})
@@ -59,3 +62,44 @@ def test_a_log_keeps_the_evidence_and_reads_lines_without_any(evidence: SettingE
 
     assert setting_in(line) == recorded
     assert ("evidence" in line) is (evidence is not None)
+
+
+def an_evidence(p1_ms: float, p2_ms: float, stolen_ms: float = 0.0) -> SettingEvidence:
+    """One second of two processors."""
+    return SettingEvidence(elapsed_ms=1000.0, cpu_ms={P1: p1_ms, P2: p2_ms}, stolen_ms=stolen_ms)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "idle"),
+    [
+        (an_evidence(200.0, 1750.0), False),
+        (an_evidence(200.0, 1000.0), True),
+        (an_evidence(200.0, 1000.0, stolen_ms=750.0), False),
+        (SettingEvidence(), False),
+        (None, False),
+    ],
+)
+def test_a_load_leaves_processors_idle_where_neither_partition_had_their_time(
+    evidence: SettingEvidence | None, idle: bool
+) -> None:
+    assert leaves_idle(evidence, 2) == idle
+
+
+@pytest.mark.parametrize(
+    ("load", "weak"),
+    [
+        (BusyLoop(), False),
+        (BusyLoop(threads=1), True),
+        (Stress(stressor="timer", workers=1), True),
+        (Stress(stressor="timer", workers=2), True),  # it was seen to leave half of the time
+        (CommandLoad(command=("recorder",)), True),  # so was this
+        (Bursts(every=milliseconds("50 ms")), False),  # it sleeps by design
+        (Bursts(every=milliseconds("50 ms"), threads=1), True),
+        (LOADS_WITHOUT_ENTRY["bursts-50-half"], True),
+        (Browser(instances=9), True),
+    ],
+)
+def test_a_load_is_weak_that_cannot_take_all_or_did_not(load: Interference, weak: bool) -> None:
+    seen = an_evidence(200.0, 1000.0) if not isinstance(load, BusyLoop) else an_evidence(200.0, 1790.0)
+
+    assert is_weak(load, replace(a_setting(), evidence=seen), 2) == weak

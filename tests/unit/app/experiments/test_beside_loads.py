@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import chdir
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rarms_iac.app.experiments.beside_loads import by_partition, decisive, measure_beside_loads
@@ -12,6 +12,7 @@ from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
 from rarms_iac.model.outcomes import Conclusion, NotAchievable, Stopped, Sufficient, Swept
+from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from tests.builders import a_component, a_host, a_system
 from tests.unit.cli.running import rarms
 
@@ -142,3 +143,45 @@ def test_without_the_log_of_one_load_there_is_no_plan(tmp_path: Path) -> None:
     assert planned.code != 0
     assert "no data log on onboard against bursts-100" in planned.err
     assert both.code == 0, both.err
+
+
+LIGHT = MANIFEST.replace("logical_processors: 1", "logical_processors: 2").replace(
+    "[busy-loop, bursts-100] }", "[light] }\ninterference: { light: { kind: busy_loop, threads: 1 } }"
+)
+
+
+def test_an_answer_beside_weak_loads_is_none_unless_it_is_wanted_and_the_log_keeps_that(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(LIGHT, encoding="utf-8")
+    log = tmp_path / "measurements" / "onboard" / "a" / "light.jsonl"
+    with chdir(tmp_path):
+        refused = rarms("measure")
+        before = log.exists()
+        swept = rarms("measure", "--from", "50%", "--to", "50%")
+        wanted = rarms("measure", "--weak-load")
+        beside = rarms("measure", "--interference", "light", "--interference", "busy-loop")
+        planned = rarms("plan")
+
+    assert refused.code != 0
+    assert "RARMS326" in refused.err
+    assert not before
+    assert (swept.code, wanted.code, beside.code) == (0, 0, 0), swept.err + wanted.err + beside.err
+    recorded = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()[1:]]
+    assert all(line["provenance"]["weak_load"] for line in recorded)
+    assert planned.code in (0, 2)
+    assert "warning[RARMS325]" in planned.out + planned.err
+
+
+def test_a_log_whose_load_was_seen_to_leave_processors_idle_is_taken_with_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST.replace("[busy-loop, bursts-100]", "busy-loop"), encoding="utf-8")
+    path = tmp_path / "measurements" / "onboard" / "a" / "busy-loop.jsonl"
+    with chdir(tmp_path):
+        rarms("measure")
+        log = read_log(path)
+        assert log is not None
+        begin_log(path, log.header)
+        for recorded in log.recorded:
+            append_setting(path, replace(recorded, provenance=replace(recorded.provenance, weak_load=True)))
+        planned = rarms("plan")
+
+    assert planned.code == 2, planned.err
+    assert "warning[RARMS327]" in planned.out + planned.err
