@@ -1,6 +1,6 @@
 """How an application stands: what is on its hosts, what was proven, what no longer holds, and what to do next."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -14,7 +14,7 @@ from rarms_iac.applying.preconditions import no_rights
 from rarms_iac.applying.state_after import totals_after
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import PastRun, history_of
+from rarms_iac.model.journal import PastRun, RunKind, history_of
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Rights, State, StoppedBy
@@ -118,7 +118,15 @@ class Overview:
     proofs: tuple[ComponentProof, ...]  # the last of each threshold
     stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would rest on
     unmeasured: tuple[tuple[str, ...], ...]  # components of a partition that no data log speaks for
-    next_command: NextCommand | None  # None: nothing is left to do
+    next_command: NextCommand | None  # None: nothing is left to do, as far as is known
+    has_thresholds: Internal[bool] = True  # whether a component has an APT
+    unused_logs: int = 0  # stale data logs of loads that no reservation rests on
+
+    @property
+    @output
+    def unknown(self) -> tuple[str, ...]:
+        """The hosts that could not be looked at, by name."""
+        return tuple(host.name for host in self.hosts if host.problems)
 
 
 def overview_of(hosts: Hosts) -> Overview:
@@ -136,7 +144,9 @@ def overview_of(hosts: Hosts) -> Overview:
     hosts = hosts.with_one_look()
     report = _report(hosts)
     overviews = _host_overviews(hosts)
-    stale = {log.log: log.stale for log in report.measurements if log.stale} if report else {}
+    used = {load for name in hosts.system.components for load in hosts.system.loads_of((name,))}
+    outdated_logs = [log for log in report.measurements if log.stale] if report else []
+    stale = {log.log: log.stale for log in outdated_logs if log.interference in used}
     unmeasured = (
         report.unmeasured
         if report
@@ -150,6 +160,8 @@ def overview_of(hosts: Hosts) -> Overview:
         stale=stale,
         unmeasured=unmeasured,
         next_command=_next_command(hosts.system, overviews, unmeasured, proofs),
+        has_thresholds=any(component.apt for component in hosts.system.components.values()),
+        unused_logs=len(outdated_logs) - len(stale),
     )
 
 
@@ -190,10 +202,22 @@ def _beside_what_is_there(
         if partition.drift is not None and partition.drift.is_of_the_host
         for component in partition.components
     }
-    why = "its partition was changed on the host"
-    return tuple(
-        replace(proof, outdated=(*proof.outdated, why)) if proof.component in changed else proof for proof in proofs
-    )
+    undone = {
+        host.name: host.last_run.started_at for host in hosts if host.last_run and host.last_run.run is RunKind.UNDO
+    }
+
+    def outdated(proof: ComponentProof) -> Iterator[str]:
+        if proof.component in changed:
+            yield "its partition was changed on the host"
+        if proof.host in undone and _moment(proof.when) < _moment(undone[proof.host]):
+            yield f"what was applied to {proof.host} was taken back"
+
+    return tuple(replace(proof, outdated=(*proof.outdated, *outdated(proof))) for proof in proofs)
+
+
+def _moment(text: str) -> str:
+    """A time of a journal or of a proof, so that the earlier one sorts first."""
+    return text.replace("T", " ").replace("Z", " UTC")
 
 
 def _observe_alone(hosts: Hosts, name: str) -> State:
@@ -288,10 +312,20 @@ def _next_command(
         return NextCommand(command="rarms drift", reason="tells what was changed on a host")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command="rarms plan", reason="shows what is not applied yet")
-    if not asked <= holding and not any(host.problems for host in hosts):
+    if any(host.problems for host in hosts):
+        return None
+    missed = sorted(
+        {proof.component for proof in proofs if not proof.met and not proof.outdated and not proof.samples_needed}
+        & {name for name, _, _ in asked}
+    )
+    if missed:
+        words = f"rarms measure {' '.join(missed)} --again --stop-partitions"
+        return NextCommand(command=words, reason="measures again what missed its threshold together with all others")
+    if not asked <= holding:
         stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
         if stopped:
             reason = "starts what was stopped, so that thresholds can be proven"
             return NextCommand(command=f"rarms start {' '.join(stopped)}", reason=reason)
-        return NextCommand(command="rarms prove", reason="runs all components together, beside their thresholds")
+        reason = "runs all components together, and compares them with their thresholds"
+        return NextCommand(command="rarms prove", reason=reason)
     return None

@@ -53,11 +53,6 @@ def counted(many: int, noun: str) -> str:
     return f"{many} {noun}" if many == 1 else f"{many} {noun}s"
 
 
-def each_processor(many: int, word: str = "virtual processor") -> str:
-    """What a CR is a share of: `its virtual processor`, `each of its 2 virtual processors`; a group's are no others."""
-    return f"its {word}" if many == 1 else f"each of its {many} {word}s"
-
-
 def quoted(text: object, most: int | None = None) -> str:
     """Quote a foreign name or text for a message: `"vision"`.
 

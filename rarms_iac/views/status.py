@@ -26,18 +26,28 @@ BAR = 20
 def status_text(overview: Overview) -> "RenderableType":
     """Show each host with its partitions, then what was proven, what no longer holds, and the next command."""
     parts = [part for host in overview.hosts for part in _host_overview(host)]
-    if overview.proofs:
-        parts.append(paragraph(_proven(overview.proofs), start="Proven: "))
+    for number, line in enumerate(_proven(overview.proofs)):
+        parts.append(paragraph(line, indent=2) if number else paragraph(line, start="Proven: "))
     for log, changes in overview.stale.items():
         parts.append(paragraph(f"{log}: {'; '.join(changes)}", start="Stale: "))
     if overview.unmeasured:
         parts.append(
             paragraph(in_a_row([" with ".join(names) for names in overview.unmeasured]), start="Not measured: ")
         )
+    if overview.unused_logs:
+        logs = counted(overview.unused_logs, "data log")
+        parts.append(paragraph(f"{logs} of loads that no reservation rests on, stale.", start="Unused: "))
+    if overview.unknown:
+        parts.append(paragraph(f"{in_a_row(overview.unknown)} could not be looked at.", start="Unknown: "))
     if overview.next_command is None:
-        return stack(*parts, paragraph("Nothing is left to do: all is applied, and every threshold was proven."))
+        return stack(*parts, *([] if overview.unknown else [paragraph(_nothing_left(overview))]))
     step = overview.next_command
     return stack(*parts, paragraph(styled((f"`{step.command}`", STRONG), f" {step.reason}."), start="Next: "))
+
+
+def _nothing_left(overview: Overview) -> str:
+    proven = "every threshold was proven" if overview.has_thresholds else "no component has a threshold to prove"
+    return f"Nothing is left to do: all is applied, and {proven}."
 
 
 def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
@@ -86,9 +96,9 @@ def _remarks(partition: PartitionStatus) -> Iterator[str]:
         yield TITLES[partition.drift]
 
 
-def _proven(proofs: Sequence[ComponentProof]) -> str:
-    """`3 of 4 thresholds held ... beside busy-loop, last at ...`, and a sentence for each that does not hold."""
-    sentences = []
+def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
+    """`3 of 4 thresholds held ... beside busy-loop, last at ...`, and a line for each that does not hold."""
+    sentences: list[str] = []
     for load in dict.fromkeys(proof.interference for proof in proofs):
         beside = [proof for proof in proofs if proof.interference == load]
         holding = [proof for proof in beside if proof.met and not proof.outdated]
@@ -105,7 +115,7 @@ def _proven(proofs: Sequence[ComponentProof]) -> str:
             needed = f", {proof.samples_needed} samples may tell" if proof.samples_needed else ""
             setting = describe_proof_setting(proof)
             sentences.append(f"{proof.component}, {proof.index.name} {threshold}: {verdict}{needed} ({setting}).")
-    return " ".join(dict.fromkeys(sentences))
+    return list(dict.fromkeys(sentences))
 
 
 def describe_run(run: PastRun) -> str:

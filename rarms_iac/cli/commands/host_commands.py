@@ -52,7 +52,7 @@ def status_command(session: Session, source: ManifestSource, host_selection: Sna
     """
     overview = overview_of(select_hosts(load_manifest(source), host_selection))
     session.answer(lambda: json_of(overview), lambda: status_text(overview))
-    return ExitCode.DONE
+    return ExitCode.FAILED if overview.unknown else ExitCode.DONE
 
 
 @rarms_command("history")

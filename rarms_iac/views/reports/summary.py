@@ -44,7 +44,3 @@ def status_text(status: HostStatus) -> Wording:
         addresses_of.setdefault(difference.message, []).append(str(difference.address))
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in addresses_of.items())
     return prose(f"{parts[:1].upper()}{parts[1:]}. ", PLAN, " shows what is to be done, ", APPLY, " does it.")
-
-
-def _figure(value: Fraction) -> str:
-    return f"{float(value):.2f}".rstrip("0").rstrip(".")

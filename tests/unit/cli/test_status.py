@@ -45,7 +45,7 @@ def test_the_status_names_what_is_missing_then_what_is_there() -> None:
     assert "Next: `rarms plan` shows what is not applied yet." in before.out
     assert "[#############.......]  1.2 LP of 1.8 LP reserved" in after.out
     assert "vision 0.8 LP 40 % of its 2 VPs running" in " ".join(after.out.split())
-    assert "Nothing is left to do" in after.out
+    assert "Nothing is left to do: all is applied, and no component has a threshold to prove." in after.out
     assert rarms().out == after.out
 
 
@@ -67,8 +67,21 @@ def test_the_status_lists_what_is_not_measured_and_a_host_that_cannot_be_read() 
 
     assert "Not measured: planner" in unmeasured.out
     assert "Next: `rarms measure`" in unmeasured.out
-    assert damaged.code == 0
+    assert damaged.code == 1
     assert "Host onboard could not be looked at:" in damaged.out
+    assert "Unknown: onboard could not be looked at." in damaged.out
+    assert "Nothing is left to do" not in damaged.out
+
+
+def test_a_damaged_host_of_an_applied_manifest_is_unknown_and_nothing_is_next() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+    Path(".rarms/hosts/onboard.json").write_text("no host", encoding="utf-8")
+
+    answer = rarms("status")
+
+    assert answer.code == 1
+    assert answer.lines[-1] == "Unknown: onboard could not be looked at."
+    assert json.loads(rarms("status", "--json").out)["unknown"] == ["onboard"]
 
 
 def test_a_host_without_rights_keeps_nobody_from_the_others() -> None:
