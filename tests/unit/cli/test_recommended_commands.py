@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import chdir
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -20,6 +20,7 @@ import pytest
 import rarms_iac
 from rarms_iac.cli.ending import ExitCode
 from rarms_iac.model import commands
+from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from tests.crashing import KILLED
 from tests.files import copy_files
 from tests.measuring import leave_logs
@@ -124,6 +125,15 @@ def killed(*words: str, at: int) -> Callable[[], None]:
         assert ended.returncode == KILLED, ended.stderr
 
     return run
+
+
+def weak_log() -> None:
+    """Have the data log say that its load left processors idle."""
+    log = read_log(Path(LOG))
+    assert log is not None
+    begin_log(Path(LOG), log.header)
+    for recorded in log.recorded:
+        append_setting(Path(LOG), replace(recorded, provenance=replace(recorded.provenance, weak_load=True)))
 
 
 def logs(**least: int) -> Callable[[], None]:
@@ -339,6 +349,18 @@ SITUATIONS = {
         ("Prove it in the layout that is applied",),
         ("rarms prove",),
         first=(APPLY,),
+    ),
+    "all loads are weak": Situation(
+        (write(f"{MEASURED}policy: {{ interference: [bursts-20-half] }}\n"),),
+        "measure vision",
+        ("Measure beside one that can",),
+        ("rarms measure vision --interference busy-loop",),
+    ),
+    "a load was seen to leave processors idle": Situation(
+        (write(ALONE.replace("45 %", "measured")), do("measure"), weak_log),
+        "plan",
+        ("Measure beside a load that takes all",),
+        ("rarms measure --interference busy-loop",),
     ),
     "nothing was tuned": Situation(
         (write(PAIR), logs(vision=30, speech=30)),
