@@ -9,6 +9,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run_origin, select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.applying import refusals
@@ -20,10 +21,11 @@ from rarms_iac.manifest.load import manifest_digest
 from rarms_iac.model.commands import PLAN, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.journal import Journal, RunStarted, ScriptRun, ScriptStarted
+from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
+from rarms_iac.storage.plan_file import is_signed
 from rarms_iac.storage.reading import STANDARD_INPUT
 
 ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this folder")
@@ -59,6 +61,7 @@ def apply(
     """
     if folder is None:
         _refuse_elsewhere(plan)
+    _refuse_unsigned(plan)
     below = folder_of(plan.manifest) if folder is None else folder
     hosts = {
         part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
@@ -66,6 +69,45 @@ def apply(
     }
     with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
         return apply_plan(plan, hosts, run_origin(), reporter.steps, stop.should_stop, waits)
+
+
+def _refuse_unsigned(plan: Plan) -> None:
+    """Where a key is set, a plan that was written to a file has a signature that fits it."""
+    key = plan_key()
+    if key is None:
+        return
+    wrong = [part.host.name for part in plan.hosts if not is_signed(plan.id, plan.application, part, key)]
+    if wrong:
+        findings = [refusals.unsigned(name, plan.id, is_begun=False) for name in wrong]
+        raise UseCaseError(Outcome.REFUSED, findings)
+
+
+def _refuse_unsigned_runs(hosts: Sequence[LiveHost]) -> None:
+    """Where a key is set, an unfinished run is finished only if its journal holds a plan that was signed with it."""
+    key = plan_key()
+    if key is None:
+        return
+    with host_errors():
+        runs = [(host.name, run) for host in hosts if (run := host.unfinished()) is not None]
+    findings = [
+        refusals.unsigned(name, run.started.plan, is_begun=True) for name, run in runs if not _is_signed_run(run, key)
+    ]
+    if findings:
+        raise UseCaseError(Outcome.REFUSED, findings)
+
+
+def _is_signed_run(run: Journal | ScriptRun, key: bytes) -> bool:
+    """Whether a journal's steps are those of a signed plan, or take such steps back; a script's run is not signed."""
+    if isinstance(run, ScriptRun):
+        return False
+    started = run.started
+    if not is_signed(started.plan, started.application, started.host_plan, key):
+        return False
+    known = started.host_plan.steps
+    if started.run is RunKind.APPLY:
+        return started.steps == known
+    undone = [step.reversed(str(step.undo.operation)) for step in known if step.undo.operation is not None]
+    return all(step in undone for step in started.steps)
 
 
 def _refuse_elsewhere(plan: Plan) -> None:
@@ -108,9 +150,11 @@ def finish_runs(
         How that ended, and whose runs they were; None where no host has an unfinished run.
 
     Raises:
-        UseCaseError: a host is held (refused).
+        UseCaseError: a host is held, or a key is set and a run's plan is not signed with it (refused).
+        RequestError: the key is not as it must be.
     """
     with hold_hosts(tuple(hosts), waits.lock_ms), stop.gently():
+        _refuse_unsigned_runs(hosts)
         return finish_unfinished(hosts, reporter.steps, stop.should_stop, waits)
 
 

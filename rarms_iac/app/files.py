@@ -96,7 +96,7 @@ def make_folder(path: str) -> None:
 
 
 def read_plan_file(path: str) -> "Plan":
-    """Read a sealed plan, whose scripts are what its operations make.
+    """Read a sealed plan, whose steps are what its changes make, and whose scripts what its steps make.
 
     Args:
         path: as the user gave it; `-` is standard input.
@@ -125,16 +125,13 @@ def plan_in(path: str, data: bytes) -> "Plan":
     Raises:
         UseCaseError: it is no plan of this version or was edited (refused).
     """
-    from rarms_iac.applying.scripts import edited_script
+    from rarms_iac.applying.derivation import find_forgery
     from rarms_iac.storage.plan_file import PLAN_AGAIN, PlanEdited, PlanFileError, read_plan
 
     try:
         plan = read_plan(data)
-        if name := edited_script(plan):
-            raise PlanEdited(
-                f"its script {name} is not what its steps make: it was edited, and sealed anew",
-                PLAN_AGAIN,
-            )
+        if problem := find_forgery(plan):
+            raise PlanEdited(f"{problem}: it was edited, and sealed anew", PLAN_AGAIN)
     except PlanFileError as error:
         raise UseCaseError(
             Outcome.REFUSED,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, last_run, observe_hosts, refuse_unfinished
+from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, PlanLimits
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import NO_RIGHTS
@@ -16,6 +17,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Severity
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.wording import quoted, suggestion
+from rarms_iac.storage.plan_file import signed
 
 NO_LIMITS = PlanLimits()
 
@@ -80,15 +82,17 @@ def make_plan(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -
         states: what the hosts look like, by name; data logs are held against it.
 
     Returns:
-        The plan; it may have no changes.
+        The plan; it may have no changes. Where a key is set, it is signed.
 
     Raises:
         UseCaseError: the manifest cannot be planned (as `outcome_of`).
+        RequestError: the key is not as it must be.
     """
+    key = plan_key()
     prepared = prepare(with_reservations(hosts, request, states), states)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
-    return prepared.plan
+    return prepared.plan if key is None else signed(prepared.plan, key)
 
 
 def with_reservations(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> PlanRequest:

@@ -6,10 +6,8 @@ from fractions import Fraction
 
 from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.preconditions import ignored_reserves, unproven_rights
-from rarms_iac.diff.claims import StepBudget
 from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
 from rarms_iac.diff.comparison import ManifestRules
-from rarms_iac.diff.disruption import HostContext
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
 from rarms_iac.diff.readings import count_disks
 from rarms_iac.model.capacity import capacity_of, foreign_claims
@@ -18,6 +16,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.host import HypervHost
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Purpose, ThreadClass
+from rarms_iac.model.plan_basis import HostContext, StepBudget
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import System

@@ -157,7 +157,7 @@ def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: Run
         started_by=origin.by,
         started_at=origin.at,
         history=history_of(last_run),
-        host_plan=part,
+        host_plan=replace(part, basis=None),  # what is finished is not shown again
         steps=part.steps,
         serials=raised_serials(host.observe().serials, plan.application),
     )

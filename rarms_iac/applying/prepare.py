@@ -12,11 +12,10 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.requested_changes import adoption, releasing, start_changes, stop_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
-from rarms_iac.applying.state_after import totals_after
+from rarms_iac.applying.state_after import others_after, totals_after
 from rarms_iac.applying.targets import is_below, targeted, unknown_targets
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.comparison import ManifestRules
-from rarms_iac.diff.disruption import HostContext
 from rarms_iac.diff.drift import part_digests
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Deadlock, order
@@ -26,6 +25,7 @@ from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
 from rarms_iac.model.plan import GuestTask, HostPlan, Plan, Purpose, Step, UnusedPartition
+from rarms_iac.model.plan_basis import HostContext, PlanBasis
 from rarms_iac.model.state import State, StopAction, StoppedBy
 from rarms_iac.model.version import __version__
 from rarms_iac.planner.desired import Desired
@@ -70,7 +70,10 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
         ordered = order(plan_changes(held.allowed, context), budget)
         steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
         guests = _guest_tasks(request, desired, rules)
-        part = replace(_host_plan(request, desired, difference, held, steps), guest_tasks=guests or None)
+        part = _host_plan(request, desired, difference, held, steps)
+        others = others_after(desired.observed, request.application, held.allowed)
+        basis = PlanBasis(context=context, budget=budget, others=others, named=_named(request, desired))
+        part = replace(part, guest_tasks=guests or None, basis=basis)
         parts.append(part)
         addresses += [str(change.address) for change in (*difference.changes, *guests)]
         reviewed = (*review_plan(request, desired, part), *guest_scripts_by_hand(part, rules.locate))

@@ -30,6 +30,7 @@ DAMAGED = Finding.error("RARMS190", "What the host keeps for rarms is damaged")
 NOT_REACHED = Finding.error("RARMS191", "The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding.note("RARMS192", "There is nothing to undo")
 UNDO_PARTIAL = Finding.warning("RARMS193", "Not everything can be taken back")
+UNSIGNED = Finding.error("RARMS341", "What is to be run is not signed with the key")
 OTHERS_RUN = Finding.error("RARMS340", "The last run is another application's")
 UNKNOWN = Finding.error("RARMS250", "It is unknown how the run ended")
 SCRIPT_REFUSED = Finding.error("RARMS251", "The script would not run on the host")
@@ -84,6 +85,23 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
         prose("Wait while that process still works. Otherwise run ", _EITHER),
         address=f"host/{host}",
         values={"host": host, "run": started.run.value, "plan": started.plan, "owner": started.started_by},
+    )
+
+
+def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
+    """A key is set, and the signature of the plan, or of the journal of an unfinished run, does not fit it."""
+    subject = "The unfinished run" if is_begun else "The part"
+    advice = (
+        prose("Look at the journal. Close the run (", APPLY_ABANDON, "), or finish it where the key is not set.")
+        if is_begun
+        else prose("Make the plan again where the key is set: ", PLAN_OUT, ".")
+    )
+    return UNSIGNED.at(
+        None,
+        f"{subject} of plan {plan} on {host} has no signature that fits the key of this environment.",
+        advice,
+        address=f"host/{host}",
+        values={"host": host, "plan": plan},
     )
 
 

@@ -4,17 +4,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
-from rarms_iac.diff.disruption import (
-    HostContext,
-    can_change_now,
-    changed_facets,
-    disruption_of_update,
-    stops,
-    why_memory_needs_off,
-)
+from rarms_iac.diff.disruption import can_change_now, changed_facets, disruption_of_update, stops, why_memory_needs_off
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
+from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted

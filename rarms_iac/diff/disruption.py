@@ -1,38 +1,17 @@
 """Disruption: whether a change stops a partition, by its settings and by what the host can do live (windows.md 3)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import ceil
 
 from rarms_iac.model.host import ProviderKind
-from rarms_iac.model.layout import Making
+from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.state import Disk, Facet, HostFacts, Partition, PartitionSettings, RunState, TaskClass
+from rarms_iac.model.state import Facet, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
 WINDOWS_10 = 10240
 SERVER_2016 = 14393
 """The builds from which the memory of a running static-memory machine may change, on host and guest alike."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostContext:
-    """The host, and what only some changes need: what its steps depend on beside the changes themselves."""
-
-    facts: HostFacts
-    guest_builds: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: of its Windows; absent: unknown
-    making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
-    criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
-    disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
-    attached: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: how many disks it has
-    # By id of a machine that holds nothing that could be lost: rarms' task classes in its guest.
-    restorable: Mapping[str, tuple[TaskClass, ...]] = field(default_factory=dict)
-    graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
-
-    @property
-    def forces(self) -> bool:
-        """Whether the host can force a guest to shut down that was asked to."""
-        return self.facts.provider is not ProviderKind.LINUX
 
 
 def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from re import escape, fullmatch
 
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
-from rarms_iac.diff.disruption import HostContext, changed_facets, grace_ms, needs_off
+from rarms_iac.diff.disruption import changed_facets, grace_ms, needs_off
 from rarms_iac.diff.readings import NOTHING, same_path
 from rarms_iac.diff.setting_steps import (
     StepBuilder,
@@ -39,6 +39,7 @@ from rarms_iac.model.operations import (
     StopPartition,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Disk, DiskKind, Facet, Partition, PartitionSettings, RunState, State
 from rarms_iac.model.system import Disruption
 

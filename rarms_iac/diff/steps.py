@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rarms_iac.diff.claims import NO_CLAIM
-from rarms_iac.diff.disruption import HostContext, disruption_of_task
+from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.diff.partition_steps import (
     adopt_partition,
     create_partition,
@@ -29,6 +29,7 @@ from rarms_iac.model.operations import (
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, TaskClass
 
 

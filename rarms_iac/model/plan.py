@@ -22,6 +22,7 @@ from rarms_iac.model.operations import (
     forced_after_ms,
 )
 from rarms_iac.model.output import Internal, output
+from rarms_iac.model.plan_basis import PlanBasis
 from rarms_iac.model.state import HostFacts, RegistryValue
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.totals import HostTotals, Totals, host_totals
@@ -165,6 +166,8 @@ class HostPlan:
     mechanisms: Mapping[str, str] | None = None
     # By partition, then name: what the scripts write in guests that could not be looked into.
     guest_tasks: Internal[tuple[GuestTask, ...] | None] = None
+    signature: Internal[str] = ""  # HMAC-SHA256 of what it does, in hex, where a key was set when it was written
+    basis: Internal[PlanBasis | None] = None  # what its steps are made of again when it is read; journals have none
 
     @property
     @output

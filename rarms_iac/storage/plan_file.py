@@ -5,19 +5,21 @@ files, which depend on where it is made. The seal covers the whole file. Both ar
 bytes: line ends that git changes do no harm, while one changed character of a script does.
 """
 
+import hashlib
+import hmac
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, ClassVar, cast
 
 from rarms_iac.model.commands import PLAN_OUT, Wording, prose
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.model.plan import Plan
+from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.plan_names import wrong_name_of_plan
 from rarms_iac.model.version import __version__
 from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, short
-from rarms_iac.storage.json_text import parse_json, readable_json
+from rarms_iac.storage.json_text import canonical, parse_json, readable_json
 
 FORMAT = "rarms-plan/2"
 MAX_BYTES = 64 * 2**20
@@ -66,8 +68,9 @@ def identified(plan: Plan) -> Plan:
 def plan_id(plan: Plan) -> str:
     """12 hex digits of what the plan does: the same from any place in the file system `rarms plan` is called.
 
-    Scripts are left out, which carry the id, and all that names files as they are seen from there: the manifest's path,
-    the files of places, and the findings, whose advice repeats the options of the command. The seal covers them.
+    Scripts are left out, which carry the id, what steps are made of again, and all that names files as they are seen
+    from there: the manifest's path, the files of places, and the findings, whose advice repeats the options of the
+    command. The seal covers them.
 
     Args:
         plan: whose own id does not matter.
@@ -75,15 +78,66 @@ def plan_id(plan: Plan) -> str:
     Returns:
         Lower case.
     """
-    hosts = tuple(replace(host, scripts={}) for host in plan.hosts)
+    hosts = tuple(_bare(host) for host in plan.hosts)
     bare = replace(plan, id="", manifest="", findings=(), accepted=(), hosts=hosts)
     document = cast("dict[str, Any]", encode(bare))
+    for host in document["hosts"]:
+        del host["basis"], host["signature"]
     for place in _places_in(document["hosts"]):
         if place is not None:
             del place["file"]
     if bare.placement is None:  # a plan that chose nothing says nothing of it
         del document["placement"]
     return short(digest(document))
+
+
+def _bare(host: HostPlan) -> HostPlan:
+    """What a host's part of a plan does: without scripts, which follow from it, and without what it is checked by."""
+    return replace(host, scripts={}, basis=None, signature="")
+
+
+def signed(plan: Plan, key: bytes) -> Plan:
+    """Sign each host's part of a plan; the signature is over what the plan does, as its id.
+
+    Args:
+        plan: with its id.
+        key: of those who may write plans that are applied.
+
+    Returns:
+        A copy; its id is the same.
+    """
+    return replace(
+        plan,
+        hosts=tuple(replace(host, signature=signature_of(plan.id, plan.application, host, key)) for host in plan.hosts),
+    )
+
+
+def signature_of(plan: str, application: str, host: HostPlan, key: bytes) -> str:
+    """Work out the signature of a host's part of a plan.
+
+    Args:
+        plan: its id.
+        application: whose plan it is.
+        host: the part, as the plan or a journal has it.
+        key: as of `signed`.
+
+    Returns:
+        64 hex digits.
+    """
+    text = canonical([plan, application, encode(_bare(host))])
+    return hmac.new(key, text.encode("ascii"), hashlib.sha256).hexdigest()
+
+
+def is_signed(plan: str, application: str, host: HostPlan, key: bytes) -> bool:
+    """Tell whether the signature of a host's part fits the key; in a time that says nothing of it.
+
+    Args:
+        plan: as of `signature_of`.
+        application: as there.
+        host: as there.
+        key: as there.
+    """
+    return hmac.compare_digest(host.signature, signature_of(plan, application, host, key))
 
 
 def _places_in(hosts: list[Any]) -> Iterator[dict[str, Json] | None]:

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.applying.derivation import find_forgery
 from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.storage.plan_file import read_plan, write_plan
 from tests.cases.situations import command_of, folders, made, outputs, stand_in
 from tests.twin.cell import apply, undo
 from tests.twin.observing import document_of
@@ -32,6 +34,13 @@ def test_what_lies_beside_a_situation_is_what_rarms_makes_of_it(folder: Path) ->
         assert data == fresh[name], f"{folder.name}/{name}: run `python -m tests.cases.situations`, read the difference"
         if name.endswith(".ps1"):
             assert inspect(data, name) == ()
+
+
+@situations
+def test_the_plan_of_a_situation_follows_from_its_changes(folder: Path) -> None:
+    plan = made(folder).plan
+    if plan is not None:
+        assert find_forgery(read_plan(write_plan(plan))) is None
 
 
 @situations

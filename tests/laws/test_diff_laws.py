@@ -5,7 +5,7 @@ from dataclasses import replace
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rarms_iac.diff.claims import StepBudget, claim_of
+from rarms_iac.diff.claims import claim_of
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import OrderedSteps
@@ -15,6 +15,7 @@ from rarms_iac.model.host import SchedulerType
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.plan_basis import StepBudget
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.state import RegistryValue, Responsiveness, State
 from rarms_iac.model.system import System

@@ -76,7 +76,11 @@ def show_command(
             raise RequestError("Missing argument '[PLAN]'.")
         from rarms_iac.cli.applying import show_plan
 
-        show_plan(session, read_plan_file(options.plan_file), verbose=options.verbose)
+        plan = read_plan_file(options.plan_file)
+        session.terminal.tell(
+            "Reasons, places and findings are the words of the file. All else follows from its changes."
+        )
+        show_plan(session, plan, verbose=options.verbose)
         return ExitCode.DONE
     return _show_scripts(session, _plan(options.plan_file, source, host_selection), host_selection.hosts, options)
 

@@ -1,7 +1,6 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.diff.claims import StepBudget
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Deadlock, OrderedSteps, order
 from rarms_iac.diff.steps import PlannedChange
@@ -10,6 +9,7 @@ from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.operations import SetCpu, SetMemory
 from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.plan_basis import StepBudget
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import CpuRequest, Disruption, System

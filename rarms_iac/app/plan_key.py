@@ -1,0 +1,57 @@
+"""The key that plans are signed with, for those who want more than a seal: `RARMS_PLAN_KEY`, `RARMS_PLAN_KEY_FILE`."""
+
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+from rarms_iac.app.errors import RequestError
+from rarms_iac.storage.reading import read_file
+
+VARIABLE, FILE_VARIABLE = "RARMS_PLAN_KEY", "RARMS_PLAN_KEY_FILE"
+LEAST_BYTES = 16
+_MAX_BYTES = 4096
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+def plan_key(environment: Mapping[str, str] = os.environ) -> bytes | None:
+    """Return the key that plans must be signed with.
+
+    Args:
+        environment: holds the key or the name of its file; blanks around the key do not count.
+
+    Returns:
+        The key; None: none is set, and no plan needs a signature.
+
+    Raises:
+        RequestError: both are set, the key has fewer than `LEAST_BYTES`, or its file cannot be read or is not its
+            owner's alone.
+    """
+    if VARIABLE in environment and FILE_VARIABLE in environment:
+        raise RequestError(f"{VARIABLE} and {FILE_VARIABLE} are both set.", "Set one of them.")
+    if FILE_VARIABLE in environment:
+        key, origin = _key_in(environment[FILE_VARIABLE]), FILE_VARIABLE
+    elif VARIABLE in environment:
+        key, origin = environment[VARIABLE].encode("utf-8", "surrogateescape"), VARIABLE
+    else:
+        return None
+    key = key.strip()
+    if len(key) < LEAST_BYTES:
+        raise RequestError(
+            f"The key of {origin} has {len(key)} bytes; at least {LEAST_BYTES} are needed.",
+            "Make one with `openssl rand -hex 32`.",
+        )
+    return key
+
+
+def _key_in(name: str) -> bytes:
+    try:
+        mode = Path(name).stat().st_mode
+        if os.name == "posix" and mode & _OTHERS:
+            raise RequestError(
+                f"{FILE_VARIABLE} names {name}, which others than its owner may use.", f"Run `chmod 600 {name}`."
+            )
+        return read_file(name, _MAX_BYTES)
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        raise RequestError(f"{FILE_VARIABLE} names {name}: {reason}.", "Name a file that holds the key.") from error

@@ -1,0 +1,77 @@
+"""What the steps of a plan depend on beside its changes: with both, the steps can be made again and compared."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.model.capacity import Capacity, fits
+from rarms_iac.model.claims import Claim
+from rarms_iac.model.host import ProviderKind
+from rarms_iac.model.layout import Making
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.state import Disk, HostFacts, Partition, TaskClass
+from rarms_iac.model.system import Disruption
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostContext:
+    """The host, and what only some changes need: what its steps depend on beside the changes themselves."""
+
+    facts: HostFacts
+    guest_builds: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: of its Windows; absent: unknown
+    making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
+    criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
+    disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
+    attached: Mapping[str, int] = field(default_factory=dict)  # by id of a machine: how many disks it has
+    # By id of a machine that holds nothing that could be lost: rarms' task classes in its guest.
+    restorable: Mapping[str, tuple[TaskClass, ...]] = field(default_factory=dict)
+    graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
+
+    @property
+    def forces(self) -> bool:
+        """Whether the host can force a guest to shut down that was asked to."""
+        return self.facts.provider is not ProviderKind.LINUX
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepBudget:
+    """The capacity that the steps on a host share, and how much they may disturb."""
+
+    capacity: Capacity
+    foreign: tuple[Claim, ...] = ()  # of machines that this application does not manage
+    managed: Mapping[str, Partition] = field(default_factory=dict)  # by machine id, before the first step
+    criticality: Mapping[str, int] = field(default_factory=dict)  # by partition
+    max_disruption: Disruption = Disruption.HOST_RESTART
+    graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
+    forces: bool = True  # the host can force a guest to shut down
+
+    def holds(self, claims: Iterable[Claim]) -> bool:
+        """Whether these claims of managed partitions fit the host beside the foreign ones.
+
+        Args:
+            claims: of managed partitions, at most one each.
+
+        Returns:
+            False also where it is unknown whether virtual processors find logical ones (`model.capacity.fits`).
+        """
+        return fits(self.capacity, (*self.foreign, *claims))
+
+    def rank(self, partition: str) -> tuple[int, str]:
+        """Return what sorts partitions by criticality, the least critical first, then by name.
+
+        Args:
+            partition: its name; one without a known criticality counts as 0.
+
+        Returns:
+            Criticality and name.
+        """
+        return self.criticality.get(partition, 0), partition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanBasis:
+    """What steps and totals of a host's part of a plan are made of, beside its changes."""
+
+    context: HostContext
+    budget: StepBudget
+    others: tuple[Claim, ...]  # of machines that are not the application's once the plan is done
+    named: frozenset[str]  # the partitions that the manifest names

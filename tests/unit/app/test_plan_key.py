@@ -1,0 +1,100 @@
+"""With a key, only what was planned with it is done."""
+
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.app.errors import RequestError
+from rarms_iac.app.plan_key import FILE_VARIABLE, VARIABLE, plan_key
+from tests.unit.cli.running import rarms
+
+KEY = "0123456789abcdef"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    return tmp_path / "rarms.yaml"
+
+
+def test_without_a_key_none_is_needed() -> None:
+    assert plan_key({}) is None
+
+
+@pytest.mark.needs("posix")
+def test_the_key_is_that_of_the_variable_or_of_its_owners_file(tmp_path: Path) -> None:
+    file = tmp_path / "key"
+    file.write_text(f"{KEY}\n", encoding="ascii")
+    file.chmod(0o600)
+
+    assert plan_key({VARIABLE: KEY}) == plan_key({FILE_VARIABLE: str(file)}) == KEY.encode()
+    file.chmod(0o640)
+    with pytest.raises(RequestError, match="others than its owner"):
+        plan_key({FILE_VARIABLE: str(file)})
+
+
+@pytest.mark.parametrize(
+    ("environment", "message"),
+    [
+        ({VARIABLE: KEY, FILE_VARIABLE: "x"}, "both set"),
+        ({VARIABLE: KEY[1:]}, "has 15 bytes"),
+        ({VARIABLE: ""}, "has 0 bytes"),
+        ({FILE_VARIABLE: "nothing-there"}, "nothing-there"),
+        ({FILE_VARIABLE: "a\0b"}, "null"),
+    ],
+)
+def test_a_key_that_is_none_is_wrong_usage(environment: dict[str, str], message: str) -> None:
+    with pytest.raises(RequestError, match=message):
+        plan_key(environment)
+
+
+def test_a_plan_without_a_fitting_signature_is_refused(
+    robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unsigned, signed = str(tmp_path / "unsigned.plan"), str(tmp_path / "signed.plan")
+    assert rarms("plan", "-f", str(robot), "--out", unsigned).code == 2
+    monkeypatch.setenv(VARIABLE, KEY)
+    assert rarms("plan", "-f", str(robot), "--out", signed).code == 2
+
+    refused = rarms("apply", unsigned)
+    monkeypatch.setenv(VARIABLE, KEY[::-1])
+    of_another_key = rarms("apply", signed)
+    monkeypatch.setenv(VARIABLE, KEY)
+    done = rarms("apply", signed)
+
+    assert (refused.code, of_another_key.code, done.code) == (3, 3, 0)
+    assert "error[RARMS341]" in refused.err
+    assert "error[RARMS341]" in of_another_key.err
+    monkeypatch.setenv(VARIABLE, "short")
+    assert rarms("apply", signed).code == 64
+
+
+def test_an_unfinished_run_is_finished_only_where_its_plan_was_signed(
+    robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(
+        text.replace("provider: simulated", f"provider: simulated\n    simulated: {faults}\n    #"), encoding="utf-8"
+    )
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 1
+
+    monkeypatch.setenv(VARIABLE, KEY)
+    refused = rarms("apply", "-f", str(robot), "--auto-approve")
+    monkeypatch.delenv(VARIABLE)
+    finished = rarms("apply", "-f", str(robot), "--auto-approve")
+
+    assert (refused.code, finished.code) == (3, 0)
+    assert "error[RARMS341]" in refused.err
+
+
+def test_an_unfinished_run_of_a_signed_plan_is_finished(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    faults = '{ faults: { broken: { operation: start_partition, at: "*", effect: refuse, times: 1 } } }'
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(
+        text.replace("provider: simulated", f"provider: simulated\n    simulated: {faults}\n    #"), encoding="utf-8"
+    )
+    monkeypatch.setenv(VARIABLE, KEY)
+
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 1
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
