@@ -42,7 +42,7 @@ def forward(task: GuestTask, application: str) -> ScriptPiece:
     return ScriptPiece(
         address=str(task.address),
         action=step_of(task).title,
-        read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
+        read=call("Get-GuestTaskClassReading", **whose, Replace=literal(task.replace)),
         before={"taken": False},
         after={
             "exists": True,
@@ -53,7 +53,7 @@ def forward(task: GuestTask, application: str) -> ScriptPiece:
         calls=(
             call("Save-TaskRecord", **whose, Digest=literal(task.set)),
             *task_value_calls(task.name, task.values),
-            call("Clear-TaskValue", Task=literal(task.name), Keep=literal(", ".join(names))),
+            call("Remove-TaskValue", Task=literal(task.name), Keep=literal(", ".join(names))),
         ),
     )
 
@@ -64,10 +64,10 @@ def back(task: GuestTask, application: str) -> ScriptPiece:
     return ScriptPiece(
         address=str(task.address),
         action=f"bring back what {task.name} was before rarms",
-        read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
+        read=call("Get-GuestTaskClassReading", **whose, Replace=literal(task.replace)),
         before={"taken": False, **_recorded(task, application)},
         after={"record": "", "set": "", **NO_EMPTY_KEYS},
-        calls=(call("Restore-TaskClass", **whose), call("Clear-TaskRecord", **whose)),
+        calls=(call("Restore-TaskClass", **whose), call("Remove-TaskRecord", **whose)),
     )
 
 

@@ -15,7 +15,7 @@ from rarms_iac.model.state import HostFacts
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.literals import Scalar, literal
 from rarms_iac.powershell.pieces import call
-from rarms_iac.powershell.templates import MEASURING_ENTRY, fill, part_text, parts_for, runtime
+from rarms_iac.powershell.templates import MEASURING_ENTRY, fill, impact_of, part_text, parts_for, runtime
 from rarms_iac.storage.json_text import canonical
 
 UNPLANNED = "0" * 12
@@ -92,6 +92,7 @@ def render_measuring(
         "notes": (),
         "run": _run(host, facts, application),
         "entry": MEASURING_ENTRY,
+        "impact": impact_of("\n".join(lines)),
         "plan": lines,
         "fixed": [runtime(), *map(part_text, parts_for("\n".join(["Assert-VmHost", MEASURING_ENTRY, *lines])))],
     }

@@ -38,7 +38,7 @@ _JOINING = (
     | operations.SetSecureBoot
 )
 
-READER, DEVICE_READER = "Read-Partition", "Read-PartitionDevice"
+READER, DEVICE_READER = "Get-PartitionReading", "Get-DeviceReading"
 """What reads a machine that was there before the plan; the second one also what `_DEVICES` names."""
 
 _DEVICES = frozenset({"secure_boot", "disks", "snapshots"})
@@ -77,7 +77,7 @@ def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:
             calls[same] += values
         else:
             calls = [old for old in calls if old != new] + [new]
-    is_new = piece.read.startswith("Read-NewPartition")
+    is_new = piece.read.startswith("Get-NewPartitionReading")
     return replace(
         piece,
         action="give it all its settings, and its name last" if is_new else f"{piece.action}; {following.action}",
@@ -105,10 +105,10 @@ def _disk_removal_piece(address: str, action: str, path: Literal, parent: str) -
     return ScriptPiece(
         address=address,
         action=action,
-        read=call("Read-Disk", Path=path, Parent=literal(parent), Everywhere=""),
+        read=call("Get-DiskReading", Path=path, Parent=literal(parent), Everywhere=""),
         before={"exists": True, "child": True, "used": False},
         after={"exists": False},
-        calls=(call("Clear-DiskFile", Path=path),),
+        calls=(call("Remove-DiskFile", Path=path),),
     )
 
 
@@ -134,7 +134,9 @@ def creation_undo_pieces(step: Step, creation: operations.CreatePartition) -> tu
     path = _disk_path(creation)
     machine = replace(
         _piece(step, operations.RemovePartition(partition=creation.partition)),
-        read=call("Read-MadePartition", Name=literal(creation.partition), **({"Disk": path} if creation.image else {})),
+        read=call(
+            "Get-MadePartitionReading", Name=literal(creation.partition), **({"Disk": path} if creation.image else {})
+        ),
         before={"exists": True, "added": ""},
     )
     if not creation.image:
@@ -151,11 +153,11 @@ def call(name: str, **parameters: Literal) -> str:
 def _reader(step: Step) -> str:
     at = step.address
     if task := SYSTEM_RESPONSIVENESS if at.responsiveness else at.task:
-        return call("Read-TaskClass", Task=literal(task))
+        return call("Get-TaskClassReading", Task=literal(task))
     if at.machine:
         reader = READER if _DEVICES.isdisjoint([*step.before, *step.after]) else DEVICE_READER
         return call(reader, Machine=literal(at.machine.lower()))
-    return call("Read-NewPartition", Name=literal(at.partition))
+    return call("Get-NewPartitionReading", Name=literal(at.partition))
 
 
 def fits(step: Step) -> str:
@@ -175,7 +177,7 @@ def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
         case operations.WriteMark() | operations.EraseMark():
             return (call("Write-Mark"),)  # what the step's `After` says of it, which may be nothing
         case operations.StopPartition(grace_ms=grace):
-            return (call("Invoke-PartitionStop", GraceMs=literal(grace)),)
+            return (call("Stop-Partition", GraceMs=literal(grace)),)
         case operations.RemovePartition():
             change = call("Hyper-V\\Remove-VM", **vm, Force="")
         case operations.RenamePartition(name=name):
@@ -224,19 +226,19 @@ def _task_calls(step: Step, operation: operations.TaskOperation) -> tuple[str, .
             wanted = {name.lower() for name in values}
             unwanted = sorted(name.removeprefix(VALUE) for name in step.before if name.startswith(VALUE))
             gone = [
-                call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name.lower() not in wanted
+                call("Remove-TaskValue", **task, Name=literal(name)) for name in unwanted if name.lower() not in wanted
             ]
             return (*task_value_calls(operation.task, values), *gone)
         case operations.RemoveTaskClass() if operation.task == SYSTEM_RESPONSIVENESS:
-            return (call("Clear-TaskValue", **task, Name=literal(operation.task)),)
+            return (call("Remove-TaskValue", **task, Name=literal(operation.task)),)
         case operations.RemoveTaskClass():
-            return (call("Clear-TaskClass", **task),)
+            return (call("Remove-TaskClass", **task),)
         case operations.WriteTaskRecord(record=record):
             before = literal(canonical(_plain(record.before)))
             own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
             return (call("Write-TaskRecord", **task, **own),)
         case operations.EraseTaskRecord(application=application):
-            return (call("Clear-TaskRecord", **task, Application=literal(application)),)
+            return (call("Remove-TaskRecord", **task, Application=literal(application)),)
         case _:
             assert_never(operation)
 
@@ -274,7 +276,7 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
         )
     )
     if not creation.switch:
-        made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, call("Clear-NetworkAdapter")))
+        made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, call("Remove-NetworkAdapter")))
     if creation.generation == 2 and (creation.image or creation.secure_boot):
         made.append(piece(*_firmware(creation)))
     return tuple(made)
@@ -322,7 +324,7 @@ def _new_disk(address: str, image: str, path: str) -> ScriptPiece:
     return ScriptPiece(
         address=address,
         action=f"make a disk that grows out of {image}",
-        read=call("Read-Disk", Path=path, Parent=parent),
+        read=call("Get-DiskReading", Path=path, Parent=parent),
         before={"exists": False},
         after={"exists": True, "child": True},
         calls=(call("Hyper-V\\New-VHD", Path=path, ParentPath=parent, Differencing=""),),

@@ -40,6 +40,7 @@ from rarms_iac.powershell.templates import (
     StepText,
     as_script,
     fill,
+    impact_of,
     part_text,
     parts_for,
     read,
@@ -225,6 +226,7 @@ def _fill(
         **_head(kind, host_plan, plan, inside, steps),
         "run": run,
         "entry": ENTRY,
+        "impact": impact_of("\n".join(map(_code, steps))),
         "plan": list(_plan_lines(kind, host_plan, steps)),
         "fixed": [runtime(), *map(part_text, parts)],
     }

@@ -198,6 +198,22 @@ def _needs(name: str) -> frozenset[str]:
     return frozenset(_called(part_text(name) if name else runtime()))
 
 
+LOSING = frozenset(
+    {"Stop-Partition", "Remove-VM", "Remove-DiskFile", "Remove-TaskClass", "Restore-TaskClass"},
+)
+"""Calls that stop, remove or delete what somebody may miss."""
+
+
+def impact_of(steps: str) -> str:
+    """What PowerShell asks a user before a script does these steps, if its `$ConfirmPreference` is not above that.
+
+    Raises:
+        NotTokens: the text ends inside a string.
+    """
+    words = {token.text.rpartition("\\")[2] for token in tokens(steps) if token.kind is TokenKind.WORD}
+    return "Medium" if LOSING.isdisjoint(words) else "High"
+
+
 def _called(text: str) -> set[str]:
     """The parts whose functions a text calls; what stands in its strings and remarks is no call."""
     part_of = _part_of_function()

@@ -10,7 +10,7 @@ Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
 $ProgressPreference = 'SilentlyContinue'
 
-function Read-Whole {
+function Read-All {
     # Fills the array; the connection must not end before.
     param([System.IO.Stream] $From, [byte[]] $Into)
     $at = 0
@@ -28,11 +28,11 @@ try {
     [Console]::Out.WriteLine('rarms-bootstrap/1 ready')
     $ascii = [System.Text.Encoding]::ASCII
     $data = [byte[]]::new(8)
-    Read-Whole -From $source -Into $data
+    Read-All -From $source -Into $data
     $data = [byte[]]::new([int] $ascii.GetString($data))
-    Read-Whole -From $source -Into $data
+    Read-All -From $source -Into $data
     $table = @($ascii.GetString($data) -split '\n')
-    if ($table[0] -cnotmatch '^( |-AsJson|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
+    if ($table[0] -cnotmatch '^( |-AsJson|-Force|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
     if ($env:OS -ceq 'Windows_NT') {
         $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
         [void] [System.IO.Directory]::CreateDirectory($folder)
@@ -48,7 +48,7 @@ try {
         $part = @($table[$at] -split ' ')
         if ($part[0] -cnotmatch '^[a-z0-9][a-z0-9.-]*\.ps1$') { throw 'bad name' }
         $data = [byte[]]::new([int] $part[1])
-        Read-Whole -From $source -Into $data
+        Read-All -From $source -Into $data
         $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data))
         if ($sum.Replace('-', '').ToLowerInvariant() -cne $part[2]) { throw ($part[0] + ' is not what was sent') }
         $path = Join-Path -Path $folder -ChildPath $part[0]

@@ -29,7 +29,7 @@ function ConvertTo-AsciiJson {
     [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
 }
 
-function Read-Probe {
+function Get-Probe {
     # A value with the word that it was read, or why there is none. -Many: always an array.
     param([scriptblock] $Read, [switch] $Many)
     try {
@@ -58,7 +58,7 @@ function Get-MachineList {
     $script:Machines
 }
 
-function Read-Machine {
+function Get-MachineReading {
     param($Vm)
     $cpu = Hyper-V\Get-VMProcessor -VM $Vm
     $memory = Hyper-V\Get-VMMemory -VM $Vm
@@ -82,10 +82,10 @@ function Read-Machine {
     }
 }
 
-function Read-VirtualDisk {
+function Get-VirtualDiskReading {
     # What a disk that a machine has is; of one that cannot be read only where it is.
     param([string] $Path)
-    $found = Read-Probe -Read { Hyper-V\Get-VHD -Path $Path }
+    $found = Get-Probe -Read { Hyper-V\Get-VHD -Path $Path }
     $type = ''
     $parent = ''
     if ($found['status'] -ceq 'value') {
@@ -95,7 +95,7 @@ function Read-VirtualDisk {
     [ordered] @{ path = $Path; type = $type; parent = $parent }
 }
 
-function Read-Key {
+function Get-KeyValue {
     # The values of a registry key with their types; numbers without sign.
     param([string] $Path)
     $key = Get-Item -LiteralPath $Path
@@ -109,7 +109,7 @@ function Read-Key {
     }
 }
 
-function Read-Journal {
+function Get-Journal {
     # What rarms keeps on this host, as it lies there, and whose it is.
     $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
     $folder = Join-Path -Path $common -ChildPath 'rarms'
@@ -133,44 +133,44 @@ $script:Unread = @()
 $document = [ordered] @{
     format = 'rarms-observation/1'
     computer = [Environment]::MachineName
-    powershell = Read-Probe -Read {
+    powershell = Get-Probe -Read {
         [ordered] @{ version = [string] $PSVersionTable.PSVersion; edition = [string] $PSVersionTable.PSEdition }
     }
-    windows = Read-Probe -Read {
+    windows = Get-Probe -Read {
         $key = Get-Item -LiteralPath $root
         [ordered] @{
             build = [long] $key.GetValue('CurrentBuildNumber'); installation = [string] $key.GetValue('InstallationType')
             product = [string] $key.GetValue('ProductName'); bits = [long] (8 * [IntPtr]::Size)
         }
     }
-    machine_id = Read-Probe -Read { [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid') }
-    elevated = Read-Probe -Read {
+    machine_id = Get-Probe -Read { [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid') }
+    elevated = Get-Probe -Read {
         $identity = [System.Security.Principal.WindowsIdentity]::GetCurrent()
         $principal = [System.Security.Principal.WindowsPrincipal]::new($identity)
         [bool] $principal.IsInRole([System.Security.Principal.WindowsBuiltInRole]::Administrator)
     }
-    hyperv_administrator = Read-Probe -Read {
+    hyperv_administrator = Get-Probe -Read {
         $identity = [System.Security.Principal.WindowsIdentity]::GetCurrent()
         $principal = [System.Security.Principal.WindowsPrincipal]::new($identity)
         [bool] $principal.IsInRole([System.Security.Principal.SecurityIdentifier]::new('S-1-5-32-578'))
     }
     # A caller without rights sees no machines and no error; the host itself is an instance that is always there.
-    host_visible = Read-Probe -Read {
+    host_visible = Get-Probe -Read {
         $all = @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ComputerSystem)
         [bool] @($all | Where-Object -FilterScript { [string] $_.Name -eq [Environment]::MachineName }).Count
     }
-    module = Read-Probe -Many -Read {
+    module = Get-Probe -Many -Read {
         foreach ($one in @(Get-Module -Name 'Hyper-V' -ListAvailable)) { [string] $one.Version }
     }
-    scheduler = Read-Probe -Read {
+    scheduler = Get-Probe -Read {
         $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
         [long] @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)[0].Properties[0].Value
     }
-    hypervisor_running = Read-Probe -Read { [bool] @(Get-CimInstance -ClassName Win32_ComputerSystem)[0].HypervisorPresent }
-    counters = Read-Probe -Read {
+    hypervisor_running = Get-Probe -Read { [bool] @(Get-CimInstance -ClassName Win32_ComputerSystem)[0].HypervisorPresent }
+    counters = Get-Probe -Read {
         [bool] @(Get-CimInstance -ClassName Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor).Count
     }
-    hypervisor = Read-Probe -Read {
+    hypervisor = Get-Probe -Read {
         $vmHost = Hyper-V\Get-VMHost
         [ordered] @{
             name = [string] $vmHost.Name; logical_processors = [long] $vmHost.LogicalProcessorCount
@@ -178,20 +178,20 @@ $document = [ordered] @{
             machine_folder = [string] $vmHost.VirtualMachinePath; disk_folder = [string] $vmHost.VirtualHardDiskPath
         }
     }
-    processors = Read-Probe -Many -Read {
+    processors = Get-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -ClassName Win32_Processor)) {
             [ordered] @{ name = [string] $one.Name; cores = [long] $one.NumberOfCores; logical = [long] $one.NumberOfLogicalProcessors }
         }
     }
-    numa = Read-Probe -Many -Read {
+    numa = Get-Probe -Many -Read {
         foreach ($one in @(Hyper-V\Get-VMHostNumaNode)) {
             [ordered] @{ node = [long] $one.NodeId; memory_available = [long] $one.MemoryAvailable; memory = [long] $one.MemoryTotal }
         }
     }
-    switches = Read-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
-    machines = Read-Probe -Many -Read {
+    switches = Get-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
+    machines = Get-Probe -Many -Read {
         foreach ($vm in @(Get-MachineList)) {
-            $found = Read-Probe -Read { Read-Machine -Vm $vm }
+            $found = Get-Probe -Read { Get-MachineReading -Vm $vm }
             if ($found['status'] -ceq 'value') { $found['value'] }
             else {
                 $script:Unread += [ordered] @{
@@ -202,21 +202,21 @@ $document = [ordered] @{
         }
     }
     # A machine whose settings cannot be read hides none of the others.
-    unread_machines = Read-Probe -Many -Read { $script:Unread }
-    virtual_disks = Read-Probe -Many -Read {
+    unread_machines = Get-Probe -Many -Read { $script:Unread }
+    virtual_disks = Get-Probe -Many -Read {
         foreach ($vm in @(Get-MachineList)) {
-            foreach ($one in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) { Read-VirtualDisk -Path ([string] $one.Path) }
+            foreach ($one in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) { Get-VirtualDiskReading -Path ([string] $one.Path) }
         }
     }
-    cpu_groups = Read-Probe -Many -Read {
+    cpu_groups = Get-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ProcessorSettingData)) {
             [ordered] @{ instance = [string] $one.InstanceID; group = [string] $one.CpuGroupId; reservation = [long] $one.Reservation }
         }
     }
-    firmware = Read-Probe -Many -Read {
+    firmware = Get-Probe -Many -Read {
         foreach ($vm in @(Get-MachineList)) {
             if ($vm.Generation -ne 2) { continue }
-            $found = Read-Probe -Read { Hyper-V\Get-VMFirmware -VM $vm }
+            $found = Get-Probe -Read { Hyper-V\Get-VMFirmware -VM $vm }
             if ($found['status'] -cne 'value') { continue }
             [ordered] @{
                 machine = ([string] $vm.Id).ToLowerInvariant(); secure_boot = [string] $found['value'].SecureBoot
@@ -225,7 +225,7 @@ $document = [ordered] @{
         }
     }
     # What guests tell of their system, and whether they can be asked to shut down, by the ids of their machines.
-    guests = Read-Probe -Many -Read {
+    guests = Get-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_KvpExchangeComponent)) {
             $system = @(foreach ($item in @($one.GuestIntrinsicExchangeItems)) {
                 if ([string] $item -clike '*>OSName<*' -or [string] $item -clike '*>OSBuildNumber<*') { [string] $item }
@@ -233,42 +233,42 @@ $document = [ordered] @{
             [ordered] @{ machine = ([string] $one.SystemName).ToLowerInvariant(); system = $system }
         }
     }
-    shutdown_services = Read-Probe -Many -Read {
+    shutdown_services = Get-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ShutdownComponent)) {
             $status = @(foreach ($each in @($one.OperationalStatus)) { [long] $each })
             $machine = ([string] $one.SystemName).ToLowerInvariant()
             [ordered] @{ machine = $machine; enabled = [long] $one.EnabledState; status = $status }
         }
     }
-    profile = Read-Probe -Many -Read { Read-Key -Path $profile_ }
-    tasks = Read-Probe -Many -Read {
+    profile = Get-Probe -Many -Read { Get-KeyValue -Path $profile_ }
+    tasks = Get-Probe -Many -Read {
         foreach ($key in @(Get-ChildItem -LiteralPath ($profile_ + '\Tasks'))) {
-            [ordered] @{ name = [string] $key.PSChildName; values = @(Read-Key -Path ($profile_ + '\Tasks\' + $key.PSChildName)) }
+            [ordered] @{ name = [string] $key.PSChildName; values = @(Get-KeyValue -Path ($profile_ + '\Tasks\' + $key.PSChildName)) }
         }
     }
-    records = Read-Probe -Many -Read {
+    records = Get-Probe -Many -Read {
         foreach ($application in @(Get-ChildItem -LiteralPath 'HKLM:\SOFTWARE\rarms')) {
             foreach ($task in @(Get-ChildItem -LiteralPath ('HKLM:\SOFTWARE\rarms\' + $application.PSChildName))) {
                 $path = 'HKLM:\SOFTWARE\rarms\{0}\{1}' -f $application.PSChildName, $task.PSChildName
                 [ordered] @{
                     application = [string] $application.PSChildName; task = [string] $task.PSChildName
-                    values = @(Read-Key -Path $path)
+                    values = @(Get-KeyValue -Path $path)
                 }
             }
         }
     }
-    journal = Read-Probe -Read { Read-Journal }
-    power_plan = Read-Probe -Many -Read {
+    journal = Get-Probe -Read { Get-Journal }
+    power_plan = Get-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace 'root/cimv2/power' -ClassName Win32_PowerPlan)) {
             if ($one.IsActive) { [string] $one.InstanceID }
         }
     }
-    pending_restart = Read-Probe -Read {
+    pending_restart = Get-Probe -Read {
         $reboot = 'HKLM:\SOFTWARE\Microsoft\Windows\CurrentVersion\Component Based Servicing\RebootPending'
         [bool] (Test-Path -LiteralPath $reboot)
     }
     # By scope: the policy of this process is only what it was started with.
-    execution_policy = Read-Probe -Many -Read {
+    execution_policy = Get-Probe -Many -Read {
         foreach ($one in @(Get-ExecutionPolicy -List)) {
             [ordered] @{ scope = [string] $one.Scope; policy = [string] $one.ExecutionPolicy }
         }

@@ -34,7 +34,7 @@ function Invoke-Run {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        Exit-Host
+        Unlock-Host
     }
     exit 0
 }
@@ -44,14 +44,14 @@ function Open-Run {
     $plan = $script:Plan
     $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
-    Enter-Host
+    Lock-Host
     if (-not $Abandon) { & $guard }
-    Read-Journal
+    Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
-        if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
+        if ($open -and -not $same) { Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
         if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
             $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
@@ -63,11 +63,11 @@ function Open-Run {
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
     } elseif ($open) {
-        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
     }
     Clear-Journal
 }
@@ -143,7 +143,7 @@ function Assert-Host {
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
             foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Exit-Refused -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail ('changed since the plan: ' + $name)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -161,7 +161,7 @@ function Assert-Host {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Exit-Refused -Detail ('is not as wanted: ' + $name)
+            Stop-Run -Detail ('is not as wanted: ' + $name)
         }
     }
     $script:Current = $script:Whole
@@ -200,7 +200,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -230,7 +230,7 @@ function Test-Wanted {
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
+        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
     }
 }
 
@@ -318,7 +318,7 @@ function Write-RunEvent {
     }
 }
 
-function Exit-Refused {
+function Stop-Run {
     # The host is not as planned, busy, or the plan was used: exit code 3.
     param([string] $Kind = 'refused', [string] $Detail)
     $script:Refusal = $Kind

@@ -54,7 +54,7 @@ CMDLETS = READING_CMDLETS | words(
 READING_TYPES = words(
     """
     CmdletBinding bool byte byte[] char int long ordered regex scriptblock string string[] switch void
-    Environment IntPtr
+    Diagnostics.CodeAnalysis.SuppressMessageAttribute Environment IntPtr
     System.IO.File System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
     System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
     """
@@ -94,7 +94,8 @@ MEMBERS = READING_MEMBERS | words(
     GetAttributes GetBytes GetString Guard Guest
     InvocationInfo Keys Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    Detail Read ReadAllBytes ReadAllText ReleaseMutex Remove ReparsePoint Run ScriptLineNumber Serial Set SetLength
+    ContainsKey Detail Read ReadAllBytes ReadAllText ReleaseMutex Remove ReparsePoint Run ScriptLineNumber Serial Set
+    SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
     application history serials set started_at started_by status touched
@@ -118,7 +119,7 @@ OPERATORS = words(
 
 VARIABLES = words(
     "$_ $args $true $false $null $env:OS $env:ProgramData $ExecutionContext $PSVersionTable $Matches $PID $PSCmdlet "
-    "$PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
+    "$PSBoundParameters $PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
 )
 """Those that nobody assigns."""
 

@@ -214,15 +214,19 @@ def _accepts(accepted: tuple[str, ...], text: str) -> bool:
         return True
 
 
+_ASKED_FOR = "SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', ''"
+
+
 def _style(script: Script) -> Iterator[Problem]:
     """Names of functions, ShouldProcess, empty catches, `$null` on the left: what PSScriptAnalyzer looks at."""
+    is_asked_for = any(node.type == "param_block" and _ASKED_FOR in text_of(node) for node in script.nodes)
     for function in script.functions.values():
         verb, _, noun = function.name.partition("-")
         if verb not in allowed.VERBS or not noun or (noun.endswith("s") and not noun.endswith(_SINGULAR)):
             yield function.node, f"{function.name} is not named as PowerShell's own are"
         if cmdlet(function.name):
             yield function.node, f"{function.name} is a cmdlet already"
-        if verb in allowed.CHANGING_VERBS and "SupportsShouldProcess" not in text_of(function.node):
+        if verb in allowed.CHANGING_VERBS and not (is_asked_for or "SupportsShouldProcess" in text_of(function.node)):
             yield function.node, f"{function.name} has no SupportsShouldProcess"
     for node in script.nodes:
         if node.type == "catch_clause" and not any(child.type == "statement_list" for child in walk(node)):

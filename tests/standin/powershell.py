@@ -1,6 +1,6 @@
 """A stand-in for `pwsh`, as a program: the twin of tests/twin behind PowerShell's command line, on a host in a file.
 
-    python -m tests.standin.powershell FOLDER -NoProfile ... -File SCRIPT.ps1 [-AsJson] [-LockTimeout N] [-Abandon]
+    python -m tests.standin.powershell FOLDER -NoProfile ... -File SCRIPT.ps1 [-AsJson] [-Force] ...
     python -m tests.standin.powershell FOLDER -NoProfile ... -EncodedCommand BASE64
 
 It says on standard error that it is no PowerShell. The second form takes only rarms' own bootstrap, and does in Python
@@ -138,6 +138,7 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         host.watch, host.slept = watch, slept
         path_there, what_if = f"{FOLDER}\\{script.name}", "-WhatIf" in given
         session = Session(host, windows_powershell=False, path=path_there, what_if=what_if)
+        session.unanswered = True
         session.output = Predictions(how.step_ms)
         file = host.file(session.path)
         assert file is not None
@@ -149,7 +150,10 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
             code = _walk(
                 session,
                 _compiled(file.data),
-                {"asjson": "-AsJson" in given, "abandon": "-Abandon" in given, "locktimeout": _lock_timeout(given)},
+                {
+                    **{switch: f"-{switch}" in map(str.lower, given) for switch in ("asjson", "abandon", "force")},
+                    "locktimeout": _lock_timeout(given),
+                },
             )
         except Killed:
             drop_sessions(session)

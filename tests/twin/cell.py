@@ -79,6 +79,7 @@ def undo(host: WindowsHost, plan: Plan) -> Ran:
 
 
 def _run_of(host: WindowsHost, plan: Plan, name: str, **how: bool) -> Ran:
+    """As rarms runs it: nothing is asked, unless a test says so."""
     scripts = scripts_of(plan)
     if name not in scripts:
         return Ran(code=0, lines=(), talk=("the plan has no such script",))

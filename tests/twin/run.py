@@ -51,6 +51,7 @@ class Ran:
 class _Compiled:
     parameters: tuple[Parameter, ...]
     body: Body
+    impact: str = ""  # what its ConfirmImpact says
 
 
 @lru_cache(maxsize=64)
@@ -61,7 +62,9 @@ def _compiled(script: bytes) -> _Compiled:
         for piece in pieces:
             piece.body(scope, out)
 
-    return _Compiled(tuple(parameter for piece in pieces for parameter in piece.parameters), body)
+    impact = re.search(rb"ConfirmImpact = '([A-Za-z]+)'", script)
+    parameters = tuple(parameter for piece in pieces for parameter in piece.parameters)
+    return _Compiled(parameters, body, impact[1].decode() if impact else "Medium")
 
 
 _EDGE = r"(?=# --- runtime: )|(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=Invoke-(?:Run|Measuring) )"
@@ -116,6 +119,8 @@ def run(
     as_json: bool = True,
     abandon: bool = False,
     unanswered: bool = False,
+    confirm: bool = False,
+    force: bool = False,
     lock_timeout: int = 0,
     output: list[Value] | None = None,
 ) -> Ran:
@@ -127,11 +132,12 @@ def run(
         return Ran(code=1, lines=(), talk=(f"File {file.path} cannot be loaded. {refusal}",))
     session = Session(host, windows_powershell=windows_powershell, path=file.path, what_if=what_if, declined=declined)
     session.unanswered = unanswered
+    session.confirm = confirm or bool(declined)
     session.output = [] if output is None else output
     host.clock += BETWEEN_RUNS_MS
     code: int | None
     try:
-        arguments = {"asjson": as_json, "abandon": abandon, "locktimeout": lock_timeout}
+        arguments = {"asjson": as_json, "abandon": abandon, "force": force, "locktimeout": lock_timeout}
         code = _walk(session, _compiled(file.data), arguments)
     except Interrupted:
         code = 0
@@ -148,10 +154,11 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> 
     scope = Scope(session, None)
     scope.variables |= {
         "whatifpreference": session.what_if,
-        "confirmpreference": "High",
+        "confirmpreference": "Low" if session.confirm else "High",
+        "psboundparameters": Table([("Confirm", True)] if session.confirm else []),
         "psscriptroot": FOLDER,
         "pscommandpath": session.path,
-        "pscmdlet": Cmdlet(session),
+        "pscmdlet": Cmdlet(scope, script.impact),
         "pid": session.process,
         "psversiontable": _versions(session),
         "executioncontext": Record(SessionState=Record(LanguageMode=Enumerated(session.host.language))),

@@ -70,7 +70,8 @@ class Session:
     path: str  # the script's
     what_if: bool = False
     declined: frozenset[str] = frozenset()  # addresses, or actions, at which the person at the prompt says no
-    unanswered: bool = False  # -Confirm, and nobody is at a console
+    confirm: bool = False  # it was given -Confirm
+    unanswered: bool = False  # there is no console at which a prompt could be answered
     process: int = 4711
     runner: Runner | None = None  # where the script runs inside a guest
     runners: list[Runner] = field(default_factory=list)  # what it started inside guests
@@ -79,10 +80,12 @@ class Session:
     output: list[Value] = field(default_factory=list)  # the end of the pipeline: lines on standard output
     talk: list[str] = field(default_factory=list)  # lines of the information stream
 
-    def should_process(self, target: str, action: str) -> bool:
+    def should_process(self, target: str, action: str, *, asks: bool) -> bool:
         if self.what_if:
             self.output.append(f'What if: Performing the operation "{action}" on target "{target}".')
             return False
+        if not asks:
+            return True
         if self.unanswered:
             raise ScriptError("Exception calling ShouldProcess: Windows PowerShell is in NonInteractive mode.")
         return not {target, action} & self.declined
@@ -141,11 +144,17 @@ class Cmdlet(Thing):
 
     type_name = "System.Management.Automation.PSScriptCmdlet"
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, scope: Scope, impact: str) -> None:
         super().__init__()
-        self.session = session
+        self.scope = scope
+        self.impact = impact
 
     def do_shouldprocess(self, target: str, action: str) -> bool:
         if not action:
             raise AssertionError("a prompt without an action")
-        return self.session.should_process(target, action)
+        preference = str(self.scope.read("confirmpreference"))
+        asks = preference != "None" and _IMPACTS.index(self.impact) >= _IMPACTS.index(preference)
+        return self.scope.session.should_process(target, action, asks=asks)
+
+
+_IMPACTS = ("Low", "Medium", "High")

@@ -1,11 +1,13 @@
 """What generated scripts met under a real PowerShell: each is here as the stand-in has learnt it."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
+from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.render import render_observe
 from tests.effort import every_few
 from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
@@ -242,10 +244,44 @@ def test_confirm_without_a_console_is_refused_in_our_own_words() -> None:
     host = prepared.copy()
     put(host, scripts_of(prepared.plan))
 
-    ran = run(host, apply_script(prepared.plan), unanswered=True)
+    ran = run(host, apply_script(prepared.plan), unanswered=True, confirm=True)
+    alone = run(host, apply_script(prepared.plan), unanswered=True)
 
     assert ran.code == 1
-    assert "there is no console to answer at" in ran.events[-1]["detail"]
+    assert "no console answers here" in ran.events[-1]["detail"]
+    assert "with -Force" in ran.events[-1]["detail"]
+    assert alone.code == 0, "nothing is stopped, removed or deleted: it does not ask"
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [({}, 1), ({"force": True}, 0), ({"force": True, "confirm": True}, 1)],
+    ids=["no console", "force", "force and confirm"],
+)
+def test_what_stops_and_removes_has_to_be_confirmed(asked: dict[str, bool], code: int) -> None:
+    prepared = everything()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+    text = scripts_of(prepared.plan)[apply_script(prepared.plan)]
+
+    ran = run(host, apply_script(prepared.plan), unanswered=True, **asked)  # type: ignore[arg-type]  # switches
+
+    assert b"ConfirmImpact = 'High'" in text
+    assert ran.code == code, ran.says
+    assert [effect for effect in host.effects if effect.startswith("Stop-VM")] == [] or code == 0
+    edited = text.replace(b"ConfirmImpact = 'High'", b"ConfirmImpact = 'Medium'")
+    assert [problem.code for problem in inspect(edited, "x.ps1")] == ["RARMS219"]
+
+
+def test_what_a_caller_prefers_reaches_into_no_run() -> None:
+    prepared = everything()
+    head = scripts_of(prepared.plan)[apply_script(prepared.plan)].decode("ascii").partition("function Add-Plan")[0]
+    observed = render_observe().decode("ascii")
+
+    for preference in re.findall(r"^\$\w+Preference = .*$", observed, re.MULTILINE):
+        name = preference.split()[0]
+        assert preference in head or name in ("$ConfirmPreference", "$WhatIfPreference"), preference
+    assert "PositionalBinding = $false" in head
 
 
 def test_a_missing_undo_script_is_named_in_our_own_words() -> None:

@@ -32,7 +32,7 @@ def of_an_older_version(plan: Plan) -> Plan:
     changes = {
         "        Run = '": "        Silence = 5; Run = '",
         "[int] $LockTimeout = 0": "[int] $LockTimeout = 1",
-        "Exit-Host": "Exit-ThisHost",
+        "Unlock-Host": "Exit-ThisHost",
     }
     older = dict(part.scripts)
     for name in sorted(older, key=lambda name: ".undo." not in name):

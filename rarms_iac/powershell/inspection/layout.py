@@ -10,6 +10,7 @@ from rarms_iac.powershell.templates import (
     PARTS,
     RUNTIME_BEGIN,
     RUNTIME_END,
+    impact_of,
     part_begin,
     part_end,
     part_text,
@@ -151,7 +152,7 @@ def check_layout(name: str, parts: ScriptParts, entry: str) -> Iterator[Diagnost
                 },
             )
     problems = [*head_problems(parts.head), *_carried_problems(parts), *comment_problems(parts.plan + parts.end)]
-    opening, between, closing = _template_edges(entry)
+    opening, between, closing = _template_edges(entry, parts.plan)
     if not parts.plan.startswith(opening):
         problems.append("before the plan stands something else than its parameters and settings")
     if parts.fixed and not (parts.plan.endswith(between) and parts.end == closing):
@@ -227,9 +228,13 @@ def _help_problems(text: str) -> Iterator[str]:
             yield f"its help says {quoted(line, 40)}"
 
 
-def _template_edges(entry: str) -> tuple[str, str, str]:
+def _template_edges(entry: str, plan_text: str) -> tuple[str, str, str]:
     """Return the template's text before the run's facts, between plan and fixed parts, and behind the fixed parts."""
-    text = read("script.ps1.j2")
+    try:
+        impact = impact_of(plan_text)
+    except NotTokens:
+        impact = ""  # `sound` reports it
+    text = read("script.ps1.j2").replace("{{ impact }}", impact)
     opening = text[text.index(PARAMETERS) :].partition("{{")[0]
     plan, _, closing = text.partition("{{ text }}\n{% endfor %}\n")
     between = plan.rpartition("{{ line }}\n{% endfor %}\n")[2].partition("{%")[0]

@@ -20,15 +20,28 @@ if TYPE_CHECKING:
 
 _LAST = f"{ENTRY} -Steps {{ {PLAN} }}"
 _PARAMETER = r"\[(?:switch|int|string)\] \$[A-Za-z]+(?: = (?:[0-9]+|'[A-Za-z0-9]*'))?"
+_WORDS = r"(?:[A-Za-z]+ = )?'[^'\r\n]*'"
 _PARAMETERS = re.compile(
-    r"\[CmdletBinding\(SupportsShouldProcess, ConfirmImpact = 'Medium'\)\]\s+"
+    r"\[CmdletBinding\(SupportsShouldProcess, (?:PositionalBinding = \$false, )?"
+    r"ConfirmImpact = '(?:Medium|High)'\)\]\s+"
+    rf"(?:\[Diagnostics\.CodeAnalysis\.SuppressMessageAttribute\({_WORDS}(?:,\s+{_WORDS})*\)\]\s+)?"
     rf"param\({_PARAMETER}(?:, {_PARAMETER})*\)"
 )
 _FUNCTION = re.compile(r"function [A-Za-z]+-[A-Za-z0-9]+ \{")
 
 # NOTE: what rarms no longer writes stays here: the journals of earlier versions hold it.
 _SETTINGS = frozenset(
-    {"$PSDefaultParameterValues = @{}", "Set-StrictMode -Version 3.0", "$ErrorActionPreference = 'Stop'"}
+    {
+        "$PSDefaultParameterValues = @{}",
+        "Set-StrictMode -Version 3.0",
+        "$ErrorActionPreference = 'Stop'",
+        *(
+            f"${stream}Preference = 'SilentlyContinue'"
+            for stream in ("Debug", "Information", "Progress", "Verbose", "Warning")
+        ),
+        "$PSModuleAutoLoadingPreference = 'All'",
+        "if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }",
+    }
 )
 _NAME = re.compile(r"\$(?:common|form|name|script:(?!PS|\w*Preference$)[A-Z][A-Za-z]*)", re.IGNORECASE)
 _VALUE = re.compile(

@@ -29,6 +29,7 @@ from rarms_iac.powershell.templates import (
     VM,
     StepText,
     fill,
+    impact_of,
     step_lines,
     target_line,
 )
@@ -46,15 +47,14 @@ def _calls(text: str) -> Mapping[str, frozenset[str]]:
     return {name: frozenset(parameters) for name, *parameters in map(str.split, text.strip().splitlines())}
 
 
-# NOTE: a name or parameter that rarms no longer writes stays here: the journals of earlier versions hold it.
 _READERS = _calls(r"""
-    Read-Partition Machine
-    Read-PartitionDevice Machine
-    Read-NewPartition Name
-    Read-MadePartition Name Disk
-    Read-TaskClass Task
-    Read-GuestTaskClass Task Application Replace
-    Read-Disk Path Parent Everywhere
+    Get-PartitionReading Machine
+    Get-DeviceReading Machine
+    Get-NewPartitionReading Name
+    Get-MadePartitionReading Name Disk
+    Get-TaskClassReading Task
+    Get-GuestTaskClassReading Task Application Replace
+    Get-DiskReading Path Parent Everywhere
 """)
 _SETTERS = _calls(r"""
     Hyper-V\New-VM Name Generation MemoryStartupBytes NoVHD SwitchName Path
@@ -67,16 +67,34 @@ _SETTERS = _calls(r"""
     Hyper-V\Set-VMProcessor VM Count Reserve Maximum RelativeWeight
     Hyper-V\Start-VM VM
     Write-Mark
-    Invoke-PartitionStop GraceMs
+    Stop-Partition GraceMs
     Write-TaskValue Task Name Type Value
-    Clear-TaskValue Task Name Keep
-    Clear-TaskClass Task
+    Remove-TaskValue Task Name Keep
+    Remove-TaskClass Task
     Write-TaskRecord Task Application Digest Before
-    Clear-TaskRecord Task Application
+    Remove-TaskRecord Task Application
     Save-TaskRecord Task Application Digest
     Restore-TaskClass Task Application
-    Clear-DiskFile Path
+    Remove-DiskFile Path
     Add-PartitionDisk Path
+    Remove-NetworkAdapter
+""")
+# NOTE: what rarms no longer writes, and the journals of earlier versions hold.
+_FORMER_READERS = _calls(r"""
+    Read-Partition Machine
+    Read-PartitionDevice Machine
+    Read-NewPartition Name
+    Read-MadePartition Name Disk
+    Read-TaskClass Task
+    Read-GuestTaskClass Task Application Replace
+    Read-Disk Path Parent Everywhere
+""")
+_FORMER_SETTERS = _calls(r"""
+    Invoke-PartitionStop GraceMs
+    Clear-TaskValue Task Name Keep
+    Clear-TaskClass Task
+    Clear-TaskRecord Task Application
+    Clear-DiskFile Path
     Clear-NetworkAdapter
 """)
 _WORK = "Partition Credential Name Kind Program Arguments Folder Environment Files PeriodTicks TimeoutMs Instances"
@@ -196,6 +214,7 @@ def _filled_template(calls: Sequence[CommandCall], guard: str, entry: str) -> "N
             **dict.fromkeys(("description", "notes", "requirements", "fixed"), ()),
             "run": {**dict.fromkeys((*names, *more), _HARMLESS), "guard": guard},
             "entry": entry,
+            "impact": impact_of("\n".join(text_of(call.node) for call in calls)),
             "plan": [line for call in calls for line in _template_lines(call, entry)],
         },
     )
@@ -206,7 +225,7 @@ def _template_lines(call: CommandCall, entry: str) -> list[str]:
     if entry == MEASURING_ENTRY:
         return [f"    {_call_text(call, _MEASURES)}"]
     if call.name == TARGET and call.given.keys() == {"Address", "Read"}:
-        return [target_line(_HARMLESS, _template_call(_value(call, "Read"), _READERS))]
+        return [target_line(_HARMLESS, _template_call(_value(call, "Read"), {**_READERS, **_FORMER_READERS}))]
     if call.name == STEP_CALL:
         return _template_step(call)
     raise _OtherForm(call.node, f"the plan holds {TARGET} and {STEP_CALL}, and nothing else")
@@ -259,7 +278,7 @@ def _template_set(node: "Node") -> tuple[str, ...]:
         call = only_call(statement)
         if call is None:
             raise _OtherForm(statement, "Set holds more than calls")
-        calls.append(_call_text(call, _SETTERS))
+        calls.append(_call_text(call, {**_SETTERS, **_FORMER_SETTERS}))
     if not calls:
         raise _OtherForm(node, "Set does nothing, or is no block")
     return tuple(calls)

@@ -48,10 +48,11 @@ def remote_words(shell: str) -> tuple[str, ...]:
     return (program_of(shell), *options, "-EncodedCommand", encoded)
 
 
-def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
-    """The arguments of a script that changes something."""
+def arguments_of(script: str, waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
+    """The arguments of a script that changes something; one out of an old journal may have no `-Force`."""
+    force = ("-Force",) if "[switch] $Force" in script else ()
     lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
-    return ("-AsJson", *lock, *(("-Abandon",) if abandoning else ()))
+    return ("-AsJson", *force, *lock, *(("-Abandon",) if abandoning else ()))
 
 
 def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:

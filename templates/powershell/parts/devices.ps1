@@ -1,12 +1,12 @@
 # --- part devices: the same bytes in every script that carries it ------------------------------
 # What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
 
-function Read-PartitionDevice {
+function Get-DeviceReading {
     param([string] $Machine)
-    Read-Device -Live (Read-Partition -Machine $Machine)
+    Add-DeviceReading -Live (Get-PartitionReading -Machine $Machine)
 }
 
-function Read-Device {
+function Add-DeviceReading {
     param([System.Collections.IDictionary] $Live)
     $vm = $Live['vm']
     if (-not $Live['exists']) { return $Live }

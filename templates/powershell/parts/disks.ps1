@@ -1,7 +1,7 @@
 # --- part disks: the same bytes in every script that carries it --------------------------------
 # How virtual disks are read and removed.
 
-function Read-Disk {
+function Get-DiskReading {
     # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
     param([string] $Path, [string] $Parent, [switch] $Everywhere)
     if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
@@ -12,10 +12,10 @@ function Read-Disk {
     $live
 }
 
-function Read-MadePartition {
-    # As Read-NewPartition, and what the machine was given since: an undo must not take it away with that.
+function Get-MadePartitionReading {
+    # As Get-NewPartitionReading, and what the machine was given since: an undo must not take it away with that.
     param([string] $Name, [string] $Disk = '')
-    $live = Read-NewPartition -Name $Name
+    $live = Get-NewPartitionReading -Name $Name
     if (-not $live['exists'] -or -not (Test-Unread -Live $live -Name 'added')) { return $live }
     $added = @(foreach ($drive in @(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)) {
         if (-not (Test-SamePath -Left $drive.Path -Right $Disk)) { 'disk ' + $drive.Path }
@@ -57,7 +57,7 @@ function Get-DiskPath {
     '{0}\{1}-{2}.{3}' -f ($Folder -creplace '\\$', ''), $Name, $script:Plan.Plan, $Type
 }
 
-function Clear-DiskFile {
+function Remove-DiskFile {
     param([string] $Path)
     Remove-Item -LiteralPath $Path
 }

@@ -6,10 +6,10 @@ function Assert-VmHost {
     $plan = $script:Plan
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
-        Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+        Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+        Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {

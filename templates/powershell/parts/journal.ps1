@@ -12,7 +12,7 @@ $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: wha
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
-function Read-Journal {
+function Import-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.

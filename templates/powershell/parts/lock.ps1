@@ -8,7 +8,7 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
-function Enter-Host {
+function Lock-Host {
     # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
@@ -24,7 +24,7 @@ function Enter-Host {
         # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
@@ -35,7 +35,7 @@ function Enter-Host {
     $script:OwnerFile = $path
 }
 
-function Exit-Host {
+function Unlock-Host {
     if ($script:OwnerFile) {
         try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
     }

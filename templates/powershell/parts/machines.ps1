@@ -6,11 +6,11 @@ $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
-function Read-Partition {
+function Get-PartitionReading {
     # What the host shows of the machine with this id.
     param([string] $Machine)
     $live = Get-Known
-    if (-not $live.Count) { Read-Machine -Live $live -Found @(Find-Machine -Machine $Machine) }
+    if (-not $live.Count) { Add-MachineReading -Live $live -Found @(Find-Machine -Machine $Machine) }
     $script:Vm = $live['vm']
     $live
 }
@@ -37,10 +37,10 @@ function Get-MachineList {
     $script:Known['machines']
 }
 
-function Read-Machine {
+function Add-MachineReading {
     # Into the reading: whether there is the machine, and what it says of itself.
     param([System.Collections.IDictionary] $Live, $Found)
-    if ($Found.Count -gt 1) { Exit-Refused -Detail ('{0} machines answer to it' -f $Found.Count) }
+    if ($Found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $Found.Count) }
     $Live['exists'] = $Found.Count -eq 1
     $Live['vm'] = $null
     if (-not $Found.Count) { return }

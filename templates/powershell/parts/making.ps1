@@ -3,18 +3,18 @@
 
 $script:Machines = [hashtable]::new($script:Ordinal)  # by partition: the id of its machine
 
-function Read-NewPartition {
+function Get-NewPartitionReading {
     param([string] $Name)
     $live = Get-Known
     if (-not $live.Count) {
         $id = $script:Machines[$Name]
         $found = @(if ($id) { Find-Machine -Machine $id } else { Find-NewMachine -Name $Name })
-        Read-Machine -Live $live -Found $found
+        Add-MachineReading -Live $live -Found $found
         if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
     }
     if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
     $script:Vm = $live['vm']
-    Read-Device -Live $live
+    Add-DeviceReading -Live $live
 }
 
 function Find-NewMachine {
@@ -51,7 +51,7 @@ function Add-PartitionDisk {
     Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
 }
 
-function Clear-NetworkAdapter {
+function Remove-NetworkAdapter {
     # Hyper-V gives one to every new machine.
     if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }
 }

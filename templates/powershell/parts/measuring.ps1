@@ -23,15 +23,15 @@ function Invoke-Measuring {
         $guard = $script:Plan.Guard
         if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
         if ($Abandon) { throw 'a measurement leaves no unfinished run: start it without -Abandon' }
-        Enter-Host
+        Lock-Host
         $held = $true
         & $guard
-        Clear-TestPartition -Tell
+        Remove-TestPartition -Tell
         foreach ($test in $script:Tests) { Add-TestMachine -Test $test }
         foreach ($work in $script:Works) { Connect-Guest -Work $work }
         Write-Progressed -Partition '' -Status 'reading' -Detail 'ready'
         while ($script:Works.Count -and -not (Test-Path -LiteralPath ($PSCommandPath + '.stop'))) { Step-Setting }
-        Clear-Measurement
+        Remove-Measurement
         Write-RunEvent -Kind 'run' -Status 'done'
     } catch {
         $detail = [string] $_.Exception.Message
@@ -45,18 +45,18 @@ function Invoke-Measuring {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        try { if ($held) { Clear-Measurement } } finally { Exit-Host }
+        try { if ($held) { Remove-Measurement } } finally { Unlock-Host }
     }
     exit 0
 }
 
-function Clear-Measurement {
+function Remove-Measurement {
     # The listener may be gone: nothing is written here. A guest that is lost does not keep its partition.
     try {
-        Clear-Work
+        Stop-Work
         foreach ($session in $script:Sessions.Values) { Remove-PSSession -Session $session }
         $script:Sessions.Clear()
-    } finally { Clear-TestPartition }
+    } finally { Remove-TestPartition }
 }
 
 function Write-Progressed {
@@ -70,7 +70,7 @@ function Write-Progressed {
 
 function Step-Setting {
     # A tenth of a second: what is asked for, what guests say, and once a second what the hypervisor counts.
-    $next = Read-Setting
+    $next = Get-NextSetting
     if ($next -cne $script:Setting) { Use-Setting -Next $next }
     foreach ($job in $script:Jobs) {
         foreach ($line in @(Receive-Job -Job $job.Job)) { Write-Seen -Name $job.Name -Seen ([string] $line) }
@@ -85,7 +85,7 @@ function Step-Setting {
     Start-Sleep -Milliseconds 100
 }
 
-function Read-Setting {
+function Get-NextSetting {
     # Another one is asked for once the whole line is there; of two that came as one, the newer.
     $path = $PSCommandPath + '.next'
     $text = ''
@@ -98,7 +98,7 @@ function Read-Setting {
 function Use-Setting {
     # End what runs, set the reserves (who gives comes before who takes), begin anew.
     param([string] $Next)
-    Clear-Work
+    Stop-Work
     $script:Setting = $Next
     $words = @(($Next -creplace '\.$', '') -split ' ')
     if ($words[1] -ceq 'rest') { return }
@@ -123,7 +123,7 @@ function Use-Setting {
     Write-Seen -Name '' -Seen 'begun'
 }
 
-function Clear-Work {
+function Stop-Work {
     # Ends what runs inside guests: the runner there ends its processes.
     foreach ($job in $script:Jobs) { Remove-Job -Job $job.Job -Force }
     $script:Jobs = @()

@@ -50,7 +50,7 @@ function Find-WorkMachine {
         if ($mark.Name -cne $Partition -or $mark.Application -cne $script:Plan.Application) { continue }
         if ((ConvertTo-RunState -State $vm.State) -ceq 'running') { return $vm }
     }
-    Exit-Refused -Detail ('no partition {0} of {1} runs' -f $Partition, $script:Plan.Application)
+    Stop-Run -Detail ('no partition {0} of {1} runs' -f $Partition, $script:Plan.Application)
 }
 
 function Get-GuestSecret {
@@ -58,7 +58,7 @@ function Get-GuestSecret {
     # as ConvertFrom-SecureString writes it.
     param([string] $Name)
     $path = '{0}\credentials\{1}.txt' -f $script:Folder, ($Name -creplace '/', '_')
-    if (-not (Test-Path -LiteralPath $path)) { Exit-Refused -Detail ('there is no credential {0}' -f $path) }
+    if (-not (Test-Path -LiteralPath $path)) { Stop-Run -Detail ('there is no credential {0}' -f $path) }
     Assert-Owner -Path $path
     $lines = @([System.IO.File]::ReadAllText($path) -split '\r?\n')
     $password = ConvertTo-SecureString -String $lines[1]

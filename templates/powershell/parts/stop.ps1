@@ -1,7 +1,7 @@
 # --- part stop: the same bytes in every script that carries it ---------------------------------
 # How a virtual machine is stopped.
 
-function Invoke-PartitionStop {
+function Stop-Partition {
     # Asks a guest to shut down as soon as it can be asked, forces it from half of the grace on, and turns the machine off
     # at its end. What refuses to be asked is told and waited out: a shutdown may be on its way already.
     param([long] $GraceMs)

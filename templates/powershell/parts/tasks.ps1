@@ -4,7 +4,7 @@
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
-function Read-TaskClass {
+function Get-TaskClassReading {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = [hashtable]::new($script:Ordinal)
@@ -59,13 +59,13 @@ function Write-TaskValue {
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
     $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $there = [string] $live['value:' + $Name.ToLowerInvariant()]
     if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
-function Clear-TaskValue {
+function Remove-TaskValue {
     # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
@@ -74,11 +74,11 @@ function Clear-TaskValue {
     }
 }
 
-function Clear-TaskClass {
+function Remove-TaskClass {
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
     if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
-    Clear-Key -Path $path
+    Remove-Key -Path $path
 }
 
 function Write-TaskRecord {
@@ -92,12 +92,12 @@ function Write-TaskRecord {
     [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
 }
 
-function Clear-TaskRecord {
+function Remove-TaskRecord {
     # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
-    Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    Remove-Key -Path (Get-RecordPath -Task $Task -Application $Application)
     foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
-        if (Test-BareKey -Path $path) { Clear-Key -Path $path }
+        if (Test-BareKey -Path $path) { Remove-Key -Path $path }
     }
 }
 
@@ -131,7 +131,7 @@ function Add-Key {
     if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
 }
 
-function Clear-Key {
+function Remove-Key {
     param([string] $Path)
     if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }

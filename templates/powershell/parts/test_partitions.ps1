@@ -16,7 +16,7 @@ function Add-TestPartition {
 }
 
 function Add-TestMachine {
-    # As a plan makes a partition: marked at once, named last; a killed run leaves what Clear-TestPartition knows.
+    # As a plan makes a partition: marked at once, named last; a killed run leaves what Remove-TestPartition knows.
     param([System.Collections.IDictionary] $Test)
     Write-Progressed -Partition $Test.Name -Status 'begun' -Detail 'make it'
     $name = Get-PendingName -Name $Test.Name
@@ -30,15 +30,15 @@ function Add-TestMachine {
     $script:Vm = $vm
     Write-Mark
     $disk = Get-DiskPath -Folder $Test.Folder -Name $Test.Name -Type $Test.Type
-    $old = Read-Disk -Path $disk -Parent $Test.Image -Everywhere
+    $old = Get-DiskReading -Path $disk -Parent $Test.Image -Everywhere
     if ($old.exists -and (-not $old.child -or $old.used)) {
-        Exit-Refused -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
+        Stop-Run -Detail ('{0} is not a disk of a measurement: move it' -f $disk)
     }
-    if ($old.exists) { Clear-DiskFile -Path $disk }
+    if ($old.exists) { Remove-DiskFile -Path $disk }
     [void] (Hyper-V\New-VHD -Path $disk -ParentPath $Test.Image -Differencing)
     Add-PartitionDisk -Path $disk
     Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes $Test.Memory
-    Clear-NetworkAdapter
+    Remove-NetworkAdapter
     Hyper-V\Set-VMProcessor -VM $vm -Count $Test.Processors -Reserve 0
     Hyper-V\Set-VMProcessor -VM $vm -Maximum $Test.Limit -RelativeWeight $Test.Weight
     Hyper-V\Set-VM -VM $vm -AutomaticStartAction 'Nothing' -AutomaticStopAction 'TurnOff' -CheckpointType 'Disabled'
@@ -55,7 +55,7 @@ function Add-TestMachine {
     Write-Progressed -Partition $Test.Name -Status 'changed' -Detail 'it runs'
 }
 
-function Clear-TestPartition {
+function Remove-TestPartition {
     # Removes every test partition with its disk, made by any run: who holds this computer knows that no run measures.
     param([switch] $Tell)
     foreach ($vm in @(Hyper-V\Get-VM)) {
@@ -69,7 +69,7 @@ function Clear-TestPartition {
             Hyper-V\Stop-VM -VM $vm -TurnOff -Force
         }
         Hyper-V\Remove-VM -VM $vm -Force
-        foreach ($disk in $disks) { Clear-DiskFile -Path $disk.Path }
+        foreach ($disk in $disks) { Remove-DiskFile -Path $disk.Path }
         if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
     }
 }

@@ -1,12 +1,12 @@
 # --- part unseen: the same bytes in every script that carries it -------------------------------
 # Task classes of a guest that could not be looked into, so that its own record decides.
 
-function Read-GuestTaskClass {
-    # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
+function Get-GuestTaskClassReading {
+    # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or with
     # values that could not be brought back: text with variables, lists, bytes, the key's own value, and names that
     # cmdlets read as patterns or that PowerShell keeps for itself.
     param([string] $Task, [string] $Application, [bool] $Replace)
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $other = if ($live['record']) { $live['record'] -cne $Application } else { $live['exists'] -and -not $Replace }
     $live['taken'] = [bool] $other
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
@@ -20,7 +20,7 @@ function Read-GuestTaskClass {
 function Save-TaskRecord {
     # What was there before rarms is kept once; a record that is ours already knows it.
     param([string] $Task, [string] $Application, [string] $Digest)
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $before = 'null'
     if ($live['record']) {
         $path = Get-RecordPath -Task $Task -Application $Application
@@ -45,10 +45,10 @@ function Restore-TaskClass {
     if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
     $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
     if ($null -eq $before) {
-        Clear-TaskClass -Task $Task
+        Remove-TaskClass -Task $Task
         return
     }
-    foreach ($name in @(Get-TaskValueName -Task $Task)) { Clear-TaskValue -Task $Task -Name $name }
+    foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
         $type = $one.Value.kind -creplace '^sz$', 'string'
         Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data

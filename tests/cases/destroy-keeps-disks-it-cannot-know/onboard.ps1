@@ -14,6 +14,8 @@
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
+.PARAMETER Force
+    Asks nothing, whatever is stopped, removed or deleted.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -30,19 +32,28 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-[CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
-param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)
+[CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'High')]
+[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
+    Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
-# A profile's would reach into every call.
+# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
-Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
+$WarningPreference = 'SilentlyContinue'
+$VerbosePreference = 'SilentlyContinue'
+$DebugPreference = 'SilentlyContinue'
+$InformationPreference = 'SilentlyContinue'
+$ProgressPreference = 'SilentlyContinue'
+$PSModuleAutoLoadingPreference = 'All'
+Set-StrictMode -Version 3.0
+if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 
 function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '59212581a9f8'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7f73edfe1bfd67b593e1afcecb9639f687720eff416d633ecabae55c85a35920'
+        UndoDigest = '794bd875eea3bc501d1be0577032046330f656970b998d064c44a49a0ca8161b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -51,11 +62,11 @@ function Add-Plan {
     }
 
     # === speech: it is not wanted on this host (rarms.yaml:14:3) ==================================
-    Use-Target -Address 'partition/speech' -Read { Read-PartitionDevice -Machine '00000001-5ade-4000-8000-000000000001' }
+    Use-Target -Address 'partition/speech' -Read { Get-DeviceReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
-    } -Set { Invoke-PartitionStop -GraceMs 120000 }
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine, keep its disks' -Before @{
         disks = 1; exists = $true; machine = '00000001-5ade-4000-8000-000000000001'; name = 'speech'; snapshots = 0; state = 'off'
     } -After @{
@@ -63,11 +74,11 @@ function Add-Plan {
     } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
 
     # === vision: it is not wanted on this host (rarms.yaml:13:3) ==================================
-    Use-Target -Address 'partition/vision' -Read { Read-PartitionDevice -Machine '00000002-5ade-4000-8000-000000000002' }
+    Use-Target -Address 'partition/vision' -Read { Get-DeviceReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{
         state = 'off'
-    } -Set { Invoke-PartitionStop -GraceMs 120000 }
+    } -Set { Stop-Partition -GraceMs 120000 }
     Add-Step -Action 'remove the machine, keep its disks' -Before @{
         disks = 1; exists = $true; machine = '00000002-5ade-4000-8000-000000000002'; name = 'vision'; snapshots = 1; state = 'off'
     } -After @{
@@ -75,7 +86,7 @@ function Add-Plan {
     } -Set { Hyper-V\Remove-VM -VM $script:Vm -Force }
 
     # === task/Games: no component here names it any more ==========================================
-    Use-Target -Address 'task/Games' -Read { Read-TaskClass -Task 'Games' }
+    Use-Target -Address 'task/Games' -Read { Get-TaskClassReading -Task 'Games' }
     Add-Step -Action 'set Priority 4 -> 2' -Before @{
         'value:affinity' = 'dword:0'; 'value:background only' = 'sz:False'; 'value:backgroundpriority' = 'dword:4'
         'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'; 'value:priority' = 'dword:4'
@@ -94,11 +105,11 @@ function Add-Plan {
         Write-TaskValue -Task 'Games' -Name 'Priority' -Type 'DWord' -Value 2
         Write-TaskValue -Task 'Games' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
         Write-TaskValue -Task 'Games' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
-        Clear-TaskValue -Task 'Games' -Name 'BackgroundPriority'
+        Remove-TaskValue -Task 'Games' -Name 'BackgroundPriority'
     }
     Add-Step -Action 'forget it: it is no longer ours' -Before @{ record = 'robot'; set = '87f85213b779' } -After @{
         empty = $false; record = ''; set = ''
-    } -Set { Clear-TaskRecord -Task 'Games' -Application 'robot' }
+    } -Set { Remove-TaskRecord -Task 'Games' -Application 'robot' }
 }
 
 # What follows has the same bytes in every script that carries it, but for the last line, which calls the plan.
@@ -139,7 +150,7 @@ function Invoke-Run {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        Exit-Host
+        Unlock-Host
     }
     exit 0
 }
@@ -149,14 +160,14 @@ function Open-Run {
     $plan = $script:Plan
     $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
-    Enter-Host
+    Lock-Host
     if (-not $Abandon) { & $guard }
-    Read-Journal
+    Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
-        if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
+        if ($open -and -not $same) { Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
         if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
             $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
@@ -168,11 +179,11 @@ function Open-Run {
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
     } elseif ($open) {
-        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
     }
     Clear-Journal
 }
@@ -248,7 +259,7 @@ function Assert-Host {
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
             foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Exit-Refused -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail ('changed since the plan: ' + $name)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -266,7 +277,7 @@ function Assert-Host {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Exit-Refused -Detail ('is not as wanted: ' + $name)
+            Stop-Run -Detail ('is not as wanted: ' + $name)
         }
     }
     $script:Current = $script:Whole
@@ -305,7 +316,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -335,7 +346,7 @@ function Test-Wanted {
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
+        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
     }
 }
 
@@ -423,7 +434,7 @@ function Write-RunEvent {
     }
 }
 
-function Exit-Refused {
+function Stop-Run {
     # The host is not as planned, busy, or the plan was used: exit code 3.
     param([string] $Kind = 'refused', [string] $Detail)
     $script:Refusal = $Kind
@@ -447,7 +458,7 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
-function Enter-Host {
+function Lock-Host {
     # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
@@ -463,7 +474,7 @@ function Enter-Host {
         # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
@@ -474,7 +485,7 @@ function Enter-Host {
     $script:OwnerFile = $path
 }
 
-function Exit-Host {
+function Unlock-Host {
     if ($script:OwnerFile) {
         try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
     }
@@ -518,7 +529,7 @@ $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: wha
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
-function Read-Journal {
+function Import-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
@@ -695,10 +706,10 @@ function Assert-VmHost {
     $plan = $script:Plan
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
-        Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+        Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+        Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
@@ -728,11 +739,11 @@ $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
-function Read-Partition {
+function Get-PartitionReading {
     # What the host shows of the machine with this id.
     param([string] $Machine)
     $live = Get-Known
-    if (-not $live.Count) { Read-Machine -Live $live -Found @(Find-Machine -Machine $Machine) }
+    if (-not $live.Count) { Add-MachineReading -Live $live -Found @(Find-Machine -Machine $Machine) }
     $script:Vm = $live['vm']
     $live
 }
@@ -759,10 +770,10 @@ function Get-MachineList {
     $script:Known['machines']
 }
 
-function Read-Machine {
+function Add-MachineReading {
     # Into the reading: whether there is the machine, and what it says of itself.
     param([System.Collections.IDictionary] $Live, $Found)
-    if ($Found.Count -gt 1) { Exit-Refused -Detail ('{0} machines answer to it' -f $Found.Count) }
+    if ($Found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $Found.Count) }
     $Live['exists'] = $Found.Count -eq 1
     $Live['vm'] = $null
     if (-not $Found.Count) { return }
@@ -829,12 +840,12 @@ function ConvertTo-Word {
 # --- part devices: the same bytes in every script that carries it ------------------------------
 # What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
 
-function Read-PartitionDevice {
+function Get-DeviceReading {
     param([string] $Machine)
-    Read-Device -Live (Read-Partition -Machine $Machine)
+    Add-DeviceReading -Live (Get-PartitionReading -Machine $Machine)
 }
 
-function Read-Device {
+function Add-DeviceReading {
     param([System.Collections.IDictionary] $Live)
     $vm = $Live['vm']
     if (-not $Live['exists']) { return $Live }
@@ -861,7 +872,7 @@ function Test-Unread {
 # --- part stop: the same bytes in every script that carries it ---------------------------------
 # How a virtual machine is stopped.
 
-function Invoke-PartitionStop {
+function Stop-Partition {
     # Asks a guest to shut down as soon as it can be asked, forces it from half of the grace on, and turns the machine off
     # at its end. What refuses to be asked is told and waited out: a shutdown may be on its way already.
     param([long] $GraceMs)
@@ -919,7 +930,7 @@ function Test-ShutdownService {
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
-function Read-TaskClass {
+function Get-TaskClassReading {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = [hashtable]::new($script:Ordinal)
@@ -974,13 +985,13 @@ function Write-TaskValue {
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
     $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $there = [string] $live['value:' + $Name.ToLowerInvariant()]
     if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
-function Clear-TaskValue {
+function Remove-TaskValue {
     # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
@@ -989,11 +1000,11 @@ function Clear-TaskValue {
     }
 }
 
-function Clear-TaskClass {
+function Remove-TaskClass {
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
     if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
-    Clear-Key -Path $path
+    Remove-Key -Path $path
 }
 
 function Write-TaskRecord {
@@ -1007,12 +1018,12 @@ function Write-TaskRecord {
     [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
 }
 
-function Clear-TaskRecord {
+function Remove-TaskRecord {
     # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
-    Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    Remove-Key -Path (Get-RecordPath -Task $Task -Application $Application)
     foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
-        if (Test-BareKey -Path $path) { Clear-Key -Path $path }
+        if (Test-BareKey -Path $path) { Remove-Key -Path $path }
     }
 }
 
@@ -1046,7 +1057,7 @@ function Add-Key {
     if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
 }
 
-function Clear-Key {
+function Remove-Key {
     param([string] $Path)
     if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }

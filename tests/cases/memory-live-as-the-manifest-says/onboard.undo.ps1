@@ -10,6 +10,8 @@
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
+.PARAMETER Force
+    Asks nothing, whatever is stopped, removed or deleted.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -26,13 +28,22 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-[CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
-param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)
+[CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
+[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
+    Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
-# A profile's would reach into every call.
+# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
-Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
+$WarningPreference = 'SilentlyContinue'
+$VerbosePreference = 'SilentlyContinue'
+$DebugPreference = 'SilentlyContinue'
+$InformationPreference = 'SilentlyContinue'
+$ProgressPreference = 'SilentlyContinue'
+$PSModuleAutoLoadingPreference = 'All'
+Set-StrictMode -Version 3.0
+if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 
 function Add-Plan {
     $script:Plan = @{
@@ -47,7 +58,7 @@ function Add-Plan {
     }
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:19:3)
-    Use-Target -Address 'partition/speech' -Read { Read-Partition -Machine '00000001-5ade-4000-8000-000000000001' }
+    Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/speech; memory 512 MiB' -Undoes 0 -Before @{
         dynamic_memory = $false; mark = 'robot/speech'; memory = 1073741824; set = '2c6d7af35b8b'
     } -After @{
@@ -96,7 +107,7 @@ function Invoke-Run {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        Exit-Host
+        Unlock-Host
     }
     exit 0
 }
@@ -106,14 +117,14 @@ function Open-Run {
     $plan = $script:Plan
     $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
-    Enter-Host
+    Lock-Host
     if (-not $Abandon) { & $guard }
-    Read-Journal
+    Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
-        if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
+        if ($open -and -not $same) { Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
         if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
             $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
@@ -125,11 +136,11 @@ function Open-Run {
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
     } elseif ($open) {
-        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
     }
     Clear-Journal
 }
@@ -205,7 +216,7 @@ function Assert-Host {
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
             foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Exit-Refused -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail ('changed since the plan: ' + $name)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -223,7 +234,7 @@ function Assert-Host {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Exit-Refused -Detail ('is not as wanted: ' + $name)
+            Stop-Run -Detail ('is not as wanted: ' + $name)
         }
     }
     $script:Current = $script:Whole
@@ -262,7 +273,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -292,7 +303,7 @@ function Test-Wanted {
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
+        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
     }
 }
 
@@ -380,7 +391,7 @@ function Write-RunEvent {
     }
 }
 
-function Exit-Refused {
+function Stop-Run {
     # The host is not as planned, busy, or the plan was used: exit code 3.
     param([string] $Kind = 'refused', [string] $Detail)
     $script:Refusal = $Kind
@@ -404,7 +415,7 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
-function Enter-Host {
+function Lock-Host {
     # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
@@ -420,7 +431,7 @@ function Enter-Host {
         # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
@@ -431,7 +442,7 @@ function Enter-Host {
     $script:OwnerFile = $path
 }
 
-function Exit-Host {
+function Unlock-Host {
     if ($script:OwnerFile) {
         try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
     }
@@ -475,7 +486,7 @@ $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: wha
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
-function Read-Journal {
+function Import-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
@@ -652,10 +663,10 @@ function Assert-VmHost {
     $plan = $script:Plan
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
-        Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+        Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+        Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
@@ -685,11 +696,11 @@ $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
-function Read-Partition {
+function Get-PartitionReading {
     # What the host shows of the machine with this id.
     param([string] $Machine)
     $live = Get-Known
-    if (-not $live.Count) { Read-Machine -Live $live -Found @(Find-Machine -Machine $Machine) }
+    if (-not $live.Count) { Add-MachineReading -Live $live -Found @(Find-Machine -Machine $Machine) }
     $script:Vm = $live['vm']
     $live
 }
@@ -716,10 +727,10 @@ function Get-MachineList {
     $script:Known['machines']
 }
 
-function Read-Machine {
+function Add-MachineReading {
     # Into the reading: whether there is the machine, and what it says of itself.
     param([System.Collections.IDictionary] $Live, $Found)
-    if ($Found.Count -gt 1) { Exit-Refused -Detail ('{0} machines answer to it' -f $Found.Count) }
+    if ($Found.Count -gt 1) { Stop-Run -Detail ('{0} machines answer to it' -f $Found.Count) }
     $Live['exists'] = $Found.Count -eq 1
     $Live['vm'] = $null
     if (-not $Found.Count) { return }

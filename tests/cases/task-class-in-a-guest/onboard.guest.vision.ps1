@@ -11,6 +11,8 @@
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
+.PARAMETER Force
+    Asks nothing, whatever is stopped, removed or deleted.
 .EXAMPLE
     .\onboard.guest.vision.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -26,19 +28,28 @@
 
 #Requires -Version 5.1
 #Requires -RunAsAdministrator
-[CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
-param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)
+[CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
+[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
+    Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
-# A profile's would reach into every call.
+# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
-Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
+$WarningPreference = 'SilentlyContinue'
+$VerbosePreference = 'SilentlyContinue'
+$DebugPreference = 'SilentlyContinue'
+$InformationPreference = 'SilentlyContinue'
+$ProgressPreference = 'SilentlyContinue'
+$PSModuleAutoLoadingPreference = 'All'
+Set-StrictMode -Version 3.0
+if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 
 function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e97d9f1633ed'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'bbe33acc06548d437bd96aee81511cbc42d0011d9d965c15595ed5642ffedbcb'
+        UndoDigest = '6e4d9207c26759fe3c3efa5daa8a39a0d485a910fe160b3c70085e3d42ddf3a8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -47,7 +58,7 @@ function Add-Plan {
     }
 
     # === vision: what the guest holds is not known here: its own record decides; threads see it when it restarts (rarms.yaml:12:65)
-    Use-Target -Address 'partition/vision/task/MotionControl' -Read { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
+    Use-Target -Address 'partition/vision/task/MotionControl' -Read { Get-GuestTaskClassReading -Task 'MotionControl' -Application 'robot' -Replace $false }
     Add-Step -Action 'write the class MotionControl, and keep what was there before' -Before @{ taken = $false } -After @{
         exists = $true; record = 'robot'; set = '59f2d42fe4cf'; 'value:affinity' = 'dword:0'; 'value:background only' = 'sz:True'
         'value:backgroundpriority' = 'dword:7'; 'value:clock rate' = 'dword:10000'; 'value:gpu priority' = 'dword:8'
@@ -63,7 +74,7 @@ function Add-Plan {
         Write-TaskValue -Task 'MotionControl' -Name 'Priority' -Type 'DWord' -Value 7
         Write-TaskValue -Task 'MotionControl' -Name 'SFIO Priority' -Type 'String' -Value 'Normal'
         Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'
-        Clear-TaskValue -Task 'MotionControl' -Keep 'Affinity, Background Only, BackgroundPriority, Clock Rate, GPU Priority, Priority, SFIO Priority, Scheduling Category'
+        Remove-TaskValue -Task 'MotionControl' -Keep 'Affinity, Background Only, BackgroundPriority, Clock Rate, GPU Priority, Priority, SFIO Priority, Scheduling Category'
     }
 }
 
@@ -105,7 +116,7 @@ function Invoke-Run {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        Exit-Host
+        Unlock-Host
     }
     exit 0
 }
@@ -115,14 +126,14 @@ function Open-Run {
     $plan = $script:Plan
     $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
-    Enter-Host
+    Lock-Host
     if (-not $Abandon) { & $guard }
-    Read-Journal
+    Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
-        if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
+        if ($open -and -not $same) { Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
         if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
             $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
@@ -134,11 +145,11 @@ function Open-Run {
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
     } elseif ($open) {
-        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
     }
     Clear-Journal
 }
@@ -214,7 +225,7 @@ function Assert-Host {
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
             foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Exit-Refused -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail ('changed since the plan: ' + $name)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -232,7 +243,7 @@ function Assert-Host {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Exit-Refused -Detail ('is not as wanted: ' + $name)
+            Stop-Run -Detail ('is not as wanted: ' + $name)
         }
     }
     $script:Current = $script:Whole
@@ -271,7 +282,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -301,7 +312,7 @@ function Test-Wanted {
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
+        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
     }
 }
 
@@ -389,7 +400,7 @@ function Write-RunEvent {
     }
 }
 
-function Exit-Refused {
+function Stop-Run {
     # The host is not as planned, busy, or the plan was used: exit code 3.
     param([string] $Kind = 'refused', [string] $Detail)
     $script:Refusal = $Kind
@@ -413,7 +424,7 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
-function Enter-Host {
+function Lock-Host {
     # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
@@ -429,7 +440,7 @@ function Enter-Host {
         # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
@@ -440,7 +451,7 @@ function Enter-Host {
     $script:OwnerFile = $path
 }
 
-function Exit-Host {
+function Unlock-Host {
     if ($script:OwnerFile) {
         try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
     }
@@ -484,7 +495,7 @@ $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: wha
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
-function Read-Journal {
+function Import-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
@@ -658,16 +669,16 @@ function Get-Loss {
 
 function Assert-Guest {
     # In the machine that it was made for, as Hyper-V tells its guest: by its id, or by its name where the plan makes it.
-    if ([IntPtr]::Size -ne 8) { Exit-Refused -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
     $path = 'HKLM:\SOFTWARE\Microsoft\Virtual Machine\Guest\Parameters'
     if (-not (Test-Path -LiteralPath $path)) {
-        Exit-Refused -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
+        Stop-Run -Detail 'this Windows is no guest, or its service vmickvpexchange never ran: start that'
     }
     $key = Get-Item -LiteralPath $path
     $id = ([string] $key.GetValue('VirtualMachineId')).ToLowerInvariant()
     $name = [string] $key.GetValue('VirtualMachineName')
     if (@($id, $name) -ccontains $script:Plan.Guest) { return }
-    Exit-Refused -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Plan.Guest)
+    Stop-Run -Detail ('this is the guest of {0} ({1}), not of {2}' -f $name, $id, $script:Plan.Guest)
 }
 # --- end of the part guest ---------------------------------------------------------------------
 # --- part tasks: the same bytes in every script that carries it --------------------------------
@@ -676,7 +687,7 @@ function Assert-Guest {
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
-function Read-TaskClass {
+function Get-TaskClassReading {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = [hashtable]::new($script:Ordinal)
@@ -731,13 +742,13 @@ function Write-TaskValue {
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
     $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $there = [string] $live['value:' + $Name.ToLowerInvariant()]
     if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
-function Clear-TaskValue {
+function Remove-TaskValue {
     # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
@@ -746,11 +757,11 @@ function Clear-TaskValue {
     }
 }
 
-function Clear-TaskClass {
+function Remove-TaskClass {
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
     if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
-    Clear-Key -Path $path
+    Remove-Key -Path $path
 }
 
 function Write-TaskRecord {
@@ -764,12 +775,12 @@ function Write-TaskRecord {
     [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
 }
 
-function Clear-TaskRecord {
+function Remove-TaskRecord {
     # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
-    Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    Remove-Key -Path (Get-RecordPath -Task $Task -Application $Application)
     foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
-        if (Test-BareKey -Path $path) { Clear-Key -Path $path }
+        if (Test-BareKey -Path $path) { Remove-Key -Path $path }
     }
 }
 
@@ -803,7 +814,7 @@ function Add-Key {
     if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
 }
 
-function Clear-Key {
+function Remove-Key {
     param([string] $Path)
     if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }
@@ -811,12 +822,12 @@ function Clear-Key {
 # --- part unseen: the same bytes in every script that carries it -------------------------------
 # Task classes of a guest that could not be looked into, so that its own record decides.
 
-function Read-GuestTaskClass {
-    # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
+function Get-GuestTaskClassReading {
+    # As Get-TaskClassReading, and whether the class is not ours to take: another application's, there before rarms, or with
     # values that could not be brought back: text with variables, lists, bytes, the key's own value, and names that
     # cmdlets read as patterns or that PowerShell keeps for itself.
     param([string] $Task, [string] $Application, [bool] $Replace)
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $other = if ($live['record']) { $live['record'] -cne $Application } else { $live['exists'] -and -not $Replace }
     $live['taken'] = [bool] $other
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
@@ -830,7 +841,7 @@ function Read-GuestTaskClass {
 function Save-TaskRecord {
     # What was there before rarms is kept once; a record that is ours already knows it.
     param([string] $Task, [string] $Application, [string] $Digest)
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $before = 'null'
     if ($live['record']) {
         $path = Get-RecordPath -Task $Task -Application $Application
@@ -855,10 +866,10 @@ function Restore-TaskClass {
     if (-not (Test-Path -LiteralPath $path) -or -not (Get-Item -LiteralPath $path).GetValue('set')) { return }
     $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
     if ($null -eq $before) {
-        Clear-TaskClass -Task $Task
+        Remove-TaskClass -Task $Task
         return
     }
-    foreach ($name in @(Get-TaskValueName -Task $Task)) { Clear-TaskValue -Task $Task -Name $name }
+    foreach ($name in @(Get-TaskValueName -Task $Task)) { Remove-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
         $type = $one.Value.kind -creplace '^sz$', 'string'
         Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data

@@ -11,6 +11,8 @@
     Seconds to wait for another run on this computer to end, 0 to 86400.
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
+.PARAMETER Force
+    Asks nothing, whatever is stopped, removed or deleted.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -27,19 +29,28 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-[CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
-param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)
+[CmdletBinding(SupportsShouldProcess, PositionalBinding = $false, ConfirmImpact = 'Medium')]
+[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '', Scope = 'Function',
+    Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
+param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
-# A profile's would reach into every call.
+# What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
-Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
+$WarningPreference = 'SilentlyContinue'
+$VerbosePreference = 'SilentlyContinue'
+$DebugPreference = 'SilentlyContinue'
+$InformationPreference = 'SilentlyContinue'
+$ProgressPreference = 'SilentlyContinue'
+$PSModuleAutoLoadingPreference = 'All'
+Set-StrictMode -Version 3.0
+if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }
 
 function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '813c0a4c1d64'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ee022a39218de406db13afefe358412f599dd2ebfd337aa9e623fd0248d60fc9'
+        UndoDigest = '5cef6f7a532851ca9ddc16d2d6deca310f723771bf92e6ad42bc6f698754232f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -48,7 +59,7 @@ function Add-Plan {
     }
 
     # === task/Localization: a component names it (rarms.yaml:13:51) ===============================
-    Use-Target -Address 'task/Localization' -Read { Read-TaskClass -Task 'Localization' }
+    Use-Target -Address 'task/Localization' -Read { Get-TaskClassReading -Task 'Localization' }
     Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
         record = 'robot'; set = 'ed6954abc738'
     } -Set { Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null' }
@@ -71,7 +82,7 @@ function Add-Plan {
     }
 
     # === task/MotionControl: a component names it (rarms.yaml:12:51) ==============================
-    Use-Target -Address 'task/MotionControl' -Read { Read-TaskClass -Task 'MotionControl' }
+    Use-Target -Address 'task/MotionControl' -Read { Get-TaskClassReading -Task 'MotionControl' }
     Add-Step -Action 'record that it is ours, and what was there' -Before @{ record = ''; set = '' } -After @{
         record = 'robot'; set = '59f2d42fe4cf'
     } -Set { Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null' }
@@ -132,7 +143,7 @@ function Invoke-Run {
         Write-RunEvent -Kind 'failed' -Step $script:Current -Status 'failed' -Detail $detail
         exit 1
     } finally {
-        Exit-Host
+        Unlock-Host
     }
     exit 0
 }
@@ -142,14 +153,14 @@ function Open-Run {
     $plan = $script:Plan
     $guard = $plan.Guard
     if ($LockTimeout -lt 0 -or $LockTimeout -gt 86400) { throw '-LockTimeout takes 0 to 86400 seconds' }
-    Enter-Host
+    Lock-Host
     if (-not $Abandon) { & $guard }
-    Read-Journal
+    Import-Journal
     $last = $script:Started
     $open = $null -ne $last -and -not $script:Closing
     $same = $null -ne $last -and $last.plan -ceq $plan.Plan
     if ($Abandon) {
-        if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
+        if ($open -and -not $same) { Stop-Run -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
         $status = if ($open) { 'abandoned' } else { 'unchanged' }
         if ($open -and -not (Test-Wanted -Address 'host' -Action 'close the unfinished run')) {
             $status = if ($WhatIfPreference) { 'previewed' } else { 'skipped' }
@@ -161,11 +172,11 @@ function Open-Run {
     }
     if ($same -and $last.run -ceq $plan.Run -and $script:Closing -cne 'abandoned') { return }
     if ($plan.Run -ceq 'undo') {
-        if (-not $same -or $last.run -cne 'apply') { Exit-Refused -Detail 'the last run here was not what this undoes' }
+        if (-not $same -or $last.run -cne 'apply') { Stop-Run -Detail 'the last run here was not what this undoes' }
     } elseif ($open) {
-        Exit-Refused -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
+        Stop-Run -Detail ('plan {0} is unfinished here: run its script again, or its undo script' -f $last.plan)
     } elseif (-not $plan.Guest -and [long] $script:Serials[$plan.Application] -ne $plan.Serial) {
-        Exit-Refused -Detail 'this plan was used, or another was applied since it was made'
+        Stop-Run -Detail 'this plan was used, or another was applied since it was made'
     }
     Clear-Journal
 }
@@ -241,7 +252,7 @@ function Assert-Host {
         if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
             foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Exit-Refused -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail ('changed since the plan: ' + $name)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -259,7 +270,7 @@ function Assert-Host {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
             if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Exit-Refused -Detail ('is not as wanted: ' + $name)
+            Stop-Run -Detail ('is not as wanted: ' + $name)
         }
     }
     $script:Current = $script:Whole
@@ -298,7 +309,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Exit-Refused -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -328,7 +339,7 @@ function Test-Wanted {
     try {
         $script:Cmdlet.ShouldProcess($Address, $Action)
     } catch {
-        throw '-Confirm asks, and there is no console to answer at: run the script in a console, or without -Confirm'
+        throw 'this has to be confirmed, and no console answers here: run the script in a console, or with -Force'
     }
 }
 
@@ -416,7 +427,7 @@ function Write-RunEvent {
     }
 }
 
-function Exit-Refused {
+function Stop-Run {
     # The host is not as planned, busy, or the plan was used: exit code 3.
     param([string] $Kind = 'refused', [string] $Detail)
     $script:Refusal = $Kind
@@ -440,7 +451,7 @@ $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environme
 $script:OwnerFile = ''       # it says who holds the mutex, once that is us
 $script:Mutex = $null
 
-function Enter-Host {
+function Lock-Host {
     # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
     if ($WhatIfPreference) { return }
     $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
@@ -456,7 +467,7 @@ function Enter-Host {
         # Made by an account that lets no other open it, so it is alive.
         Write-Verbose -Message $_.Exception.Message
     }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
     $script:Mutex = $mutex
     # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
@@ -467,7 +478,7 @@ function Enter-Host {
     $script:OwnerFile = $path
 }
 
-function Exit-Host {
+function Unlock-Host {
     if ($script:OwnerFile) {
         try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
     }
@@ -511,7 +522,7 @@ $script:Recorded = [hashtable]::new($script:Ordinal)  # by number of a step: wha
 $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many runs there were
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
-function Read-Journal {
+function Import-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
@@ -688,10 +699,10 @@ function Assert-VmHost {
     $plan = $script:Plan
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
-        Exit-Refused -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+        Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
-        Exit-Refused -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
+        Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
     if ($plan.AcceptScheduler) { return }
     if (Test-RootScheduler) {
@@ -719,7 +730,7 @@ function Test-RootScheduler {
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 
-function Read-TaskClass {
+function Get-TaskClassReading {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = [hashtable]::new($script:Ordinal)
@@ -774,13 +785,13 @@ function Write-TaskValue {
     $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
     $wanted = '{0}:{1}' -f ($Type.ToLowerInvariant() -creplace '^string$', 'sz'), $Value
-    $live = Read-TaskClass -Task $Task
+    $live = Get-TaskClassReading -Task $Task
     $there = [string] $live['value:' + $Name.ToLowerInvariant()]
     if ([string]::Equals($there, $wanted, [System.StringComparison]::Ordinal)) { return }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
-function Clear-TaskValue {
+function Remove-TaskValue {
     # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
     param([string] $Task, [string] $Name = '', [string] $Keep = '')
     foreach ($one in @(Get-TaskValueName -Task $Task)) {
@@ -789,11 +800,11 @@ function Clear-TaskValue {
     }
 }
 
-function Clear-TaskClass {
+function Remove-TaskClass {
     param([string] $Task)
     $path = Get-TaskPath -Task $Task
     if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
-    Clear-Key -Path $path
+    Remove-Key -Path $path
 }
 
 function Write-TaskRecord {
@@ -807,12 +818,12 @@ function Write-TaskRecord {
     [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
 }
 
-function Clear-TaskRecord {
+function Remove-TaskRecord {
     # With the keys above it that hold nothing else.
     param([string] $Task, [string] $Application)
-    Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+    Remove-Key -Path (Get-RecordPath -Task $Task -Application $Application)
     foreach ($path in @(('{0}\{1}' -f $script:RecordRoot, $Application), $script:RecordRoot)) {
-        if (Test-BareKey -Path $path) { Clear-Key -Path $path }
+        if (Test-BareKey -Path $path) { Remove-Key -Path $path }
     }
 }
 
@@ -846,7 +857,7 @@ function Add-Key {
     if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
 }
 
-function Clear-Key {
+function Remove-Key {
     param([string] $Path)
     if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }

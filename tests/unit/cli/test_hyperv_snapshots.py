@@ -129,8 +129,8 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
     assert ran.code == 2
     assert "+ torch-motion/task/MotionControl" in ran.out
     (part,) = read_plan((cell / "plan").read_bytes()).hosts
-    assert "Read-TaskClass" in part.scripts["cell.guest.torch-motion.ps1"].partition("# --- runtime")[0]
-    assert "Read-GuestTaskClass" in part.scripts["cell.guest.seam-tracking.ps1"].partition("# --- runtime")[0]
+    assert "Get-TaskClassReading" in part.scripts["cell.guest.torch-motion.ps1"].partition("# --- runtime")[0]
+    assert "Get-GuestTaskClassReading" in part.scripts["cell.guest.seam-tracking.ps1"].partition("# --- runtime")[0]
     assert not any("torch-motion/task" in name for name in part.digests), "the host's script does not see it"
 
 

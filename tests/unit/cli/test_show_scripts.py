@@ -45,7 +45,7 @@ def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(plan: str, fo
     assert ": the runtime, fixed (SHA-256" in shown
     assert ": the part machines, fixed (SHA-256" in shown
     assert re.findall(r"function ([\w-]+)", shown) == ["Add-Plan"]
-    assert "function Enter-Host" in rarms("show", "--script", plan, "--guest", "", "--raw", "--host", "cell").out
+    assert "function Lock-Host" in rarms("show", "--script", plan, "--guest", "", "--raw", "--host", "cell").out
     assert "Hyper-V\\New-VM -Name (Get-PendingName -Name 'torch-motion')" in shown
 
 

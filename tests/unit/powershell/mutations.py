@@ -110,7 +110,7 @@ IN_THE_PLAN: dict[str, Mutation] = {
                     "trap { continue }",
                     "function Get-Item { 1 }",
                     "foreach ($x in 1, 2) { Write-Mark }",
-                    "Exit-Host",
+                    "Unlock-Host",
                     "exit 0",
                 )
             )
@@ -133,9 +133,7 @@ IN_THE_PLAN: dict[str, Mutation] = {
     "a step that computes": _replace(
         r"(?<=-Before )@\{ ", _after("'x' = (Get-Item -LiteralPath 'x'); ", "'x' = $script:Vm; ")
     ),
-    "a read that changes": _replace(
-        r"(?<=-Read \{ )Read-\w+", _before("Hyper-V\\Start-VM -Name 'x'; ", "Clear-Mark; ")
-    ),
+    "a read that changes": _replace(r"(?<=-Read \{ )Get-\w+", _before("Hyper-V\\Start-VM -Name 'x'; ", "Clear-Mark; ")),
     "a step with a part more": _replace(r"Add-Step(?= -Action)", _after(" -Force $true", " -Needs 'x'")),
     "a step that says a part twice": _replace(r"Add-Step(?= -Action)", _after(" -Set { Clear-Mark }")),
 }

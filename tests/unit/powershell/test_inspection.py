@@ -59,8 +59,8 @@ def of_another_version(script: str) -> str:
     """As another version of rarms may have made it: other facts, another switch, other fixed parts."""
     changes = {
         "        Run = '": "        Silence = 5; Run = '",
-        "[switch] $Abandon)": "[switch] $Abandon, [switch] $Force)",
-        "function Exit-Host": "function Exit-HostOfOld",
+        "[switch] $Force)": "[switch] $Force, [switch] $Slowly)",
+        "function Unlock-Host": "function Exit-HostOfOld",
         "# --- part journal:": "# --- part ledger:",
         "# --- end of the part journal ": "# --- end of the part ledger ",
     }
@@ -94,8 +94,8 @@ def test_mutants_of_the_plan_in_a_script_of_another_version_are_caught() -> None
         ("Hyper-V\\Remove-VM -VM $script:Vm -Force", "Hyper-V\\Remove-VM -VM $script:Vm -ComputerName 'x' -Force"),
         ("Hyper-V\\Start-VM -VM $script:Vm", "Hyper-V\\Start-VM -VM $script:Vm -VM $script:Vm"),
         ("Hyper-V\\Start-VM -VM $script:Vm", "Hyper-V\\Stop-VM -VM $script:Vm"),
-        ("Hyper-V\\Start-VM -VM $script:Vm", "Read-Partition -Machine 'x'"),
-        ("(Get-PendingName -Name ", "(Clear-DiskFile -Path "),
+        ("Hyper-V\\Start-VM -VM $script:Vm", "Get-PartitionReading -Machine 'x'"),
+        ("(Get-PendingName -Name ", "(Remove-DiskFile -Path "),
         ("Guard = { Assert-VmHost }", "Guard = { Write-Mark }"),
         ("Guard = { Assert-VmHost }", "Guard = 'x'"),
     ],

@@ -32,7 +32,7 @@ def _lower(readings: Readings) -> set[tuple[str, object]]:
 def test_a_set_block_is_read_call_by_call() -> None:
     step = outline(render_apply(*rendered_plan())).steps[0]
 
-    assert step.read == ScriptCall(name="Read-Partition", parameters={"Machine": "id-of-vision"})
+    assert step.read == ScriptCall(name="Get-PartitionReading", parameters={"Machine": "id-of-vision"})
     assert step.calls == (
         ScriptCall(
             name="Hyper-V\\Set-VMProcessor",
@@ -63,9 +63,9 @@ def test_the_run_and_what_an_undo_takes_back() -> None:
         brought_back = {name: value for name, value in done.before.items() if name != "taken"}
         after = {name: value for name, value in step.after.items() if name != "empty"}  # what a kill may have left
         assert _lower(after) == _lower(brought_back)
-        if step.read.name == "Read-MadePartition":
+        if step.read.name == "Get-MadePartitionReading":
             assert step.before == {"exists": True, "added": ""}
-        elif step.read.name == "Read-Disk":
+        elif step.read.name == "Get-DiskReading":
             assert step.before == {"exists": True, "child": True, "used": False}
         else:
             assert _lower(step.before) == _lower({name: value for name, value in done.after.items() if name != "empty"})

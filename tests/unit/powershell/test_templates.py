@@ -54,7 +54,8 @@ def test_a_guest_s_script_knows_nothing_of_hyper_v() -> None:
 
 
 def test_names_in_texts_and_remarks_are_no_calls() -> None:
-    assert parts_for("Write-Mark -Name 'Test-Capacity'  # Read-TaskClass") == ("lock", "journal", "preview", "machines")
+    texts = "Write-Mark -Name 'Test-Capacity'  # Get-TaskClassReading"
+    assert parts_for(texts) == ("lock", "journal", "preview", "machines")
     assert parts_for("$x = 5") == ("lock", "journal", "preview")  # what the runtime itself calls
 
 
@@ -84,7 +85,7 @@ def test_without_what_is_fixed_every_line_keeps_its_number(name: str) -> None:
 def test_what_was_changed_is_looked_at_whole() -> None:
     script = SCRIPTS["onboard.ps1"]
     for edited in (
-        script.replace("function Exit-Host", "function Exit-Hosts"),
+        script.replace("function Unlock-Host", "function Exit-Hosts"),
         "Get-Item -LiteralPath 'x'\r\n" + script,
     ):
         assert without_fixed(edited) == edited

@@ -72,18 +72,22 @@ def test_a_name_that_is_no_scripts_is_not_sent(name: str) -> None:
 @pytest.mark.parametrize(
     ("waits", "abandoning", "expected"),
     [
-        (WaitLimits(), False, ("-AsJson",)),
-        (WaitLimits(lock_ms=1), False, ("-AsJson", "-LockTimeout", "1")),
-        (WaitLimits(lock_ms=60_000), True, ("-AsJson", "-LockTimeout", "60", "-Abandon")),
-        (WaitLimits(lock_ms=10**15), False, ("-AsJson", "-LockTimeout", "999999")),
+        (WaitLimits(), False, ("-AsJson", "-Force")),
+        (WaitLimits(lock_ms=1), False, ("-AsJson", "-Force", "-LockTimeout", "1")),
+        (WaitLimits(lock_ms=60_000), True, ("-AsJson", "-Force", "-LockTimeout", "60", "-Abandon")),
+        (WaitLimits(lock_ms=10**15), False, ("-AsJson", "-Force", "-LockTimeout", "999999")),
     ],
 )
 def test_arguments_are_those_that_the_bootstrap_takes(
     waits: WaitLimits, abandoning: bool, expected: tuple[str]
 ) -> None:
-    arguments = arguments_of(waits, abandoning=abandoning)
+    arguments = arguments_of("param([switch] $AsJson, [switch] $Force)", waits, abandoning=abandoning)
     pattern = re.search(r"-cnotmatch '(\^\( .*?\$)'", command())
 
     assert arguments == expected
     assert pattern
     assert re.fullmatch(pattern[1], " ".join(arguments))
+
+
+def test_a_script_of_a_journal_that_knows_no_force_gets_none() -> None:
+    assert arguments_of("param([switch] $AsJson)", WaitLimits(), abandoning=False) == ("-AsJson",)

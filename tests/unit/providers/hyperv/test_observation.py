@@ -113,7 +113,7 @@ def test_every_probe_of_the_script_is_read_and_no_other() -> None:
     probes = {
         line.split(" = ")[0].strip()
         for line in text.splitlines()
-        if line.startswith("    ") and line[4] != " " and " = Read-Probe" in line
+        if line.startswith("    ") and line[4] != " " and " = Get-Probe" in line
     }
 
     assert probes == set(HostObservation.__dataclass_fields__) - {"computer", "script_running"}
