@@ -153,6 +153,14 @@ class Mark:
         return " ".join(word for word in words if word)
 
 
+class Tie(StrEnum):
+    """What decides over a machine beside the host that it is on."""
+
+    REPLICA = "replica"  # of a machine elsewhere, whose id and notes it has
+    CLUSTER = "cluster"
+    CPU_GROUP = "cpu_group"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Partition:
     """A machine of a host, managed or not. A wanted one has no id before it exists."""
@@ -167,6 +175,7 @@ class Partition:
     sharing: CoreSharing = ANY_THREAD
     guest_build: int = 0  # of the Windows that runs in it, as it claims; 0: not known, or no Windows
     can_be_asked: bool = True  # its guest, to shut down; where that is unknown, it is tried
+    ties: tuple[Tie, ...] = ()  # in their order
 
     @property
     def claim(self) -> Claim:
@@ -175,11 +184,14 @@ class Partition:
 
     @property
     def claims_resources(self) -> bool:
-        """Whether it counts against the host: it runs, is on its way, is paused or starts by itself."""
+        """Whether it counts against the host: it runs, is on its way, is paused or starts by itself.
+
+        A replica starts at a failover only.
+        """
         return (
             self.settings.running
             or self.state in {RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}
-            or self.settings.start_action is not StartAction.NOTHING
+            or (self.settings.start_action is not StartAction.NOTHING and Tie.REPLICA not in self.ties)
         )
 
 

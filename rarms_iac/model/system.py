@@ -187,6 +187,7 @@ class HypervPartition:
     image: str | None = None
     vm_path: str | None = None
     secure_boot: str | None = None
+    clustered: bool | None = None  # it may be changed although a failover cluster has it too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,6 +41,8 @@ _JOINING = (
 READER, DEVICE_READER = "Get-PartitionReading", "Get-DeviceReading"
 """What reads a machine that was there before the plan; the second one also what `_DEVICES` names."""
 
+READERS = (f"{READER} ", f"{DEVICE_READER} ")
+
 _DEVICES = frozenset({"secure_boot", "disks", "snapshots"})
 """Readings of a machine that only some steps are about."""
 
@@ -64,6 +66,17 @@ class ScriptPiece:
     after: Readings
     calls: tuple[str, ...]
     joins: bool = False  # its calls may be made twice, so that it is one step with such pieces before it
+
+
+def clustered(piece: ScriptPiece) -> ScriptPiece:
+    """The piece of a machine that a failover cluster has too: its reader accepts that."""
+    return replace(piece, read=f"{piece.read} -Clustered") if piece.read.startswith(READERS) else piece
+
+
+def cluster_updated(piece: ScriptPiece, machine: str) -> ScriptPiece:
+    """The piece with a last call that tells the cluster what its machine is now."""
+    update = call("FailoverClusters\\Update-ClusterVirtualMachineConfiguration", VMId=literal(machine))
+    return replace(piece, calls=(*piece.calls, update))
 
 
 def joined(piece: ScriptPiece, following: ScriptPiece) -> ScriptPiece:

@@ -23,6 +23,7 @@ from rarms_iac.model.plan import (
     owner_of,
     partition_summaries,
 )
+from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.wording import remark
 from rarms_iac.powershell.guests import back, forward, step_of
 from rarms_iac.powershell.literals import Literal, literal
@@ -30,6 +31,8 @@ from rarms_iac.powershell.pieces import (
     DEVICE_READER,
     READER,
     ScriptPiece,
+    cluster_updated,
+    clustered,
     creation_undo_pieces,
     fits,
     joined,
@@ -108,7 +111,7 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
         NoLiteral: a value cannot be written into a script.
     """
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
-    steps = _forward(host_plan, inside)
+    steps = _clustered(_forward(host_plan, inside), host_plan)
     run = {
         "undo": literal(script_name(host_plan, inside, undo=True)),
         "undo_digest": literal(hashlib.sha256(undo).hexdigest()),
@@ -141,7 +144,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             pieces = pieces_of(back)
         gone = lost.get(step.address)
         steps += (_GuardedPiece(piece=piece, steps=(back,), undoes=undoes, lost=gone) for piece in pieces)
-    steps = _joined(steps)
+    steps = _clustered(_joined(steps), host_plan)
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run)
 
@@ -178,6 +181,24 @@ def _inside(step: Step) -> str:
 def _forward(host_plan: HostPlan, inside: str) -> list[_GuardedPiece]:
     chosen = [step for step in host_plan.steps if _inside(step) == inside]
     return _joined(_GuardedPiece(piece=piece, steps=(step,)) for step in chosen for piece in pieces_of(step))
+
+
+def _clustered(steps: Sequence[_GuardedPiece], host_plan: HostPlan) -> list[_GuardedPiece]:
+    """The steps, where those of a failover cluster's machine end with telling the cluster what the machine is now."""
+    machines = {
+        change.address.machine.lower()
+        for change in host_plan.changes
+        if isinstance(change.before, Partition) and Tie.CLUSTER in change.before.ties
+    }
+    last = {step.piece.address: at for at, step in enumerate(steps)}
+    made = []
+    for at, step in enumerate(steps):
+        machine = step.steps[0].address.machine.lower()
+        piece = clustered(step.piece) if machine in machines else step.piece
+        if machine in machines and at == last[step.piece.address]:
+            piece = cluster_updated(piece, machine)
+        made.append(replace(step, piece=piece))
+    return made
 
 
 def _joined(pieces: Iterable[_GuardedPiece]) -> list[_GuardedPiece]:

@@ -201,7 +201,7 @@ def _needs(name: str) -> frozenset[str]:
 LOSING = frozenset(
     {"Stop-Partition", "Remove-VM", "Remove-DiskFile", "Remove-TaskClass", "Restore-TaskClass"},
 )
-"""Calls that stop, remove or delete what somebody may miss."""
+"""Calls that stop, remove or delete what was there."""
 
 
 def impact_of(steps: str) -> str:

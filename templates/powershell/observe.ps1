@@ -58,41 +58,98 @@ function Get-MachineList {
     $script:Machines
 }
 
-function Get-MachineReading {
+function Get-MachineId {
     param($Vm)
-    $cpu = Hyper-V\Get-VMProcessor -VM $Vm
-    $memory = Hyper-V\Get-VMMemory -VM $Vm
-    $disks = @(Hyper-V\Get-VMHardDiskDrive -VM $Vm)
-    $adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $Vm)
-    [ordered] @{
-        id = ([string] $Vm.Id).ToLowerInvariant(); name = [string] $Vm.Name; state = [string] $Vm.State
-        generation = [long] $Vm.Generation; version = [string] $Vm.Version; notes = [string] $Vm.Notes
-        processors = [long] $cpu.Count; reserve = [long] $cpu.Reserve; limit = [long] $cpu.Maximum
-        weight = [long] $cpu.RelativeWeight; threads_per_core = [string] (Get-Setting -Of $cpu -Name 'HwThreadCountPerCore')
-        memory = [long] $memory.Startup; memory_minimum = [long] $memory.Minimum; memory_maximum = [long] $memory.Maximum
-        dynamic_memory = [bool] $memory.DynamicMemoryEnabled
-        start_action = [string] $Vm.AutomaticStartAction; start_delay = [long] $Vm.AutomaticStartDelay
-        stop_action = [string] $Vm.AutomaticStopAction
-        checkpoints = [string] $Vm.CheckpointType
-        automatic_checkpoints = [string] (Get-Setting -Of $Vm -Name 'AutomaticCheckpointsEnabled')
-        checkpoint_count = [long] @(Hyper-V\Get-VMSnapshot -VM $Vm).Count
-        clustered = [string] (Get-Setting -Of $Vm -Name 'IsClustered')
-        disks = @(foreach ($one in $disks) { [string] $one.Path })
-        adapters = @(foreach ($one in $adapters) { [ordered] @{ name = [string] $one.Name; switch = [string] $one.SwitchName } })
+    ([string] $Vm.Id).ToLowerInvariant()
+}
+
+function Get-Answer {
+    # What a cmdlet says of machines, by their ids: of all at once; where one makes it fail, of one after another.
+    param([scriptblock] $Read, $Machines)
+    $answers = @{}
+    $script:Asked = @($Machines)
+    if (-not $script:Asked.Count) { return $answers }
+    $all = Get-Probe -Many -Read $Read
+    foreach ($vm in @($Machines)) {
+        $script:Asked = @($vm)
+        $answers[(Get-MachineId -Vm $vm)] = if ($all['status'] -ceq 'value') {
+            [ordered] @{ status = 'value'; value = @() }
+        } else {
+            Get-Probe -Many -Read $Read
+        }
+    }
+    foreach ($one in @(if ($all['status'] -ceq 'value') { $all['value'] })) {
+        $answer = $answers[([string] $one.VMId).ToLowerInvariant()]
+        $answer['value'] = @($answer['value']) + $one
+    }
+    $answers
+}
+
+function Get-AnswerList {
+    # What all machines were asked, once: by kind, then by their ids.
+    if ($null -eq $script:Answers) {
+        $vms = @(Get-MachineList)
+        $script:Answers = [ordered] @{
+            cpu = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMProcessor -VM $script:Asked }
+            memory = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMMemory -VM $script:Asked }
+            disks = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMHardDiskDrive -VM $script:Asked }
+            adapters = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMNetworkAdapter -VM $script:Asked }
+            checkpoints = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMSnapshot -VM $script:Asked }
+        }
+    }
+    $script:Answers
+}
+
+function Get-MachineReading {
+    # A machine with its settings, or why one of them could not be read.
+    param($Vm)
+    $of = @{}
+    $all = Get-AnswerList
+    foreach ($kind in @($all.Keys)) {
+        $answer = $all[$kind][(Get-MachineId -Vm $Vm)]
+        if ($answer['status'] -cne 'value') { return $answer }
+        $of[$kind] = @($answer['value'])
+    }
+    Get-Probe -Read {
+        $cpu = $of['cpu'][0]
+        $memory = $of['memory'][0]
+        [ordered] @{
+            id = Get-MachineId -Vm $Vm; name = [string] $Vm.Name; state = [string] $Vm.State
+            generation = [long] $Vm.Generation; version = [string] $Vm.Version; notes = [string] $Vm.Notes
+            processors = [long] $cpu.Count; reserve = [long] $cpu.Reserve; limit = [long] $cpu.Maximum
+            weight = [long] $cpu.RelativeWeight
+            threads_per_core = [string] (Get-Setting -Of $cpu -Name 'HwThreadCountPerCore')
+            memory = [long] $memory.Startup; memory_minimum = [long] $memory.Minimum
+            memory_maximum = [long] $memory.Maximum; dynamic_memory = [bool] $memory.DynamicMemoryEnabled
+            start_action = [string] $Vm.AutomaticStartAction; start_delay = [long] $Vm.AutomaticStartDelay
+            stop_action = [string] $Vm.AutomaticStopAction
+            checkpoints = [string] $Vm.CheckpointType
+            automatic_checkpoints = [string] (Get-Setting -Of $Vm -Name 'AutomaticCheckpointsEnabled')
+            checkpoint_count = [long] $of['checkpoints'].Count
+            clustered = [string] (Get-Setting -Of $Vm -Name 'IsClustered')
+            replication_mode = [string] (Get-Setting -Of $Vm -Name 'ReplicationMode')
+            disks = @(foreach ($one in $of['disks']) { [string] $one.Path })
+            adapters = @(foreach ($one in $of['adapters']) {
+                [ordered] @{ name = [string] $one.Name; switch = [string] $one.SwitchName }
+            })
+        }
     }
 }
 
 function Get-VirtualDiskReading {
-    # What a disk that a machine has is; of one that cannot be read only where it is.
-    param([string] $Path)
-    $found = Get-Probe -Read { Hyper-V\Get-VHD -Path $Path }
-    $type = ''
-    $parent = ''
-    if ($found['status'] -ceq 'value') {
-        $type = [string] $found['value'].VhdType
-        $parent = [string] $found['value'].ParentPath
+    # What disks that machines have are, in their order; of one that cannot be read only where it is.
+    param([string[]] $Path)
+    if (-not $Path.Count) { return }
+    $found = Get-Probe -Many -Read { Hyper-V\Get-VHD -Path $Path }
+    $whole = $found['status'] -ceq 'value' -and @($found['value']).Count -eq $Path.Count
+    for ($at = 0; $at -lt $Path.Count; $at++) {
+        $here = $Path[$at]
+        $disk = if ($whole) { $found['value'][$at] } else { (Get-Probe -Read { Hyper-V\Get-VHD -Path $here })['value'] }
+        [ordered] @{
+            path = $here; type = if ($null -eq $disk) { '' } else { [string] $disk.VhdType }
+            parent = if ($null -eq $disk) { '' } else { [string] $disk.ParentPath }
+        }
     }
-    [ordered] @{ path = $Path; type = $type; parent = $parent }
 }
 
 function Get-KeyValue {
@@ -129,6 +186,7 @@ $root = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
 $profile_ = $root + '\Multimedia\SystemProfile'
 $namespace = 'root/virtualization/v2'
 $script:Machines = $null
+$script:Answers = $null
 $script:Unread = @()
 $document = [ordered] @{
     format = 'rarms-observation/1'
@@ -191,11 +249,11 @@ $document = [ordered] @{
     switches = Get-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
     machines = Get-Probe -Many -Read {
         foreach ($vm in @(Get-MachineList)) {
-            $found = Get-Probe -Read { Get-MachineReading -Vm $vm }
+            $found = Get-MachineReading -Vm $vm
             if ($found['status'] -ceq 'value') { $found['value'] }
             else {
                 $script:Unread += [ordered] @{
-                    id = ([string] $vm.Id).ToLowerInvariant(); name = [string] $vm.Name; error = $found['error']
+                    id = Get-MachineId -Vm $vm; name = [string] $vm.Name; error = $found['error']
                     message = $found['message']
                 }
             }
@@ -204,9 +262,11 @@ $document = [ordered] @{
     # A machine whose settings cannot be read hides none of the others.
     unread_machines = Get-Probe -Many -Read { $script:Unread }
     virtual_disks = Get-Probe -Many -Read {
-        foreach ($vm in @(Get-MachineList)) {
-            foreach ($one in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) { Get-VirtualDiskReading -Path ([string] $one.Path) }
-        }
+        $drives = (Get-AnswerList)['disks']
+        Get-VirtualDiskReading -Path @(foreach ($vm in @(Get-MachineList)) {
+            $answer = $drives[(Get-MachineId -Vm $vm)]
+            foreach ($one in @(if ($answer['status'] -ceq 'value') { $answer['value'] })) { [string] $one.Path }
+        })
     }
     cpu_groups = Get-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ProcessorSettingData)) {
@@ -214,13 +274,15 @@ $document = [ordered] @{
         }
     }
     firmware = Get-Probe -Many -Read {
-        foreach ($vm in @(Get-MachineList)) {
-            if ($vm.Generation -ne 2) { continue }
-            $found = Get-Probe -Read { Hyper-V\Get-VMFirmware -VM $vm }
-            if ($found['status'] -cne 'value') { continue }
-            [ordered] @{
-                machine = ([string] $vm.Id).ToLowerInvariant(); secure_boot = [string] $found['value'].SecureBoot
-                template = [string] $found['value'].SecureBootTemplate
+        $vms = @(Get-MachineList | Where-Object -FilterScript { $_.Generation -eq 2 })
+        $answers = Get-Answer -Machines $vms -Read { Hyper-V\Get-VMFirmware -VM $script:Asked }
+        foreach ($vm in $vms) {
+            $found = $answers[(Get-MachineId -Vm $vm)]
+            foreach ($one in @(if ($found['status'] -ceq 'value') { $found['value'] })) {
+                [ordered] @{
+                    machine = Get-MachineId -Vm $vm; secure_boot = [string] $one.SecureBoot
+                    template = [string] $one.SecureBootTemplate
+                }
             }
         }
     }

@@ -35,7 +35,7 @@ READING_CMDLETS = words(
     r"""
     Hyper-V\Get-VM Hyper-V\Get-VMHost Hyper-V\Get-VMHostNumaNode Hyper-V\Get-VMProcessor Hyper-V\Get-VMMemory
     Hyper-V\Get-VMHardDiskDrive Hyper-V\Get-VMNetworkAdapter Hyper-V\Get-VHD Hyper-V\Get-VMFirmware
-    Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch
+    Hyper-V\Get-VMIntegrationService Hyper-V\Get-VMSnapshot Hyper-V\Get-VMSwitch Hyper-V\Get-VMSecurity
     ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-Content Get-ExecutionPolicy Get-Item Get-Module
     Get-WinEvent Join-Path Set-StrictMode Sort-Object Test-Path Where-Object
     """
@@ -44,7 +44,7 @@ CMDLETS = READING_CMDLETS | words(
     r"""
     Hyper-V\New-VM Hyper-V\Set-VM Hyper-V\Set-VMFirmware Hyper-V\Rename-VM Hyper-V\Remove-VM Hyper-V\Start-VM
     Hyper-V\Stop-VM Hyper-V\Set-VMProcessor Hyper-V\Set-VMMemory Hyper-V\New-VHD Hyper-V\Add-VMHardDiskDrive
-    Hyper-V\Remove-VMNetworkAdapter
+    Hyper-V\Remove-VMNetworkAdapter FailoverClusters\Update-ClusterVirtualMachineConfiguration
     ConvertFrom-Json New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl Start-Sleep
     Write-Information Write-Verbose
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
@@ -74,14 +74,15 @@ _HYPERV_MEMBERS = words(
     """
     AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
     Generation Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount
-    RelativeWeight Reserve SecureBoot SecureBootTemplate Startup State VhdType VirtualHardDiskPath
+    RelativeWeight ReplicationMode Reserve SecureBoot SecureBootTemplate Shielded Startup State VhdType
+    VirtualHardDiskPath VMId
     """
 )
 READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
     FullName FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
-    GuestIntrinsicExchangeItems HypervisorPresent InstanceID IsActive IsInRole LanguageMode MachineName
+    GuestIntrinsicExchangeItems HypervisorPresent Keys InstanceID IsActive IsInRole LanguageMode MachineName
     MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores
     NumberOfLogicalProcessors OperationalStatus PSChildName PSEdition PSObject PSVersion Properties Replace
     Reservation Scope SessionState Size SwitchName SystemName ToLowerInvariant Value Version VirtualMachinePath new
@@ -92,7 +93,7 @@ MEMBERS = READING_MEMBERS | words(
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
     Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
     GetAttributes GetBytes GetString Guard Guest
-    InvocationInfo Keys Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
+    InvocationInfo Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
     ContainsKey Detail Read ReadAllBytes ReadAllText ReleaseMutex Remove ReparsePoint Run ScriptLineNumber Serial Set
     SetLength

@@ -13,6 +13,23 @@ from typing import Any
 TABLES = Path(__file__).resolve().parent / "tables"
 
 
+FROM_PAGES: dict[str, dict[str, Any]] = {
+    "Update-ClusterVirtualMachineConfiguration": {
+        "module": "FailoverClusters",
+        "should_process": False,
+        "in_7": True,
+        "not_in_7": [],
+        "parameters": {
+            "Cluster": {"type": "String", "sets": {"__AllParameterSets": ""}},
+            "InputObject": {"type": "PSObject", "sets": {"__AllParameterSets": "v"}},
+            "Name": {"type": "String", "sets": {"__AllParameterSets": "p"}},
+            "VMId": {"type": "Guid", "sets": {"__AllParameterSets": "n"}},
+        },
+    },
+}
+"""What the file of facts lacks: by hand from windows-powershell-docs, docset/winserver2025-ps/FailoverClusters."""
+
+
 def compact(facts: dict[str, Any]) -> dict[str, Any]:
     seven = facts.get("powershell_7")
     fixed = [each for each in facts["parameters"] if not each.get("providers")]  # the others exist on some paths only
@@ -44,7 +61,8 @@ def flags(given_in: dict[str, Any]) -> str:
 
 def main() -> None:
     source = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    cmdlets = {name: compact(facts) for name, facts in sorted(source["cmdlets"].items())}
+    made = {name: compact(facts) for name, facts in source["cmdlets"].items()}
+    cmdlets = dict(sorted((made | FROM_PAGES).items()))
     lines = [f"{json.dumps(name)}: {json.dumps(facts, separators=(',', ':'))}" for name, facts in cmdlets.items()]
     text = "{\n" + ",\n".join(lines) + "\n}\n"  # one cmdlet a line: a difference shows what changed
     (TABLES / "cmdlets.json").write_text(text, encoding="utf-8", newline="\n")

@@ -6,20 +6,21 @@ from typing import get_args
 import pytest
 
 from rarms_iac.applying.scripts import scripts_of
-from rarms_iac.model.changes import Address
+from rarms_iac.model.changes import Address, Change, Create
 from rarms_iac.model.operations import Operation, RemoveDisk, SetSecureBoot, WriteTaskClass
 from rarms_iac.model.plan import GuestTask, HostPlan
+from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.steps import _CAPACITY, _GUARDS, _MEASURES, _READERS, _SETTERS, _VALUES
-from rarms_iac.powershell.render import render_observe
+from rarms_iac.powershell.render import render_observe, render_scripts
 from rarms_iac.powershell.statements import calls_of, plan_statements
 from rarms_iac.powershell.templates import MEASURING_ENTRY, PARTS, STEP_CALL, TARGET, part_text, runtime
 from rarms_iac.powershell.tree import sound
 from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
 from tests import builders_plan as build
 from tests.powershell_lint.lint import problems
-from tests.unit.powershell.plans import rendered_plan
+from tests.unit.powershell.plans import all_changes, rendered_plan
 
 
 def filled_plan() -> HostPlan:
@@ -42,7 +43,12 @@ def filled_plan() -> HostPlan:
 
 HOST_PLAN = filled_plan()
 SCRIPTS = {name: text.decode("ascii") for name, text in scripts_of(HOST_PLAN, build.plan(HOST_PLAN)).items()}
-WHOLE = "\n".join(["param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon)", runtime()])
+ASKED_FOR = (
+    "[CmdletBinding(SupportsShouldProcess)]\n"
+    "[Diagnostics.CodeAnalysis.SuppressMessageAttribute('PSUseShouldProcessForStateChangingFunctions', '')]\n"
+)
+PARAMETERS = "param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)"
+WHOLE = ASKED_FOR + "\n".join([PARAMETERS, runtime()])
 
 
 def measuring_script() -> bytes:
@@ -95,9 +101,20 @@ def test_the_bootstrap() -> None:
     assert problems(render_bootstrap().decode("ascii")) == []
 
 
+def of_a_cluster() -> list[Change]:
+    """All changes, of machines that a failover cluster has too."""
+    return [
+        replace(change, before=replace(change.before, ties=(Tie.CLUSTER,)))
+        if isinstance(change.before, Partition) and not isinstance(change, Create)
+        else change
+        for change in all_changes()
+    ]
+
+
 def test_scripts_may_call_in_plans_what_rarms_writes_there_and_nothing_else() -> None:
     called: dict[str, set[str]] = {}
-    for script in (*SCRIPTS.values(), measuring_script().decode("ascii")):
+    clustered = [text.decode("ascii") for text in render_scripts(*rendered_plan(of_a_cluster())).values()]
+    for script in (*SCRIPTS.values(), *clustered, measuring_script().decode("ascii")):
         for statement in plan_statements(sound(script)):
             for call in calls_of(statement):
                 called[call.name] = called.get(call.name, set()) | set(call.given)

@@ -125,8 +125,10 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
     bound = {**{name: value for name, value in defaults.items() if called.parameter(name)}, **bound}
     try:
         refused(scope, plain)
-        if isinstance(machine := bound.get("vm"), Thing):
-            refused(scope, f"{plain} {machine.get('Name')}")
+        machines = bound.get("vm")
+        for machine in machines if isinstance(machines, list) else [machines]:
+            if isinstance(machine, Thing):
+                refused(scope, f"{plain} {machine.get('Name')}")
         return do(scope, bound)
     except ScriptError as error:
         if defaults.get("erroraction") == "SilentlyContinue":

@@ -46,6 +46,9 @@ class Vm:
     automatic_checkpoints: str = "False"
     checkpoint_count: int = 0
     clustered: str = "False"
+    replication_mode: str = "None"
+    shielded: bool = False
+    cluster_knows: bool = True  # what its cluster keeps of it is how it is
     disks: list[str] = field(default_factory=list)
     checkpoint_disks: list[str] = field(default_factory=list)  # what its checkpoints rest on
     adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch

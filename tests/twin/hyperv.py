@@ -43,6 +43,7 @@ class Machine(Thing):
             AutomaticStartDelay=vm.start_delay,
             AutomaticStopAction=Enumerated(vm.stop_action),
             CheckpointType=Enumerated(vm.checkpoints),
+            ReplicationMode=Enumerated(vm.replication_mode),
         )
         if vm.automatic_checkpoints:
             self.properties["AutomaticCheckpointsEnabled"] = vm.automatic_checkpoints == "True"
@@ -131,7 +132,11 @@ def get_host(scope: Scope, given: Given) -> Thing:
 
 def get_processor(vm: Vm) -> Thing:
     found = Record(
-        Count=Long(vm.processors), Reserve=Long(vm.reserve), Maximum=Long(vm.limit), RelativeWeight=vm.weight
+        VMId=Guid(vm.id),
+        Count=Long(vm.processors),
+        Reserve=Long(vm.reserve),
+        Maximum=Long(vm.limit),
+        RelativeWeight=vm.weight,
     )
     if vm.threads_per_core:
         found.properties["HwThreadCountPerCore"] = Long(int(vm.threads_per_core))
@@ -140,7 +145,8 @@ def get_processor(vm: Vm) -> Thing:
 
 def get_memory(vm: Vm) -> Thing:
     sizes = {"Startup": vm.memory, "Minimum": vm.memory_minimum, "Maximum": vm.memory_maximum}
-    return Record(DynamicMemoryEnabled=vm.dynamic_memory, **{name: Long(size) for name, size in sizes.items()})
+    dynamic = vm.dynamic_memory
+    return Record(VMId=Guid(vm.id), DynamicMemoryEnabled=dynamic, **{name: Long(size) for name, size in sizes.items()})
 
 
 def new_vm(scope: Scope, given: Given) -> Value:
@@ -335,18 +341,18 @@ def remove_vm(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
-def get_firmware(scope: Scope, given: Given) -> Thing:
-    vm = _vm(scope, given)
+def get_firmware(vm: Vm) -> Thing:
     if vm.generation == 1:
         raise refuse(f"'{vm.name}' is of generation 1, which has no firmware.", "GetVMFirmware", "InvalidParameter")
     order = [Record(BootType=Enumerated(entry)) for entry in ("File", vm.boots_from)[not vm.wrote_entry :]]
-    return Record(SecureBoot=Enumerated(vm.secure_boot), SecureBootTemplate=vm.template, BootOrder=order)
+    known = {"SecureBoot": Enumerated(vm.secure_boot), "SecureBootTemplate": vm.template, "BootOrder": order}
+    return Record(VMId=Guid(vm.id), **known)
 
 
 def set_firmware(scope: Scope, given: Given) -> Value:
     _changing(scope)
     vm = _vm(scope, given)
-    get_firmware(scope, given)
+    get_firmware(vm)
     _off(vm, "the firmware", "SetVMFirmware")
     values: dict[str, Value] = {}
     if "enablesecureboot" in given:
@@ -387,7 +393,9 @@ CHILD = b"child of "
 """Begins what the stand-in keeps as the content of a differencing disk; its parent's path follows."""
 
 
-def get_vhd(scope: Scope, given: Given) -> Thing:
+def get_vhd(scope: Scope, given: Given) -> Value:
+    if isinstance(given["path"], list):
+        return [get_vhd(scope, {"path": path}) for path in given["path"]]
     path = text(given["path"])
     file = scope.session.host.file(path)
     if not path or file is None or file.data is None:
@@ -400,11 +408,14 @@ def get_vhd(scope: Scope, given: Given) -> Thing:
 def get_drives(scope: Scope, given: Given) -> Value:
     if "vmsnapshot" in given:
         return [Record(Path=text(element)) for element in elements(given["vmsnapshot"].get("Disks"))]
-    return _each(lambda vm: [Record(Path=disk) for disk in vm.disks])(scope, given)
+    return _each(lambda vm: [Record(VMId=Guid(vm.id), Path=disk) for disk in vm.disks])(scope, given)
 
 
 def get_snapshots(vm: Vm) -> Value:
-    return [Record(Name=str(number), Disks=list(vm.checkpoint_disks)) for number in range(vm.checkpoint_count)]
+    known = Guid(vm.id)
+    return [
+        Record(VMId=known, Name=str(number), Disks=list(vm.checkpoint_disks)) for number in range(vm.checkpoint_count)
+    ]
 
 
 def add_disk(scope: Scope, given: Given) -> Value:
@@ -425,6 +436,13 @@ def remove_adapter(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
+def update_cluster(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = scope.session.host.vms[text(given["vmid"])], scope.session.host
+    host.effect(f"Update-ClusterVirtualMachineConfiguration {vm.name}", lambda: setattr(vm, "cluster_knows", True))
+    return EMPTY
+
+
 CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vm": get_vm,
     "get-vmhost": get_host,
@@ -432,9 +450,11 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vmmemory": _each(get_memory),
     "get-vmharddiskdrive": get_drives,
     "get-vhd": get_vhd,
-    "get-vmnetworkadapter": lambda scope, given: [
-        Record(Name=name, SwitchName=switch) for name, switch in _vm(scope, given).adapters
-    ],
+    "get-vmnetworkadapter": _each(
+        lambda vm: [Record(VMId=Guid(vm.id), Name=name, SwitchName=switch) for name, switch in vm.adapters]
+    ),
+    "get-vmsecurity": _each(lambda vm: Record(Shielded=vm.shielded)),
+    "update-clustervirtualmachineconfiguration": update_cluster,
     "get-vmintegrationservice": get_services,
     "receive-job": receive_job,
     "remove-job": remove_job,
@@ -444,7 +464,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
         Record(NodeId=node["node"], MemoryAvailable=node["memory_available"], MemoryTotal=node["memory"])
         for node in scope.session.host.numa
     ],
-    "get-vmfirmware": get_firmware,
+    "get-vmfirmware": _each(get_firmware),
     "set-vmfirmware": set_firmware,
     "new-vm": new_vm,
     "set-vm": set_vm,

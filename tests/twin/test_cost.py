@@ -10,8 +10,9 @@ from rarms_iac.model.system import System
 from tests.builders import a_component
 from tests.twin import cmdlets, hyperv
 from tests.twin.cell import Cell, apply, apply_script, scripts_of
-from tests.twin.cells import a_cell_system, a_windows
+from tests.twin.cells import IMAGE, a_cell_system, a_stranger, a_windows
 from tests.twin.host import WindowsHost
+from tests.twin.observing import document_of
 from tests.twin.scopes import Scope
 from tests.twin.values import Value
 
@@ -77,8 +78,31 @@ def test_a_changed_reserve_takes_four_calls_a_step(calls: Calls) -> None:
 
     steps, made = counted_run(calls, host, plan)
 
-    assert (steps, calls["get-vm"]) == (2, 1)
-    assert made <= 4 * steps
+    assert (steps, calls["get-vm"], calls["get-vmsecurity"]) == (2, 1, 1)
+    assert made - calls["get-vmsecurity"] <= 4 * steps
+    _, looked = counted_run(calls, host, plan)
+    assert (looked, calls["get-vmsecurity"]) == (3, 0)
+
+
+@pytest.mark.parametrize("count", [1, 30])
+def test_looking_takes_twelve_calls_at_most_for_any_number_of_machines(count: int, calls: Calls) -> None:
+    host = a_windows(*(a_stranger(f"m{number}", number, disks=[IMAGE]) for number in range(count)))
+
+    document_of(host)
+
+    assert calls.total() <= 12
+    assert len(document_of(host)["virtual_disks"]["value"]) == count
+
+
+def test_a_machine_that_cannot_be_read_hides_none_of_the_others(calls: Calls) -> None:
+    host = a_windows(*(a_stranger(f"m{number}", number) for number in range(5)))
+    host.refusals["Get-VMMemory m3"] = ("InvalidState,GetVMMemory", "InvalidOperation", "it is busy")
+
+    document = document_of(host)
+
+    assert [machine["name"] for machine in document["machines"]["value"]] == ["m0", "m1", "m2", "m4"]
+    assert [machine["name"] for machine in document["unread_machines"]["value"]] == ["m3"]
+    assert calls["get-vmprocessor"] == 1
 
 
 def test_a_host_that_is_read_for_long_says_every_ten_seconds_that_it_still_is(monkeypatch: pytest.MonkeyPatch) -> None:

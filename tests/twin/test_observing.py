@@ -15,6 +15,8 @@ def told(seen: dict[str, Any]) -> dict[str, Any]:
     for name, key in (("tasks", ("name",)), ("records", ("application", "task"))):
         if isinstance(kept[name].get("value"), list):
             kept[name]["value"].sort(key=lambda entry: [entry[part].lower() for part in key])  # used at once
+    for machine in kept["machines"].get("value", ()):
+        machine.setdefault("replication_mode", "None")  # which older ones did not ask
     return kept
 
 

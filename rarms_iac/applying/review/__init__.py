@@ -17,6 +17,7 @@ def review_plan(request: PlanRequest, desired: Desired, plan: HostPlan) -> Itera
     """Find what a reviewer should see before the plan is applied to this host."""
     yield from changes.review_changes_from_outside(request, desired, plan)
     yield from changes.review_images_and_switches(desired, plan)
+    yield from changes.review_tied_machines(request, plan)
     yield from host_effects.review_script_placement(request, desired, plan)
     yield from host_effects.review_smt(request, desired, plan)
     yield from changes.review_restarts(request, plan)

@@ -13,7 +13,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.state import Partition
+from rarms_iac.model.state import Partition, Tie
 from rarms_iac.model.system import Disruption
 from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.desired import Desired
@@ -31,6 +31,7 @@ DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
 VHD = Finding.error("RARMS257", "A machine of generation 2 takes no .vhd disk")
 CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
+TIED = Finding.error("RARMS324", "A machine that something else decides over is not changed")
 SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name")
 
 
@@ -92,6 +93,40 @@ def _review_switch(desired: Desired, step: Step, creation: CreatePartition) -> I
             "switches": tuple(sorted(switches)),
         },
     )
+
+
+def review_tied_machines(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:
+    """Refuse to change a replica, and a machine of a CPU group or cluster where its partition does not say so."""
+    for change in plan.changes:
+        before = change.before
+        if not isinstance(before, Partition):
+            continue
+        partition = request.system.partitions.get(change.address.partition)
+        is_clustered = partition is not None and bool(partition.hyperv.clustered) and not isinstance(change, Delete)
+        for tie in before.ties:
+            if tie is Tie.CLUSTER and is_clustered:
+                continue
+            message, advice = _TIES[tie]
+            yield TIED.at(
+                change.reason.place,
+                f"Machine {quoted(before.settings.name)} ({before.id}) {message}, so this plan cannot change it.",
+                advice,
+                address=str(change.address),
+                values={"machine": before.id, "name": before.settings.name, "tie": tie.value},
+            )
+
+
+_TIES = {
+    Tie.REPLICA: ("is a replica of a machine on another host", "Plan for the host of its primary."),
+    Tie.CLUSTER: (
+        "belongs to a failover cluster, which keeps a copy of its settings and may move it",
+        "Take it out of the cluster; or say `hyperv: {clustered: true}` for its partition, to change it all the same.",
+    ),
+    Tie.CPU_GROUP: (
+        "is in a CPU group: its reserve is a part of what the group has, and not of what the host has",
+        "Take it out of the group (`CpuGroups.exe SetVmGroup`) and plan again.",
+    ),
+}
 
 
 def review_restarts(request: PlanRequest, plan: HostPlan) -> Iterator[Diagnostic]:

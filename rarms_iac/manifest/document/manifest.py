@@ -130,6 +130,7 @@ class HypervPartitionBlock(Block):
     image: Maybe[Filled] = optional("The disk image its disk is a child of.")
     vm_path: Maybe[Filled] = optional("The folder on the host for its virtual machine.")
     secure_boot: Maybe[SecureBoot] = optional("Secure boot of generation 2: `off`, or the template of its guest.")
+    clustered: Maybe[bool] = optional("Whether its machine may be changed although it belongs to a failover cluster.")
 
 
 class LinuxPartitionBlock(Block):

@@ -48,8 +48,8 @@ def _calls(text: str) -> Mapping[str, frozenset[str]]:
 
 
 _READERS = _calls(r"""
-    Get-PartitionReading Machine
-    Get-DeviceReading Machine
+    Get-PartitionReading Machine Clustered
+    Get-DeviceReading Machine Clustered
     Get-NewPartitionReading Name
     Get-MadePartitionReading Name Disk
     Get-TaskClassReading Task
@@ -66,6 +66,7 @@ _SETTERS = _calls(r"""
     Hyper-V\Set-VMMemory VM DynamicMemoryEnabled StartupBytes
     Hyper-V\Set-VMProcessor VM Count Reserve Maximum RelativeWeight
     Hyper-V\Start-VM VM
+    FailoverClusters\Update-ClusterVirtualMachineConfiguration VMId
     Write-Mark
     Stop-Partition GraceMs
     Write-TaskValue Task Name Type Value
@@ -112,7 +113,7 @@ _GUARDS = _calls("""
     Assert-Guest
 """)
 _CAPACITY = _calls("Test-Capacity Processors Reserve Memory")
-_SWITCHES = frozenset({"Differencing", "Everywhere", "Force", "NoVHD"})
+_SWITCHES = frozenset({"Clustered", "Differencing", "Everywhere", "Force", "NoVHD"})
 
 _GUARD = "Guard"
 _RUN_KEYS = {

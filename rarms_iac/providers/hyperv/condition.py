@@ -1,7 +1,6 @@
 """The condition of a host, which an observation shows beside the State, and findings about it. Pure."""
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding
@@ -11,25 +10,23 @@ from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     ObservedMachine,
-    ProcessorSetting,
     ReadProbe,
     UnreadProbe,
     is_unread,
     or_else,
 )
 from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of, rights_of
+from rarms_iac.providers.hyperv.ties import cpu_groups_of, processor_settings
 from rarms_iac.providers.interface import HostFailed
 
-NO_GROUP = "00000000-0000-0000-0000-000000000000"
 NO_NAMESPACE, NO_CLASS = "0x8004100e", "0x80041010"
-_INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 
 
 def condition_of(observation: HostObservation) -> HostCondition:
     """How the host is, as far as it could be looked at."""
     powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
     sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
-    groups = _groups(observation)
+    groups = cpu_groups_of(observation)
     return HostCondition(
         powershell=powershell.version if powershell else None,
         bits=windows.bits if windows else None,
@@ -76,19 +73,6 @@ def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
         clustered=machine.clustered == "True",
         group=group,
     )
-
-
-def _groups(observation: HostObservation) -> Mapping[str, str]:
-    """By id of a machine: its CPU group, where it is in one."""
-    groups = ((machine, setting.group.strip("{}").lower()) for machine, setting in _processor_settings(observation))
-    return {machine: group for machine, group in groups if group not in {"", NO_GROUP}}
-
-
-def _processor_settings(observation: HostObservation) -> Iterator[tuple[str, ProcessorSetting]]:
-    """Settings by the id of their machine; those of checkpoints carry ids that no machine has."""
-    for setting in or_else(observation.cpu_groups, ()):
-        if instance := _INSTANCE.match(setting.instance):
-            yield instance["id"].lower(), setting
 
 
 def _responsiveness(observation: HostObservation) -> RegistryValue | None:
@@ -167,7 +151,7 @@ def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ..
 
 
 def _reserve_findings(observation: HostObservation) -> Iterator[Diagnostic]:
-    thousandths = {machine: setting.reservation for machine, setting in _processor_settings(observation)}
+    thousandths = {machine: setting.reservation for machine, setting in processor_settings(observation)}
     for machine in sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id)):
         reserve = thousandths.get(machine.id, 0)
         if reserve % THOUSANDTHS:

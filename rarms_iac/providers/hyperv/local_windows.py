@@ -224,13 +224,17 @@ def namespace_of(name: str) -> str:
     """The namespace of a class."""
     if name.startswith("Msvm_"):
         return r"root\virtualization\v2"
+    if name.startswith("MSCluster_"):
+        return r"root\MSCluster"
     return r"root\cimv2\power" if name == "Win32_PowerPlan" else r"root\cimv2"
 
 
 def _raw_value(instance: Any, name: str) -> Any:
     """A property as WMI has it; the module would open what a reference leads to, one connection each."""
     known = {each.lower(): each for each in instance.properties}
-    return instance.ole_object.Properties_(known[name.lower()]).Value if name.lower() in known else None
+    found = instance.ole_object.Properties_(known[name.lower()]).Value if name.lower() in known else None
+    inside = getattr(found, "Properties_", None)  # of an instance that lies in the property
+    return found if inside is None else {each.Name: each.Value for each in inside}
 
 
 def _code_of(error: Any) -> int:

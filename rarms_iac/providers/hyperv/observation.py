@@ -123,6 +123,7 @@ class ObservedMachine:
     automatic_checkpoints: str  # True, False, or empty: the host does not know the setting
     checkpoint_count: int
     clustered: str
+    replication_mode: str = ""  # None, Primary, Replica, TestReplica, ExtendedReplica; empty: an older script asked
     disks: tuple[str, ...]
     adapters: tuple[Adapter, ...]
 

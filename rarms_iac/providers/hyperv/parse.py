@@ -27,6 +27,7 @@ from rarms_iac.model.state import (
     StopAction,
     TaskClass,
     TaskRecord,
+    Tie,
     ValueKind,
 )
 from rarms_iac.model.wording import quoted
@@ -42,6 +43,7 @@ from rarms_iac.providers.hyperv.observation import (
     is_denied,
     or_else,
 )
+from rarms_iac.providers.hyperv.ties import REPLICA_MARK, cpu_groups_of, ties_of
 from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.storage.codec import NotDecodable, decode_union
 from rarms_iac.storage.json_text import parse_json
@@ -149,18 +151,29 @@ def partitions_of(observation: HostObservation, facts: HostFacts) -> tuple[Parti
     machines = sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id))
     readings = read_marks({machine.id: machine.notes for machine in machines})
     builds, mute = _guest_builds(observation), _mute_guests(observation)
+    groups = cpu_groups_of(observation)
     secure_boot = {
         firmware.machine: SECURE_BOOT_OFF if firmware.secure_boot == "Off" else firmware.template
         for firmware in or_else(observation.firmware, ())
     }
     return tuple(
-        replace(
-            _partition(machine, readings[machine.id], facts, secure_boot.get(machine.id)),
-            guest_build=builds.get(machine.id, 0),
-            can_be_asked=machine.id not in mute,
+        _tied(
+            replace(
+                _partition(machine, readings[machine.id], facts, secure_boot.get(machine.id)),
+                guest_build=builds.get(machine.id, 0),
+                can_be_asked=machine.id not in mute,
+                ties=ties_of(machine, groups),
+            )
         )
         for machine in machines
     )
+
+
+def _tied(partition: Partition) -> Partition:
+    """A replica has its primary's mark, which is none of its own."""
+    if Tie.REPLICA not in partition.ties or partition.mark is None:
+        return partition
+    return replace(partition, mark=None, foreign_mark=REPLICA_MARK)
 
 
 _ITEM = re.compile(r'<PROPERTY NAME="(?P<property>Name|Data)"[^>]*>\s*<VALUE>(?P<value>[^<]{0,200})</VALUE>')

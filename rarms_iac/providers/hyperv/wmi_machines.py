@@ -14,8 +14,9 @@ WmiInstance = Mapping[str, Any]
 
 SETTINGS, SWITCH = "Msvm_VirtualSystemSettingData", "Msvm_VirtualEthernetSwitch"
 COUNTERS = "Win32_PerfFormattedData_HvStats_HyperVHypervisorLogicalProcessor"
+CLUSTER = "MSCluster_Resource"
 QUERIES: Mapping[str, tuple[str, ...]] = {
-    "Msvm_ComputerSystem": ("Name", "ElementName", "EnabledState", "OperationalStatus"),
+    "Msvm_ComputerSystem": ("Name", "ElementName", "EnabledState", "OperationalStatus", "ReplicationMode"),
     SETTINGS: (
         *("InstanceID", "VirtualSystemType", "VirtualSystemSubType", "Version", "Notes", "AutomaticStartupAction"),
         *("AutomaticStartupActionDelay", "AutomaticShutdownAction", "UserSnapshotType", "AutomaticSnapshotsEnabled"),
@@ -44,6 +45,7 @@ QUERIES: Mapping[str, tuple[str, ...]] = {
     "Win32_Processor": ("Name", "NumberOfCores", "NumberOfLogicalProcessors"),
     "Win32_PowerPlan": ("InstanceID", "IsActive"),
     COUNTERS: ("Name",),
+    CLUSTER: ("Type", "PrivateProperties"),
 }
 """What is asked for, by class: an older Windows may lack a property, which is None then."""
 
@@ -70,6 +72,7 @@ DEGRADED = 3
 START_ACTIONS = {2: "Nothing", 3: "StartIfRunning", 4: "Start"}
 STOP_ACTIONS = {2: "TurnOff", 3: "Save", 4: "ShutDown"}
 CHECKPOINTS = {2: "Disabled", 3: "Production", 4: "ProductionOnly", 5: "Standard"}
+REPLICATION_MODES = {0: "None", 1: "Primary", 2: "Replica", 3: "TestReplica", 4: "ExtendedReplica"}
 DISK_TYPES = {2: "Fixed", 3: "Dynamic", 4: "Differencing"}
 TEMPLATES = {
     "1734c6e8-3154-4dda-ba5f-a874cc483422": "MicrosoftWindows",
@@ -193,15 +196,30 @@ def _parts(source: WmiSource, setting: WmiInstance, *classes: str) -> list[WmiIn
 
 def read_machines(source: WmiSource, unread: list[Json]) -> Iterator[Json]:
     """Each machine; one whose settings cannot be read goes to `unread`, and hides none of the others."""
+    clustered = _clustered(source)
     for system, setting in _settings(source):
         machine = {"id": _str(system, "Name").lower(), "name": _str(system, "ElementName")}
         try:
-            yield {**machine, **_machine(source, system, setting)}
+            yield {**machine, **_machine(source, system, setting, clustered)}
         except NotRead as problem:
             unread.append({**machine, "error": problem.error, "message": problem.message})
 
 
-def _machine(source: WmiSource, system: WmiInstance, setting: WmiInstance) -> dict[str, Json]:
+def _clustered(source: WmiSource) -> frozenset[str]:
+    """The ids of the machines that a failover cluster has, in lower case; without its namespace there is no cluster."""
+    try:
+        resources = source.instances(CLUSTER)
+    except NotRead as problem:
+        if problem.denied:
+            raise
+        return frozenset()
+    properties = [each["PrivateProperties"] for each in resources if _str(each, "Type") == "Virtual Machine"]
+    return frozenset(str(each["VmID"]).lower() for each in properties if each is not None and "VmID" in each)
+
+
+def _machine(
+    source: WmiSource, system: WmiInstance, setting: WmiInstance, clustered: frozenset[str]
+) -> dict[str, Json]:
     (cpu,) = _parts(source, setting, "Msvm_ProcessorSettingData")[:1] or (_lacks("processor"),)
     (memory,) = _parts(source, setting, "Msvm_MemorySettingData")[:1] or (_lacks("memory"),)
     snapshots = source.instances("Msvm_SnapshotOfVirtualSystem")
@@ -226,7 +244,8 @@ def _machine(source: WmiSource, system: WmiInstance, setting: WmiInstance) -> di
         "checkpoints": _named(CHECKPOINTS, setting, "UserSnapshotType"),
         "automatic_checkpoints": "" if automatic is None else str(bool(automatic)),
         "checkpoint_count": sum(_end(each, "Antecedent") == system["Name"] for each in snapshots),
-        "clustered": "",  # no class of this namespace says it
+        "clustered": str(_str(system, "Name").lower() in clustered),
+        "replication_mode": _named(REPLICATION_MODES, system, "ReplicationMode"),
         "disks": list(_disks(source, setting)),
         "adapters": list(_adapters(source, setting)),
     }

@@ -8,7 +8,9 @@ function Test-Capacity {
         if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
         $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
-        if ($active -or (-not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing')) { $vm }
+        # A replica starts at a failover only.
+        $starts = -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
+        if ($active -or (-not $ours -and $starts)) { $vm }
     })
     $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })

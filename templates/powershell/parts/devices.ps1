@@ -2,8 +2,8 @@
 # What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
 
 function Get-DeviceReading {
-    param([string] $Machine)
-    Add-DeviceReading -Live (Get-PartitionReading -Machine $Machine)
+    param([string] $Machine, [switch] $Clustered)
+    Add-DeviceReading -Live (Get-MachineReading -Machine $Machine -Clustered $Clustered)
 }
 
 function Add-DeviceReading {

@@ -59,9 +59,11 @@ function Remove-TestPartition {
     # Removes every test partition with its disk, made by any run: who holds this computer knows that no run measures.
     param([switch] $Tell)
     foreach ($vm in @(Hyper-V\Get-VM)) {
+        if (Get-Tie -Vm $vm) { continue }
         $mark = Get-Mark -Vm $vm
         $called = if ($mark.Name) { $mark.Name + '.rarms-000000000000' } else { [string] $vm.Name }
         if (-not ($called -cmatch '^rarms-p[12]\.rarms-0{12}$')) { continue }
+        if (Test-Shielded -Vm $vm) { continue }
         $disks = @(@(Hyper-V\Get-VMHardDiskDrive -VM $vm) | Where-Object -FilterScript {
             [string] $_.Path -cmatch $script:TestDisk
         })

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 55020628e25b of application robot, for the host itself.
+    rarms apply script: plan 7e4ebdc449b3 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
@@ -12,7 +12,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -48,9 +48,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '55020628e25b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7e4ebdc449b3'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5546e23bd2a041f1ef14feeb31d9362ed08c2b2fb357c00334e818b7ff2f1f9a'
+        UndoDigest = 'c2377f07969e135820bf4ef10520950fef45ad08d720fc0aa1ea831548d97292'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
@@ -700,15 +700,27 @@ function Test-RootScheduler {
 # How virtual machines are found, read and marked: never by their names.
 
 $script:Vm = $null              # the one that was read last
+$script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {
     # What the host shows of the machine with this id.
-    param([string] $Machine)
+    param([string] $Machine, [switch] $Clustered)
+    Get-MachineReading -Machine $Machine -Clustered $Clustered
+}
+
+function Get-MachineReading {
+    # As Get-PartitionReading, for its other callers.
+    param([string] $Machine, [bool] $Clustered)
     $live = Get-Known
-    if (-not $live.Count) { Add-MachineReading -Live $live -Found @(Find-Machine -Machine $Machine) }
+    if (-not $live.Count) {
+        $found = @(Find-Machine -Machine $Machine)
+        # Of what was done nothing is to be changed.
+        if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
+        Add-MachineReading -Live $live -Found $found
+    }
     $script:Vm = $live['vm']
     $live
 }
@@ -767,11 +779,44 @@ function Add-MachineReading {
 function Get-Mark {
     # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
     param($Vm)
+    if (Test-Replica -Vm $Vm) { return @{ Application = ''; Name = ''; Set = '' } }
     $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
     if ($found.Count -eq 1 -and $found[0] -cmatch $script:MarkForm -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
     }
     @{ Application = ''; Name = ''; Set = '' }
+}
+
+function Assert-Untied {
+    # A replica, a shielded machine and one of a cluster are not the host's alone; a plan may accept the last.
+    param($Vm, [bool] $Clustered)
+    $tie = Get-Tie -Vm $Vm
+    if ($tie -ceq 'of a failover cluster' -and $Clustered) { $tie = '' }
+    if (-not $tie -and (Test-Shielded -Vm $Vm)) { $tie = 'shielded' }
+    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here' -f $Vm.Name, $Vm.Id, $tie) }
+}
+
+function Get-Tie {
+    # What a machine says itself of who else decides over it; nothing of one that is the host's alone.
+    param($Vm)
+    if (Test-Replica -Vm $Vm) { return 'a replica of one on another host' }
+    $clustered = $Vm.PSObject.Properties['IsClustered']
+    if ($null -ne $clustered -and $clustered.Value) { return 'of a failover cluster' }
+    ''
+}
+
+function Test-Replica {
+    # A replica has the id and the notes of its primary, so that our mark on it says nothing.
+    param($Vm)
+    @('Replica', 'TestReplica', 'ExtendedReplica') -ccontains [string] $Vm.ReplicationMode
+}
+
+function Test-Shielded {
+    # Asked once a run of each machine.
+    param($Vm)
+    $id = [string] $Vm.Id
+    if (-not $script:Shielded.Contains($id)) { $script:Shielded[$id] = [bool] (Hyper-V\Get-VMSecurity -VM $Vm).Shielded }
+    $script:Shielded[$id]
 }
 
 function Get-ShortId {
@@ -812,7 +857,9 @@ function Test-Capacity {
         if ([string] $vm.Id -ceq [string] $script:Vm.Id) { continue }
         $ours = (Get-Mark -Vm $vm).Application -ceq $script:Plan.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
-        if ($active -or (-not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing')) { $vm }
+        # A replica starts at a failover only.
+        $starts = -not (Test-Replica -Vm $vm) -and [string] $vm.AutomaticStartAction -cne 'Nothing'
+        if ($active -or (-not $ours -and $starts)) { $vm }
     })
     $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })

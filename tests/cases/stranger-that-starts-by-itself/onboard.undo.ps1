@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan adf3d7fde336 of application robot, for the host itself.
+    rarms undo script: plan 0e78ee8da01e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -11,7 +11,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -47,7 +47,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'adf3d7fde336'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '0e78ee8da01e'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -690,15 +690,27 @@ function Test-RootScheduler {
 # How virtual machines are found, read and marked: never by their names.
 
 $script:Vm = $null              # the one that was read last
+$script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
 $form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {
     # What the host shows of the machine with this id.
-    param([string] $Machine)
+    param([string] $Machine, [switch] $Clustered)
+    Get-MachineReading -Machine $Machine -Clustered $Clustered
+}
+
+function Get-MachineReading {
+    # As Get-PartitionReading, for its other callers.
+    param([string] $Machine, [bool] $Clustered)
     $live = Get-Known
-    if (-not $live.Count) { Add-MachineReading -Live $live -Found @(Find-Machine -Machine $Machine) }
+    if (-not $live.Count) {
+        $found = @(Find-Machine -Machine $Machine)
+        # Of what was done nothing is to be changed.
+        if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
+        Add-MachineReading -Live $live -Found $found
+    }
     $script:Vm = $live['vm']
     $live
 }
@@ -757,11 +769,44 @@ function Add-MachineReading {
 function Get-Mark {
     # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
     param($Vm)
+    if (Test-Replica -Vm $Vm) { return @{ Application = ''; Name = ''; Set = '' } }
     $found = @(@([string] $Vm.Notes -split '\n') | Where-Object -FilterScript { $_ -cmatch $script:MarkForm })
     if ($found.Count -eq 1 -and $found[0] -cmatch $script:MarkForm -and $Matches['vm'] -ceq (Get-ShortId -Vm $Vm)) {
         return @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
     }
     @{ Application = ''; Name = ''; Set = '' }
+}
+
+function Assert-Untied {
+    # A replica, a shielded machine and one of a cluster are not the host's alone; a plan may accept the last.
+    param($Vm, [bool] $Clustered)
+    $tie = Get-Tie -Vm $Vm
+    if ($tie -ceq 'of a failover cluster' -and $Clustered) { $tie = '' }
+    if (-not $tie -and (Test-Shielded -Vm $Vm)) { $tie = 'shielded' }
+    if ($tie) { Stop-Run -Detail ('machine {0} ({1}) is {2}, and not changed here' -f $Vm.Name, $Vm.Id, $tie) }
+}
+
+function Get-Tie {
+    # What a machine says itself of who else decides over it; nothing of one that is the host's alone.
+    param($Vm)
+    if (Test-Replica -Vm $Vm) { return 'a replica of one on another host' }
+    $clustered = $Vm.PSObject.Properties['IsClustered']
+    if ($null -ne $clustered -and $clustered.Value) { return 'of a failover cluster' }
+    ''
+}
+
+function Test-Replica {
+    # A replica has the id and the notes of its primary, so that our mark on it says nothing.
+    param($Vm)
+    @('Replica', 'TestReplica', 'ExtendedReplica') -ccontains [string] $Vm.ReplicationMode
+}
+
+function Test-Shielded {
+    # Asked once a run of each machine.
+    param($Vm)
+    $id = [string] $Vm.Id
+    if (-not $script:Shielded.Contains($id)) { $script:Shielded[$id] = [bool] (Hyper-V\Get-VMSecurity -VM $Vm).Shielded }
+    $script:Shielded[$id]
 }
 
 function Get-ShortId {
@@ -796,8 +841,8 @@ function ConvertTo-Word {
 # What a machine has beside processors and memory: one call for each kind that is wanted and was not read yet.
 
 function Get-DeviceReading {
-    param([string] $Machine)
-    Add-DeviceReading -Live (Get-PartitionReading -Machine $Machine)
+    param([string] $Machine, [switch] $Clustered)
+    Add-DeviceReading -Live (Get-MachineReading -Machine $Machine -Clustered $Clustered)
 }
 
 function Add-DeviceReading {

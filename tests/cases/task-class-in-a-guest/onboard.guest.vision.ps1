@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e97d9f1633ed of application robot, for the guest of partition vision.
+    rarms apply script: plan e306fabb61fa of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -12,7 +12,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.guest.vision.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -47,9 +47,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e97d9f1633ed'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e306fabb61fa'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '6e4d9207c26759fe3c3efa5daa8a39a0d485a910fe160b3c70085e3d42ddf3a8'
+        UndoDigest = '4f5dfbfa2f25ee9db9b847651c1b50093c1cb424c180ef866b62a96eb97f844d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e97d9f1633ed of application robot, for the guest of partition vision.
+    rarms undo script: plan e306fabb61fa of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -12,7 +12,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.guest.vision.undo.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -47,7 +47,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e97d9f1633ed'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'e306fabb61fa'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = 'vision'
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -12,7 +12,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -50,7 +50,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '0b5b37d2f04e'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '288cf97ab0baab5f61baf257619a5ea524aef91624e7062884344a9530cc5db7'
+        UndoDigest = '49bbf65e117319a4a609150a9bfe5368e4106be2ac04ac330e65958c0b01a6cd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -12,7 +12,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.undo.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.

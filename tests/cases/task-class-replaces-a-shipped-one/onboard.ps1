@@ -11,7 +11,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -49,7 +49,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b5c52b6f04d2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2ecfca95c9d8a6aef90f4fc5e4c4a2e5cbf1b00427ee752720f79d24d4b222aa'
+        UndoDigest = '281fbf97f06ecf6e403312d10d151dce99e51f80a18e575a9ade724826848ca3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -11,7 +11,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -49,7 +49,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '762802547088'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '37edf2ec85a6c883f7ea26f89e988a16dfb7ded460e9c4332ee047af667b51f2'
+        UndoDigest = '977b626c834e2e4cac819458e5ef1a66899445031f1de05f38055499ccf7d98d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -12,7 +12,7 @@
 .PARAMETER Abandon
     Close this plan's unfinished run and change nothing else.
 .PARAMETER Force
-    Asks nothing, whatever is stopped, removed or deleted.
+    Asks nothing before it stops, removes or deletes.
 .EXAMPLE
     .\onboard.ps1 -WhatIf
     Show what it would do; nothing is changed. With -Confirm it asks before each step.
@@ -50,7 +50,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '813c0a4c1d64'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5cef6f7a532851ca9ddc16d2d6deca310f723771bf92e6ad42bc6f698754232f'
+        UndoDigest = '486ee41a9034a06ad45031ecb8d6185a18c0f120800e83eb05e4691496499d7e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1

@@ -90,7 +90,7 @@ partitions:
     protect: true
     start: manual
     stop: { grace: 90 s }
-    hyperv: { generation: 1, switch: other, image: x.vhd, vm_path: y }
+    hyperv: { generation: 1, switch: other, image: x.vhd, vm_path: y, clustered: true }
     guest: { connect: { ssh: robot@senses }, credential: senses-admin }
 interference:
   busy: { kind: busy_loop, threads: 2 }

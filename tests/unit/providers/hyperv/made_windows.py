@@ -180,7 +180,11 @@ class MadeWindows:
         state = numbers(wmi_machines.STATES)[machine["state"].removesuffix("Critical")]
         status = [wmi_machines.DEGRADED] if critical else [2]
         name = machine["name"]
-        self._add("Msvm_ComputerSystem", Name=system, ElementName=name, EnabledState=state, OperationalStatus=status)
+        mode = numbers(wmi_machines.REPLICATION_MODES)[machine.get("replication_mode") or "None"]
+        known = {"ElementName": name, "EnabledState": state, "OperationalStatus": status, "ReplicationMode": mode}
+        self._add("Msvm_ComputerSystem", Name=system, **known)
+        if machine["clustered"] == "True":
+            self._add(wmi_machines.CLUSTER, Type="Virtual Machine", PrivateProperties={"VmID": system})
         self._settings(realised, wmi_machines.REALISED, machine)
         self._link("Msvm_SettingsDefineState", ManagedElement=system, SettingData=realised)
         for number in range(machine["checkpoint_count"]):
