@@ -169,8 +169,6 @@ class RunListener:
                 self._reporter.host_output(self._host, f"{event.address}: {event.detail}")
             case EventKind.STEP:
                 self._step(event)
-            case EventKind.LOCK if event.status is EventStatus.TAKEN_OVER:
-                self._reporter.host_output(self._host, f"{event.status.value}: {event.detail}")
             case EventKind.LOCK | EventKind.REFUSED | EventKind.FAILED | EventKind.RUN:
                 self._last = event
 

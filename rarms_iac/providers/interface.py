@@ -182,7 +182,6 @@ class EventStatus(StrEnum):
     UNCHANGED = "unchanged"
     SKIPPED = "skipped"
     PREVIEWED = "previewed"
-    TAKEN_OVER = "taken over"
     REFUSED = "refused"
     FAILED = "failed"
     STOPPED = "stopped"

@@ -140,10 +140,11 @@ function Assert-Host {
             $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; After = $after }
         }
         if ($leave) { continue }
-        if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
-            foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
+        if (-not @(foreach ($one in $step.Needs) { if ($ahead.Contains($one + ' exists')) { $one } }).Count) {
+            $live = Get-Reading -Step $step
+            foreach ($name in @(Compare-Step -Step $step -Live $live)) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Stop-Run -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail (Get-Difference -Name $name -Live $live -Expected $step.Before)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -157,11 +158,13 @@ function Assert-Host {
         $wanted = $made[$at].After
         # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
         [void] $wanted.Remove('boots_from')
-        foreach ($name in @(Compare-Reading -Live (Get-Settled -Name $wanted.Keys -Until $settled) -Expected $wanted)) {
+        $live = Get-Settled -Name $wanted.Keys -Until $settled
+        foreach ($name in @(Compare-Reading -Live $live -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
-            if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Stop-Run -Detail ('is not as wanted: ' + $name)
+            $detail = Get-Difference -Name $name -Live $live -Expected $wanted -Text 'is not as wanted: '
+            if ($Last) { throw ('{0} {1}' -f $at, $detail) }
+            Stop-Run -Detail $detail
         }
     }
     $script:Current = $script:Whole
@@ -186,7 +189,7 @@ function Invoke-Step {
     }
     # What was read with others, or of another, may be old by now.
     if ($script:Known.Count -gt 2 -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
-    $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
+    $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
     $live = Get-Reading -Step $Step
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
     if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
@@ -200,7 +203,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -281,13 +284,14 @@ function Compare-Step {
         # What is not asked before a step may be anything, but not where nothing was.
         $all = $Step.Before['exists'] -ceq $false -or $names -ccontains 'values'
         if ($all) { $names += @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*') }
-        $odd = @($names | Where-Object -FilterScript {
+        # What the killed run did itself is no difference: only the odd ones are named.
+        foreach ($name in $names) {
             # Names of values come and go one by one; a machine may be on its way to be off.
-            $busy = @('values', 'empty') -ccontains $_ -or ($_ -ceq 'state' -and $Live[$_] -ceq 'busy')
-            $old = Test-Agreed -Left $Live -Right $Step.Before -Name $_
-            -not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $_))
-        })
-        if (-not $odd.Count) { return }
+            $busy = @('values', 'empty') -ccontains $name -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')
+            $old = Test-Agreed -Left $Live -Right $Step.Before -Name $name
+            if (-not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $name))) { $name }
+        }
+        return
     }
     Compare-Reading -Live $Live -Expected $Step.Before
 }
@@ -295,7 +299,19 @@ function Compare-Step {
 function Compare-Reading {
     # The names whose live value is not the expected one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
-    @($Expected.Keys) | Where-Object -FilterScript { -not (Test-Agreed -Left $Live -Right $Expected -Name $_) }
+    # No cmdlet filters here: a profile's own of the same name would say that there is nothing to do.
+    foreach ($name in @($Expected.Keys)) {
+        if (-not (Test-Agreed -Left $Live -Right $Expected -Name $name)) { $name }
+    }
+}
+
+function Get-Difference {
+    # The names that differ, or that all of it is gone.
+    param([string[]] $Name, $Live, $Expected, [string] $Text = 'changed since the plan: ')
+    if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
+        return 'it is gone from this host: make a new plan'
+    }
+    $Text + ($Name -join ', ')
 }
 
 function Test-Agreed {

@@ -66,7 +66,7 @@ TYPES = READING_TYPES | words(
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
     System.Security.Cryptography.SHA256 System.StringComparer System.StringComparison System.Text.Encoding
-    System.Threading.AbandonedMutexException System.Threading.Mutex System.UnauthorizedAccessException
+    System.IO.FileShare System.IO.IOException
     """
 )
 
@@ -94,8 +94,8 @@ MEMBERS = READING_MEMBERS | words(
     Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
     GetAttributes GetBytes GetString Guard Guest
     InvocationInfo Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
-    OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    ContainsKey Detail Read ReadAllBytes ReadAllText ReleaseMutex Remove ReparsePoint Run ScriptLineNumber Serial Set
+    EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
+    ContainsKey Detail Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial Set
     SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run

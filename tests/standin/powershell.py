@@ -35,7 +35,7 @@ from tests.twin.scopes import Session
 from tests.twin.values import ScriptError
 
 STAND_IN = "This is a stand-in of rarms' tests and no PowerShell."
-STATE, HOW, LOCK = "host.pickle", "how.json", "mutex"
+STATE, HOW, LOCK = "host.pickle", "how.json", "lock"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +115,9 @@ def main(arguments: Sequence[str]) -> int:
 
 def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
     """The script on the twin: every effect is kept at once, so that an end at any time leaves what was done."""
-    with mutex(folder) as free:
+    with lock(folder) as free:
         host = load(folder)
-        host.mutex = "" if free else "held"
+        host.lock = "" if free else "held"
         if not script.name.startswith("observe"):
             _meddle(host, how.meddles_with)
         for path in script.parent.glob("*.ps1"):
@@ -187,7 +187,7 @@ def _tidy(host: WindowsHost) -> None:
 
 
 @contextmanager
-def mutex(folder: Path) -> Iterator[bool]:
+def lock(folder: Path) -> Iterator[bool]:
     """Whether this process alone runs a script on the host; let go of by its end, however it comes."""
     try:
         with hold(folder / LOCK, "the stand-in"):

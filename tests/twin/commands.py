@@ -158,10 +158,15 @@ def piped(node: Node) -> Pipe:
     """A call behind a `|`."""
     written = _written(node)
     given = dict(written.given)
+    own = written.name.lower()
     if written.name == "Where-Object" and set(given) == {"FilterScript"}:
         block = given["FilterScript"]
         assert block is not None
-        return lambda scope, held: [item for item in held if truth(run_block(block(scope), scope, this=item))]
+        return lambda scope, held: (
+            [item for item in held if truth(run_block(block(scope), scope, this=item))]
+            if own not in scope.session.functions
+            else []  # a profile's own
+        )
     if written.name == "Sort-Object" and set(given) <= {"Descending"}:
         return lambda scope, held: _sorted(held, descending="Descending" in given)
     raise Unsupported(f"a pipeline into {text_of(node)[:80]}")

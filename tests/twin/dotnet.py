@@ -26,6 +26,8 @@ from tests.twin.values import (
 )
 
 REPARSE_POINT = 0x400
+OWNER = "\\owner.txt"
+"""Ends the path of the file that a run has open, shared for reading, while it holds its computer."""
 
 
 def static_property(kind: str, name: str, scope: Scope) -> Value:
@@ -48,7 +50,7 @@ def static_property(kind: str, name: str, scope: Scope) -> Value:
             return Enumerated("Ordinal")
         case "io.fileattributes", "reparsepoint":
             return REPARSE_POINT
-        case "io.filemode" | "io.fileaccess" | "security.principal.windowsbuiltinrole", _:
+        case "io.filemode" | "io.fileaccess" | "io.fileshare" | "security.principal.windowsbuiltinrole", _:
             return Enumerated(name)
         case _:
             raise Unsupported(f"[{kind}]::{name}")
@@ -78,8 +80,9 @@ class Ascii(Thing):
     def do_getbytes(self, value: Value) -> bytes:
         return text(value).encode("ascii", "replace")
 
-    def do_getstring(self, data: Value) -> str:
-        return bytes(data).decode("ascii", "replace")
+    def do_getstring(self, data: Value, offset: Value = 0, count: Value = None) -> str:
+        end = len(data) if count is None else number(offset) + number(count)
+        return "".join(chr(byte) if byte < 0x80 else "?" for byte in bytes(data)[number(offset) : end])
 
 
 class Sha256(Thing):
@@ -89,52 +92,19 @@ class Sha256(Thing):
         return hashlib.sha256(bytes(data)[number(offset) : number(offset) + number(count)]).digest()
 
 
-class Mutex(Thing):
-    """The named mutex of a computer."""
-
-    type_name = "System.Threading.Mutex"
-
-    def __init__(self, scope: Scope) -> None:
-        super().__init__()
-        self.host = scope.session.host
-        self.held = False
-
-    def do_waitone(self, span: Value) -> bool:
-        before = self.host.mutex
-        if before == "held":
-            self.host.clock += number(span)
-            return False
-        self.host.mutex = "ours"
-        self.held = True
-        if before == "abandoned":
-            raise ScriptError(
-                'Exception calling "WaitOne": the wait completed due to an abandoned mutex.',
-                error_id="AbandonedMutexException",
-                kind="System.Threading.AbandonedMutexException",
-            )
-        return True
-
-    def do_releasemutex(self) -> Value:
-        if not self.held:
-            raise ScriptError("Object synchronization method was called from an unsynchronized block of code.")
-        self.host.mutex = ""
-        self.held = False
-        return EMPTY
-
-    def do_dispose(self) -> Value:
-        return EMPTY
-
-
 class Stream(Thing):
     """A file that is written to."""
 
     type_name = "System.IO.FileStream"
 
-    def __init__(self, host: WindowsHost, path: str) -> None:
+    def __init__(self, host: WindowsHost, path: str, *, locks: bool = False) -> None:
         super().__init__()
         self.host = host
         self.path = path
         self.position = 0
+        self.locks = locks
+        if locks:
+            host.lock = "ours"
         if host.file(path) is None:
             host.effect(f"open {path}", lambda: host.write_file(path, b""))
 
@@ -170,7 +140,14 @@ class Stream(Thing):
             raise Unsupported("a flush that does not reach the disk")
         return EMPTY
 
+    def do_read(self, into: Value, offset: Value, count: Value) -> int:
+        found = self.data[: number(count)]
+        into[number(offset) : number(offset) + len(found)] = found
+        return len(found)
+
     def do_dispose(self) -> Value:
+        if self.locks:
+            self.host.lock = ""
         return EMPTY
 
 
@@ -214,7 +191,14 @@ def missing(path: str) -> ScriptError:
     return ScriptError(says, error_id="FileNotFoundException", kind="System.IO.FileNotFoundException")
 
 
+def used_elsewhere(path: str) -> ScriptError:
+    says = f"The process cannot access the file '{path}' because it is being used by another process."
+    return ScriptError(says, error_id="IOException", kind="System.IO.IOException")
+
+
 def content(scope: Scope, path: Value) -> bytes:
+    if scope.session.host.lock and text(path).endswith(OWNER):
+        raise used_elsewhere(text(path))  # these readers share it for reading alone
     found = scope.session.host.file(text(path))
     if found is None or found.data is None:
         raise missing(text(path))
@@ -256,6 +240,8 @@ def _move(scope: Scope, old: Value, new: Value) -> Value:
 
 def _delete(scope: Scope, path: Value) -> Value:
     host, where = scope.session.host, text(path)
+    if host.lock and where.endswith(OWNER):
+        raise used_elsewhere(where)
     host.effect(f"delete {where}", lambda: host.files.pop(where.lower(), None))
     return EMPTY
 
@@ -289,16 +275,21 @@ def _sort(scope: Scope, values: Value, comparer: Value) -> Value:
     return EMPTY
 
 
-def _new_mutex(scope: Scope, owned: Value, name: Value) -> Mutex:
-    if owned is not False or name != "Global\\rarms":
-        raise Unsupported(f"the mutex {name}")
-    return Mutex(scope)
-
-
-def _new_stream(scope: Scope, path: Value, mode: Value, access: Value) -> Stream:
-    if str(mode).lower() != "openorcreate" or str(access).lower() != "write":
-        raise Unsupported(f"a file opened with {mode}, {access}")
-    return Stream(scope.session.host, text(path))
+def _new_stream(scope: Scope, path: Value, mode: Value, access: Value, share: Value = "") -> Stream:
+    host, where = scope.session.host, text(path)
+    match str(mode).lower(), str(access).lower(), str(share).lower():
+        case "openorcreate", "write", "":
+            return Stream(host, where)
+        case "openorcreate", "write", "read" if where.endswith(OWNER):
+            if host.lock:
+                raise used_elsewhere(where)
+            return Stream(host, where, locks=True)
+        case "open", "read", "readwrite":
+            if host.file(where) is None:
+                raise missing(where)
+            return Stream(host, where)
+        case found:
+            raise Unsupported(f"a file opened with {found}")
 
 
 def _identity(scope: Scope) -> Thing:
@@ -321,7 +312,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.file", "delete"): _delete,
     ("io.directory", "createdirectory"): _make_folder,
     ("io.filestream", "new"): _new_stream,
-    ("threading.mutex", "new"): _new_mutex,
+    ("byte[]", "new"): lambda scope, size: [0] * number(size),
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
     ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{byte:02X}" for byte in bytes(data)),
     ("array", "sort"): _sort,

@@ -13,7 +13,7 @@ ADMINISTRATORS, SYSTEM = "S-1-5-32-544", "S-1-5-18"
 
 
 class Killed(BaseException):
-    """The process is gone: no `finally` runs, the mutex is abandoned."""
+    """The process is gone: no `finally` runs, its open files are closed."""
 
 
 class Interrupted(BaseException):
@@ -163,9 +163,10 @@ class WindowsHost:
     files: dict[str, File] = field(default_factory=dict)
     environment: dict[str, str] = field(default_factory=lambda: {"programdata": "C:\\ProgramData", "os": "Windows_NT"})
     defaults: dict[str, object] = field(default_factory=dict)  # a profile's $PSDefaultParameterValues
+    profile: str = ""  # functions that were defined before a script runs, as PowerShell
     all_signed: bool = False  # a group policy: a script that is not signed does not run
     interrupt: bool = False  # Ctrl-C as soon as a script waits
-    mutex: str = ""  # free, `held` by somebody who lives, or `abandoned`
+    lock: str = ""  # of the file that a run has open: free, `held` by another process, `ours`
     clock: int = 0  # ms
     made: int = 0  # machines made so far, for their ids
     effects: list[str] = field(default_factory=list)  # what has been changed, in words

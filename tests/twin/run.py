@@ -144,8 +144,8 @@ def run(
     except Killed:
         code = None
         drop_sessions(session)
-        host.mutex = "abandoned" if host.mutex == "ours" else host.mutex
-    assert host.mutex != "ours", "a process that ends gives the mutex back"
+        host.lock = "" if host.lock == "ours" else host.lock
+    assert host.lock != "ours", "a process that ends closes its files"
     assert code is None or not session.jobs, "jobs are removed"
     return Ran(code=code, lines=tuple(map(text, session.output)), talk=tuple(session.talk))
 
@@ -166,6 +166,8 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> 
     }
     for parameter in script.parameters:
         scope.variables[parameter.name] = arguments[parameter.name]
+    if session.host.profile:
+        _compiled(session.host.profile.encode("ascii")).body(scope, session.output)
     try:
         script.body(scope, session.output)
     except Exit as end:

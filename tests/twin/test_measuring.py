@@ -55,7 +55,7 @@ def test_the_least_reservation_is_found_and_nothing_stays(measured: Measured) ->
     assert isinstance(result.conclusion, Sufficient)
     assert 20 < result.conclusion.reserve <= 25  # 20 ms of work in 100 ms
     assert leftovers(host) == []
-    assert host.mutex == ""
+    assert host.lock == ""
 
 
 def test_a_setting_carries_what_the_hypervisor_counted(measured: Measured) -> None:
@@ -273,7 +273,7 @@ def test_the_guard_in_a_guest_ends_what_a_dead_session_started(measured: Measure
         (lambda host: setattr(host.file(CREDENTIAL), "owner", "S-1-5-21-1"), "not to Administrators or SYSTEM"),
         (lambda host: host.programs.pop("vision.exe"), "The system cannot find the file specified."),
         (lambda host: setattr(host, "scheduler", 4), "root scheduler"),
-        (lambda host: setattr(host, "mutex", "held"), "it is held by"),
+        (lambda host: setattr(host, "lock", "held"), "it is held by"),
     ],
     ids=["wrong password", "no credential", "planted credential", "no program", "root scheduler", "held"],
 )

@@ -178,7 +178,7 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
 
     assert ran.code == 0, "PowerShell's own"
     assert ran.events[-1]["status"] == "begun", "no closing event: nobody may take it for done"
-    assert host.mutex == ""
+    assert host.lock == ""
     other = apply(host.copy(), fresh().plan)
     assert (other.code, "run its script again, or its undo script" in other.says) == (3, True)
     host = host.copy()
@@ -187,7 +187,7 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
 
 def test_a_preview_for_a_program_is_json_and_takes_no_lock() -> None:
     prepared = fresh()
-    host = prepared.copy(mutex="held")
+    host = prepared.copy(lock="held")
     put(host, scripts_of(prepared.plan))
 
     ran = run(host, apply_script(prepared.plan), what_if=True)

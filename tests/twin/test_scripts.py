@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.model.plan import Purpose
+from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import HypervPartition
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.outline import outline
@@ -18,7 +18,7 @@ from tests.effort import every_few
 from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import IMAGE, Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
 from tests.twin.host import Vm, WindowsHost
-from tests.twin.observing import JOURNAL, PROFILE, document_of
+from tests.twin.observing import JOURNAL, PROFILE, RECORDS, document_of
 from tests.twin.run import Ran, put, run
 
 FOLDER = JOURNAL.rpartition("\\")[0]
@@ -270,7 +270,7 @@ def test_a_task_class_that_somebody_moved_is_not_touched() -> None:
         ({"computer": "OTHER"}, 3, "this is OTHER"),
         ({"logical_processors": 2}, 3, "2 logical processors"),
         ({"scheduler": 4}, 1, "root scheduler"),
-        ({"mutex": "held"}, 3, "it is held by"),
+        ({"lock": "held"}, 3, "it is held by"),
         ({"elevated": False}, 1, ""),
     ],
     ids=["another computer", "processors", "root", "locked", "no rights"],
@@ -309,16 +309,44 @@ def test_a_client_without_the_schedulers_event_counts_as_root() -> None:
     assert "root scheduler" in ran.says
 
 
-def test_a_mutex_that_a_dead_process_held_is_taken_over_by_name() -> None:
+def test_what_a_dead_process_held_is_free() -> None:
     prepared = fresh()
     host = prepared.copy(kill_after=20)
     apply(host, prepared.plan)
-    assert host.mutex == "abandoned"
+    assert host.file(f"{FOLDER}\\owner.txt") is not None
 
-    ran = again(host.copy(mutex="abandoned"), prepared)
+    ran = again(host.copy(), prepared)
 
     assert ran.code == 0, ran.says
-    assert "operator@ONBOARD, process 4711" in ran.says
+
+
+@pytest.mark.parametrize(("frees_s", "code"), [(20, 0), (60, 3)])
+def test_another_run_is_waited_for_as_long_as_that_is_wanted_and_named(frees_s: int, code: int) -> None:
+    prepared = fresh()
+    host = prepared.copy(lock="held")
+    host.write_file(FOLDER, None)
+    host.write_file(f"{FOLDER}\\owner.txt", b"engineer@DESK, process 9")
+    put(host, scripts_of(prepared.plan))
+    until = host.clock + 1000 * frees_s
+
+    def let_go(on: WindowsHost) -> None:
+        if on.clock >= until:
+            on.lock, on.slept = "", None
+
+    host.slept = let_go
+
+    ran = run(host, apply_script(prepared.plan), lock_timeout=30)
+
+    assert ran.code == code, ran.says
+    assert ("it is held by engineer@DESK, process 9" in ran.says) is (code == 3)
+
+
+def test_the_folder_is_protected_before_anything_in_it_is_opened() -> None:
+    prepared = fresh()
+    whole = calls(prepared)
+
+    assert whole[0].startswith("make folder")
+    assert next(at for at, call in enumerate(whole) if "Set-Acl" in call) < whole.index(f"open {FOLDER}\\owner.txt")
 
 
 def test_a_used_plan_is_refused_after_another() -> None:
@@ -387,7 +415,7 @@ def test_a_run_is_done_where_the_owners_name_cannot_be_taken_away() -> None:
     ran = apply(host, prepared.plan)
 
     assert ran.code == 0, ran.says
-    assert host.mutex == ""
+    assert host.lock == ""
 
 
 def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:
@@ -404,6 +432,114 @@ def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:
     assert ran.code == 1
     assert "damaged" in ran.says
     assert seen(host) == before
+
+
+def as_utf_16(data: bytes) -> bytes:
+    return b"\xff\xfe" + data.decode("ascii").encode("utf-16-le")
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda data: b"\xef\xbb\xbf" + data,
+        as_utf_16,
+        lambda data: data.split(b"\n")[0][:1000],
+        lambda data: b"hello",
+        lambda data: b"",
+        lambda data: data.removesuffix(b"\n") + b" \n",
+    ],
+    ids=["byte order mark", "UTF-16", "cut in its only line", "hello", "nothing", "a blank in its last line"],
+)
+@pytest.mark.parametrize("way", [apply, undo], ids=["apply", "undo"])
+def test_a_journal_that_an_editor_or_a_cut_damaged_is_neither_believed_nor_written_over(
+    edit: Callable[[bytes], bytes], way: Callable[[WindowsHost, Plan], Ran]
+) -> None:
+    prepared = fresh()
+    host = prepared.copy(kill_after=20)
+    apply(host, prepared.plan)
+    host = host.copy()
+    file = host.file(JOURNAL)
+    assert file is not None
+    assert file.data is not None
+    file.data = edit(file.data)
+    kept, before = file.data, seen(host)
+
+    ran = way(host, prepared.plan)
+
+    assert ran.code == 1, ran.says
+    assert "is damaged" in ran.says
+    assert (getattr(host.file(JOURNAL), "data", None), seen(host)) == (kept, before)
+
+
+@pytest.mark.parametrize("facts", [{"scheduler": 4}, {"logical_processors": 2}], ids=["root", "processors"])
+def test_an_undo_gives_back_on_a_host_that_can_promise_nothing(facts: dict[str, object]) -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    host = host.copy(**facts)
+
+    ran = undo(host, prepared.plan)
+
+    assert ran.code == 0, ran.says
+    assert seen(host) == seen(prepared.copy(**facts))
+
+
+def test_after_a_kill_a_refusal_names_what_others_changed_alone() -> None:
+    prepared = fresh()
+    at = next(at for at, call in enumerate(calls(prepared)) if call.startswith("Rename-VM"))
+    host = prepared.copy(kill_before=at)
+    apply(host, prepared.plan)
+    host = host.copy()
+    namesake = a_stranger("planning", 7, state="Off", start_action="Nothing")
+    host.vms[namesake.id] = namesake
+
+    ran = again(host, prepared)
+
+    assert ran.code == 3, ran.says
+    assert ran.events[-1]["detail"] == "changed since the plan: taken"
+
+
+def test_a_machine_that_is_gone_is_called_gone() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    host.vms = {id_: vm for id_, vm in host.vms.items() if vm.name != "vision"}
+
+    ran = apply(host, prepared.plan)
+
+    assert (ran.code, ran.events[-1]["address"]) == (3, "partition/vision"), ran.says
+    assert ran.events[-1]["detail"] == "it is gone from this host: make a new plan"
+
+
+def test_a_record_is_written_on_where_a_killed_run_stopped() -> None:
+    """Killed after the first value of a record, the next run writes the second one alone."""
+    prepared = fresh()
+    at = next(at for at, effect in enumerate(calls(prepared)) if effect.endswith("before") and RECORDS in effect)
+    host = prepared.copy(kill_after=at)
+    apply(host, prepared.plan)
+    written = host.effects[at]
+    host = host.copy()
+
+    ran = again(host, prepared)
+
+    assert ran.code == 0, ran.says
+    assert written not in host.effects
+
+
+SHADOWED = ("Where-Object", "Sort-Object", "Test-Path", "Get-Item", "Get-ChildItem")
+
+
+@pytest.mark.parametrize("name", SHADOWED)
+@pytest.mark.parametrize("cell", [fresh, everything])
+def test_a_profiles_own_function_never_makes_a_run_that_did_nothing_done(cell: Make, name: str) -> None:
+    prepared = cell()
+    undisturbed = prepared.copy()
+    apply(undisturbed, prepared.plan)
+    own = f"function {name} {{\r\n    param($LiteralPath, $Path, $FilterScript)\r\n}}\r\n"
+    host = prepared.copy(profile=own)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code != 0 or seen(host.copy(profile="")) == seen(undisturbed), ran.says
 
 
 LOOKALIKES = [
@@ -557,7 +693,7 @@ def test_an_unfinished_run_stays_open_where_closing_it_is_not_wanted(way: str) -
     prepared = fresh()
     host = prepared.copy(kill_after=20)
     apply(host, prepared.plan)
-    host = host.copy(mutex="abandoned")
+    host = host.copy()
     before = seen(host)
 
     left = run(

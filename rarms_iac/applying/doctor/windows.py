@@ -132,8 +132,8 @@ def check_running_script(host: Examination) -> Iterator[Diagnostic]:
     if host.condition.script_running:
         yield host.host_finding(
             SCRIPT_RUNNING,
-            f"{host.name}: a script of rarms is running there (it holds the mutex Global\\rarms; "
-            "%ProgramData%\\rarms\\owner.txt says whose): what was seen may be half of what it does.",
+            f"{host.name}: a script of rarms is running there (it has "
+            "%ProgramData%\\rarms\\owner.txt open, which says whose it is): what was seen may be half of what it does.",
             "Wait until it has ended, then look again.",
         )
 

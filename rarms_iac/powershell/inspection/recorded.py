@@ -53,6 +53,7 @@ _VALUES = frozenset(
         "'{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID",
         "Join-Path -Path $common -ChildPath 'rarms'",
         "Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'",
+        "Join-Path -Path $script:Folder -ChildPath 'owner.txt'",
         "[System.Diagnostics.Stopwatch]::StartNew()",
         "[System.StringComparer]::Ordinal",
         "[bool] $AsJson",

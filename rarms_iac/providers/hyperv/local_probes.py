@@ -74,7 +74,7 @@ class LocalWindows(WmiSource, Protocol):
         ...
 
     def is_script_running(self) -> bool:
-        """Whether a script of rarms holds the mutex that scripts share."""
+        """Whether a script of rarms runs: it has the file open that says who holds the computer."""
         ...
 
     def modules(self) -> Sequence[str]:

@@ -16,11 +16,12 @@ from xml.etree import ElementTree as ET
 
 import pywintypes
 import win32api
+import win32con
 import win32cred
 import win32crypt
 import win32cryptcon
-import win32event
 import win32evtlog
+import win32file
 import win32security
 import winerror
 
@@ -42,7 +43,7 @@ EXPLANATIONS = {
     ACCESS_DENIED: "WMI lets only Administrators and Hyper-V Administrators ask that",
     NO_NAMESPACE: "this Windows has no such WMI namespace: its role Hyper-V is not installed",
 }
-MUTEX, MUTEX_ALL_ACCESS = r"Global\rarms", 0x1F0001  # of `templates/powershell/parts/lock.ps1`
+OWNER = "owner.txt"  # of `templates/powershell/parts/lock.ps1`: open while a run holds the computer
 HYPERV_ADMINISTRATORS = "S-1-5-32-578"
 ADMINISTRATORS_ONLY = "O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)"
 """As `templates/powershell/parts/lock.ps1` has it."""
@@ -150,16 +151,18 @@ class ThisWindows:
         return owner, text
 
     def is_script_running(self) -> bool:
-        """See the protocol: the mutex is taken for no longer than it takes to see that it is free."""
+        """See the protocol: a run has its file open, and shares it for reading alone."""
+        path = str(own_folder() / OWNER)
+        share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE
         try:
-            mutex = win32event.OpenMutex(MUTEX_ALL_ACCESS, False, MUTEX)
+            file = win32file.CreateFile(path, win32con.GENERIC_WRITE, share, None, win32con.OPEN_EXISTING, 0, None)
         except pywintypes.error as problem:
-            if problem.winerror == winerror.ERROR_FILE_NOT_FOUND:
+            if problem.winerror in {winerror.ERROR_FILE_NOT_FOUND, winerror.ERROR_PATH_NOT_FOUND}:
                 return False
-            raise _not_read(problem, f"the mutex {MUTEX}") from problem
-        if win32event.WaitForSingleObject(mutex, 0) == win32event.WAIT_TIMEOUT:
-            return True
-        win32event.ReleaseMutex(mutex)
+            if problem.winerror == winerror.ERROR_SHARING_VIOLATION:
+                return True
+            raise _not_read(problem, path) from problem
+        file.Close()
         return False
 
     def modules(self) -> list[str]:

@@ -8,6 +8,8 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    # An undo gives back, and promises nothing.
+    if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
         Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }

@@ -13,18 +13,25 @@ $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many 
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
 function Import-Journal {
-    # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
+    # What the last run here did, by the whole records. The first one is never torn: it gets its name when it is whole. A
+    # later last one that a crash tore has no line end, or bytes that never came, and is dropped; all else is damage.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
     if (-not $WhatIfPreference -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
     if (-not (Test-Path -LiteralPath $script:Journal)) { return }
     Assert-Owner -Path $script:Folder
     Assert-Owner -Path $script:Journal
+    # Byte by byte: a text reader hides what an editor put before it.
+    $whole = [System.Text.Encoding]::ASCII.GetString([System.IO.File]::ReadAllBytes($script:Journal))
+    $damage = $script:Journal + ' is damaged: see what the last run did, then remove it'
     $torn = $false
-    foreach ($line in @([System.IO.File]::ReadAllText($script:Journal) -split '(?<=\n)')) {
-        if ($torn -and $line) { throw ($script:Journal + ' is damaged: see what the last run did, then remove it') }
+    foreach ($line in @($whole -split '(?<=\n)')) {
+        if ($torn -and $line) { throw $damage }
+        if (-not $line) { continue }
         $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
         $torn = (Get-Sealed -Text $text) -cne $line
+        $ended = $line.EndsWith([string] [char] 10) -and -not $line.Contains([string] [char] 0)
+        if ($torn -and ($ended -or $null -eq $script:Started)) { throw $damage }
         if ($torn) { continue }
         $script:Sound += $line.Length
         $record = ConvertFrom-Json -InputObject $text
@@ -38,6 +45,7 @@ function Import-Journal {
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
     }
+    if ($null -eq $script:Started) { throw $damage }
 }
 
 function Get-Sealed {

@@ -5,41 +5,59 @@
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
-$script:OwnerFile = ''       # it says who holds the mutex, once that is us
-$script:Mutex = $null
+$script:OwnerFile = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
+$script:Handle = $null       # of that file while this run holds the computer; it ends with its process
 
 function Lock-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
+    # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
     if ($WhatIfPreference) { return }
-    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'an unknown user' }
-    $held = $false
-    try {
-        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
-        $held = $mutex.WaitOne(1000 * $LockTimeout)
-    } catch [System.Threading.AbandonedMutexException] {
-        $held = $true
-        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
-    } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets no other open it, so it is alive.
-        Write-Verbose -Message $_.Exception.Message
-    }
-    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
-    $script:Mutex = $mutex
-    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
+    $path = $script:OwnerFile
+    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to all.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    [System.IO.File]::WriteAllText($path, $script:Operator)
-    $script:OwnerFile = $path
+    $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $LockTimeout)
+    $mode = [System.IO.FileMode]::OpenOrCreate
+    while ($null -eq $script:Handle) {
+        try {
+            $access = [System.IO.FileAccess]::Write
+            $script:Handle = [System.IO.FileStream]::new($path, $mode, $access, [System.IO.FileShare]::Read)
+        } catch [System.IO.IOException] {
+            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
+            Start-Sleep -Milliseconds 500
+        }
+    }
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($script:Operator)
+    $script:Handle.SetLength(0)
+    $script:Handle.Write($data, 0, $data.Length)
+    $script:Handle.Flush($true)
+}
+
+function Get-Holder {
+    # Who holds this computer. It is open for writing, so it is opened shared for that.
+    $text = ''
+    try {
+        $access = [System.IO.FileAccess]::Read
+        $share = [System.IO.FileShare]::ReadWrite
+        $stream = [System.IO.FileStream]::new($script:OwnerFile, [System.IO.FileMode]::Open, $access, $share)
+        try {
+            $data = [byte[]]::new(300)
+            $text = [System.Text.Encoding]::ASCII.GetString($data, 0, $stream.Read($data, 0, 300))
+        } finally {
+            $stream.Dispose()
+        }
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+    }
+    if ($text) { $text } else { 'an unknown user' }
 }
 
 function Unlock-Host {
-    if ($script:OwnerFile) {
-        try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
-    }
-    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
+    if ($null -eq $script:Handle) { return }
+    $script:Handle.Dispose()
+    # Another run may hold it by now.
+    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
 }
 
 function Protect-Path {

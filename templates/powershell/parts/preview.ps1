@@ -43,7 +43,7 @@ function Show-Run {
             [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
         }
     }
-    $count = @($shown | Where-Object -FilterScript { $_.Status -ceq 'previewed' }).Count
+    $count = @(foreach ($one in $shown) { if ($one.Status -ceq 'previewed') { $one } }).Count
     $detail = '{0} of {1} steps are to do; nothing was changed' -f $count, $shown.Count
     Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
 }

@@ -88,8 +88,12 @@ function Write-TaskRecord {
     Add-Key -Path $script:RecordRoot
     Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
     Add-Key -Path $path
-    [void] (New-ItemProperty -LiteralPath $path -Name 'before' -PropertyType String -Value $Before -Force)
-    [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
+    foreach ($one in @(@('before', $Before), @('set', $Digest))) {
+        # What is there already is left: a step that was killed goes on where it stopped.
+        $there = [string] (Get-Item -LiteralPath $path).GetValue($one[0])
+        if ([string]::Equals($there, $one[1], [System.StringComparison]::Ordinal)) { continue }
+        [void] (New-ItemProperty -LiteralPath $path -Name $one[0] -PropertyType String -Value $one[1] -Force)
+    }
 }
 
 function Remove-TaskRecord {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 776b5bf52445 of application robot, for the host itself.
+    rarms undo script: plan 3c5f6ed20fb6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (of each VP reserve 80 % and limit 100 %, weight 100)
@@ -47,7 +47,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '776b5bf52445'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '3c5f6ed20fb6'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -213,10 +213,11 @@ function Assert-Host {
             $made[$at] = @{ Address = $at; Number = $step.Number; Read = $step.Read; After = $after }
         }
         if ($leave) { continue }
-        if (-not @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') }).Count) {
-            foreach ($name in @(Compare-Step -Step $step -Live (Get-Reading -Step $step))) {
+        if (-not @(foreach ($one in $step.Needs) { if ($ahead.Contains($one + ' exists')) { $one } }).Count) {
+            $live = Get-Reading -Step $step
+            foreach ($name in @(Compare-Step -Step $step -Live $live)) {
                 if ($ahead.Contains($at + ' ' + $name)) { continue }
-                Stop-Run -Detail ('changed since the plan: ' + $name)
+                Stop-Run -Detail (Get-Difference -Name $name -Live $live -Expected $step.Before)
             }
         }
         foreach ($name in @(Compare-Reading -Live $step.Before -Expected $step.After)) {
@@ -230,11 +231,13 @@ function Assert-Host {
         $wanted = $made[$at].After
         # A guest puts an entry of its own ahead of its disk once it runs: that was compared when it was set.
         [void] $wanted.Remove('boots_from')
-        foreach ($name in @(Compare-Reading -Live (Get-Settled -Name $wanted.Keys -Until $settled) -Expected $wanted)) {
+        $live = Get-Settled -Name $wanted.Keys -Until $settled
+        foreach ($name in @(Compare-Reading -Live $live -Expected $wanted)) {
             # The keys above several records are cleared with the last of them.
             if ($ahead.Contains($at + ' ' + $name) -or ($name -ceq 'empty' -and $ahead.Count)) { continue }
-            if ($Last) { throw ('{0} is not as wanted: {1}' -f $at, $name) }
-            Stop-Run -Detail ('is not as wanted: ' + $name)
+            $detail = Get-Difference -Name $name -Live $live -Expected $wanted -Text 'is not as wanted: '
+            if ($Last) { throw ('{0} {1}' -f $at, $detail) }
+            Stop-Run -Detail $detail
         }
     }
     $script:Current = $script:Whole
@@ -259,7 +262,7 @@ function Invoke-Step {
     }
     # What was read with others, or of another, may be old by now.
     if ($script:Known.Count -gt 2 -or -not $script:Known.Contains($Step.Address)) { $script:Known.Clear() }
-    $lacks = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
+    $lacks = @(foreach ($one in $Step.Needs) { if ($script:Skipped.Contains($one)) { $one } })
     $live = Get-Reading -Step $Step
     # What builds on a declined step is left out and not recorded, as it would look as if it had nothing to do.
     if (-not $lacks.Count -and -not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
@@ -273,7 +276,7 @@ function Invoke-Step {
     if ($lacks.Count) {
         $skip = 'needs ' + ($lacks -join ', ')
     } elseif ($moved.Count) {
-        Stop-Run -Detail ('changed since the plan: ' + ($moved -join ', '))
+        Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
         if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
         $skip = 'needs room that skipped steps would have made'
@@ -354,13 +357,14 @@ function Compare-Step {
         # What is not asked before a step may be anything, but not where nothing was.
         $all = $Step.Before['exists'] -ceq $false -or $names -ccontains 'values'
         if ($all) { $names += @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*') }
-        $odd = @($names | Where-Object -FilterScript {
+        # What the killed run did itself is no difference: only the odd ones are named.
+        foreach ($name in $names) {
             # Names of values come and go one by one; a machine may be on its way to be off.
-            $busy = @('values', 'empty') -ccontains $_ -or ($_ -ceq 'state' -and $Live[$_] -ceq 'busy')
-            $old = Test-Agreed -Left $Live -Right $Step.Before -Name $_
-            -not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $_))
-        })
-        if (-not $odd.Count) { return }
+            $busy = @('values', 'empty') -ccontains $name -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')
+            $old = Test-Agreed -Left $Live -Right $Step.Before -Name $name
+            if (-not ($busy -or $old -or (Test-Agreed -Left $Live -Right $Step.After -Name $name))) { $name }
+        }
+        return
     }
     Compare-Reading -Live $Live -Expected $Step.Before
 }
@@ -368,7 +372,19 @@ function Compare-Step {
 function Compare-Reading {
     # The names whose live value is not the expected one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
-    @($Expected.Keys) | Where-Object -FilterScript { -not (Test-Agreed -Left $Live -Right $Expected -Name $_) }
+    # No cmdlet filters here: a profile's own of the same name would say that there is nothing to do.
+    foreach ($name in @($Expected.Keys)) {
+        if (-not (Test-Agreed -Left $Live -Right $Expected -Name $name)) { $name }
+    }
+}
+
+function Get-Difference {
+    # The names that differ, or that all of it is gone.
+    param([string[]] $Name, $Live, $Expected, [string] $Text = 'changed since the plan: ')
+    if ($Live['exists'] -ceq $false -and -not ($Expected['exists'] -ceq $false)) {
+        return 'it is gone from this host: make a new plan'
+    }
+    $Text + ($Name -join ', ')
 }
 
 function Test-Agreed {
@@ -412,41 +428,59 @@ function ConvertTo-AsciiJson {
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
-$script:OwnerFile = ''       # it says who holds the mutex, once that is us
-$script:Mutex = $null
+$script:OwnerFile = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
+$script:Handle = $null       # of that file while this run holds the computer; it ends with its process
 
 function Lock-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held. A preview does not wait.
+    # A preview holds nothing. The folder comes first: no other account may open, and so hold, what lies in it.
     if ($WhatIfPreference) { return }
-    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'an unknown user' }
-    $held = $false
-    try {
-        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
-        $held = $mutex.WaitOne(1000 * $LockTimeout)
-    } catch [System.Threading.AbandonedMutexException] {
-        $held = $true
-        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
-    } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets no other open it, so it is alive.
-        Write-Verbose -Message $_.Exception.Message
-    }
-    if (-not $held) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + $owner) }
-    $script:Mutex = $mutex
-    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
+    $path = $script:OwnerFile
+    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to all.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     if (Test-Path -LiteralPath $path) { Assert-Owner -Path $path }
     Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    [System.IO.File]::WriteAllText($path, $script:Operator)
-    $script:OwnerFile = $path
+    $until = [DateTime]::UtcNow.AddMilliseconds(1000 * $LockTimeout)
+    $mode = [System.IO.FileMode]::OpenOrCreate
+    while ($null -eq $script:Handle) {
+        try {
+            $access = [System.IO.FileAccess]::Write
+            $script:Handle = [System.IO.FileStream]::new($path, $mode, $access, [System.IO.FileShare]::Read)
+        } catch [System.IO.IOException] {
+            if (-not ([DateTime]::UtcNow -lt $until)) { Stop-Run -Kind 'lock' -Detail ('it is held by ' + (Get-Holder)) }
+            Start-Sleep -Milliseconds 500
+        }
+    }
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($script:Operator)
+    $script:Handle.SetLength(0)
+    $script:Handle.Write($data, 0, $data.Length)
+    $script:Handle.Flush($true)
+}
+
+function Get-Holder {
+    # Who holds this computer. It is open for writing, so it is opened shared for that.
+    $text = ''
+    try {
+        $access = [System.IO.FileAccess]::Read
+        $share = [System.IO.FileShare]::ReadWrite
+        $stream = [System.IO.FileStream]::new($script:OwnerFile, [System.IO.FileMode]::Open, $access, $share)
+        try {
+            $data = [byte[]]::new(300)
+            $text = [System.Text.Encoding]::ASCII.GetString($data, 0, $stream.Read($data, 0, 300))
+        } finally {
+            $stream.Dispose()
+        }
+    } catch {
+        Write-Verbose -Message $_.Exception.Message
+    }
+    if ($text) { $text } else { 'an unknown user' }
 }
 
 function Unlock-Host {
-    if ($script:OwnerFile) {
-        try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
-    }
-    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
+    if ($null -eq $script:Handle) { return }
+    $script:Handle.Dispose()
+    # Another run may hold it by now.
+    try { [System.IO.File]::Delete($script:OwnerFile) } catch { Write-Verbose -Message $_.Exception.Message }
 }
 
 function Protect-Path {
@@ -487,18 +521,25 @@ $script:Serials = [hashtable]::new($script:Ordinal)  # by application: how many 
 $script:Touched = [hashtable]::new($script:Ordinal)  # of an undo: the apply's steps that may have changed something
 
 function Import-Journal {
-    # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
+    # What the last run here did, by the whole records. The first one is never torn: it gets its name when it is whole. A
+    # later last one that a crash tore has no line end, or bytes that never came, and is dropped; all else is damage.
     $fresh = $script:Journal + '.new'
     # Left by a run that was killed before it began.
     if (-not $WhatIfPreference -and (Test-Path -LiteralPath $fresh)) { [System.IO.File]::Delete($fresh) }
     if (-not (Test-Path -LiteralPath $script:Journal)) { return }
     Assert-Owner -Path $script:Folder
     Assert-Owner -Path $script:Journal
+    # Byte by byte: a text reader hides what an editor put before it.
+    $whole = [System.Text.Encoding]::ASCII.GetString([System.IO.File]::ReadAllBytes($script:Journal))
+    $damage = $script:Journal + ' is damaged: see what the last run did, then remove it'
     $torn = $false
-    foreach ($line in @([System.IO.File]::ReadAllText($script:Journal) -split '(?<=\n)')) {
-        if ($torn -and $line) { throw ($script:Journal + ' is damaged: see what the last run did, then remove it') }
+    foreach ($line in @($whole -split '(?<=\n)')) {
+        if ($torn -and $line) { throw $damage }
+        if (-not $line) { continue }
         $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
         $torn = (Get-Sealed -Text $text) -cne $line
+        $ended = $line.EndsWith([string] [char] 10) -and -not $line.Contains([string] [char] 0)
+        if ($torn -and ($ended -or $null -eq $script:Started)) { throw $damage }
         if ($torn) { continue }
         $script:Sound += $line.Length
         $record = ConvertFrom-Json -InputObject $text
@@ -512,6 +553,7 @@ function Import-Journal {
             foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
         }
     }
+    if ($null -eq $script:Started) { throw $damage }
 }
 
 function Get-Sealed {
@@ -640,7 +682,7 @@ function Show-Run {
             [void] (Test-Wanted -Address $one.Step.Address -Action $one.Detail)
         }
     }
-    $count = @($shown | Where-Object -FilterScript { $_.Status -ceq 'previewed' }).Count
+    $count = @(foreach ($one in $shown) { if ($one.Status -ceq 'previewed') { $one } }).Count
     $detail = '{0} of {1} steps are to do; nothing was changed' -f $count, $shown.Count
     Write-RunEvent -Kind 'run' -Status 'previewed' -Detail $detail
 }
@@ -665,6 +707,8 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    # An undo gives back, and promises nothing.
+    if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
         Stop-Run -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }

@@ -171,7 +171,7 @@ def test_partitions() -> None:
         protect=True,
         start=m.StartMode.MANUAL,
         grace=ms("90000"),
-        hyperv=m.HypervPartition(generation=1, switch="other", image="x.vhd", vm_path="y"),
+        hyperv=m.HypervPartition(generation=1, switch="other", image="x.vhd", vm_path="y", clustered=True),
         guest=m.Guest(connect=Connect(ssh="robot@senses"), credential="senses-admin"),
     )
 

@@ -68,7 +68,7 @@ def test_names_that_a_culture_takes_for_one_stay_two_while_a_script_runs() -> No
     ran = undo(host, prepared.plan)
 
     assert ran.code == 3, ran.says
-    assert "changed since the plan: values" in ran.says
+    assert "changed since the plan: value:pri" in ran.says
 
 
 @pytest.mark.parametrize("other", ["value:SFIO", "value:sf\u00adio"])

@@ -229,36 +229,29 @@ def test_what_wmi_refuses_is_denied_and_what_it_does_not_know_is_absent(
     assert (raised.value.error, raised.value.denied) == (f"0x{code:08x}", denied)
 
 
-def test_a_script_that_holds_the_mutex_is_seen_and_not_disturbed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A process of its own holds it as lock.ps1 does: only another thread's mutex can be waited for."""
-    monkeypatch.setattr(local_windows, "MUTEX", r"Global\rarms-tests")
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_script_that_holds_the_computer_is_seen_and_not_disturbed(
+    killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process of its own has the file open as lock.ps1 does; when it is gone, so is what it held."""
+    monkeypatch.setattr(local_windows, "own_folder", lambda: tmp_path)
+    assert not ThisWindows().is_script_running(), "no file is there"
     holder = (
-        "import sys, win32event; mutex = win32event.CreateMutex(None, False, sys.argv[1]); "
-        "win32event.WaitForSingleObject(mutex, -1); print('held', flush=True); sys.stdin.read()"
+        "import sys, win32con, win32file; file = win32file.CreateFile(sys.argv[1], win32con.GENERIC_WRITE, "
+        "win32con.FILE_SHARE_READ, None, win32con.OPEN_ALWAYS, 0, None); print('held', flush=True); sys.stdin.read()"
     )
-    words = [sys.executable, "-c", holder, local_windows.MUTEX]
-    assert not ThisWindows().is_script_running(), "nobody made it"
+    words = [sys.executable, "-c", holder, str(tmp_path / local_windows.OWNER)]
 
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as script:
         assert script.stdout is not None
         assert script.stdout.readline().strip() == b"held"
         seen = [ThisWindows().is_script_running() for _ in range(2)]
+        if killed:
+            script.kill()
         script.communicate()
 
     assert seen == [True, True]
     assert not ThisWindows().is_script_running()
-
-
-def test_a_mutex_that_a_killed_script_abandoned_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local_windows, "MUTEX", r"Global\rarms-tests")
-    ours = local_windows.win32event.CreateMutex(None, False, local_windows.MUTEX)
-    taker = "import os, sys, win32event; mutex = win32event.OpenMutex(0x1F0001, False, sys.argv[1]); "
-    taker += "win32event.WaitForSingleObject(mutex, -1); os._exit(9)"
-
-    subprocess.run([sys.executable, "-c", taker, local_windows.MUTEX], check=False)
-
-    assert not ThisWindows().is_script_running()
-    assert ours
 
 
 def test_membership_of_hyperv_administrators_is_asked_of_the_token() -> None:
