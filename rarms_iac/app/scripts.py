@@ -172,6 +172,8 @@ def scripts_to_write(
 def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]:
     """The exact bytes as files in that folder, which is made; their paths.
 
+    Beside them lies what keeps git from changing their line ends, where there is no such file yet.
+
     Args:
         scripts: as `select_scripts` returns them.
         folder: as the user gave it.
@@ -187,6 +189,9 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     for script in scripts:
         paths.append((Path(folder) / script.name).as_posix())
         write_file(paths[-1], script.text.encode("ascii"))
+    attributes = Path(folder) / ".gitattributes"
+    if not attributes.exists():
+        write_file(attributes.as_posix(), b"*.ps1 -text\n")
     return tuple(paths)
 
 

@@ -118,6 +118,7 @@ def _run(host: Host, facts: HostFacts, application: str) -> dict[str, str]:
         "undo": "",
         "undo_digest": "",
         "guest": "",
+        "identity": facts.id,
         "computer": facts.computer_name,
         "logical_processors": facts.logical_processors,
         "cores": capacity.cores,

@@ -269,6 +269,7 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
         "plan": literal(plan.id),
         "application": literal(plan.application),
         "serial": literal(host_plan.serial),
+        "identity": literal(facts.id),
         "computer": literal(facts.computer_name),
         "logical_processors": literal(facts.logical_processors),
         "cores": literal(capacity.cores),

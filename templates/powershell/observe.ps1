@@ -52,6 +52,15 @@ function Get-Setting {
     if ($null -ne $found) { [string] $found.Value }
 }
 
+function Get-HostIdentity {
+    # What tells this Windows from every other. Not its own id, of which other programs make what they know it by.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    if (-not $id.Trim()) { return '' }
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    $sum = [System.Security.Cryptography.SHA256]::Create().ComputeHash($data, 0, $data.Length)
+    ([System.BitConverter]::ToString($sum) -replace '-', '').ToLowerInvariant().Substring(0, 32)
+}
+
 function Get-MachineList {
     # All machines, listed once for all that is read of them.
     if ($null -eq $script:Machines) { $script:Machines = @(Hyper-V\Get-VM) }
@@ -201,7 +210,7 @@ $document = [ordered] @{
             product = [string] $key.GetValue('ProductName'); bits = [long] (8 * [IntPtr]::Size)
         }
     }
-    machine_id = Get-Probe -Read { [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid') }
+    machine_id = Get-Probe -Read { Get-HostIdentity }
     elevated = Get-Probe -Read {
         $identity = [System.Security.Principal.WindowsIdentity]::GetCurrent()
         $principal = [System.Security.Principal.WindowsPrincipal]::new($identity)

@@ -11,6 +11,8 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
+$script:Changed = 0             # steps that this run did
 $script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
@@ -114,7 +116,7 @@ function Complete-Run {
         Assert-Host -Last
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
     }
-    Write-RunEvent -Kind 'run' -Status 'done'
+    Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
 }
 
 function Assert-Host {
@@ -205,7 +207,9 @@ function Invoke-Step {
     } elseif ($moved.Count) {
         Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
-        if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
+        if (-not $script:Skipped.Count) {
+            throw ('{0}: the host cannot keep this promise: {1}' -f $Step.Address, $script:Shortage)
+        }
         $skip = 'needs room that skipped steps would have made'
     } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
         $skip = 'left out'
@@ -251,6 +255,7 @@ function Add-StepRecord {
     param([System.Collections.IDictionary] $Step, [string] $Status, [string] $Detail = '')
     Add-Record -Record ([ordered] @{ number = $Step.Number; status = $Status; kind = 'step_recorded' })
     $script:Recorded[[string] $Step.Number] = $Status
+    if ($Status -ceq 'changed') { $script:Changed += 1 }
     Write-RunEvent -Kind 'step' -Step $Step -Status $Status -Detail $Detail
 }
 

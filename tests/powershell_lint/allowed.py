@@ -55,17 +55,18 @@ READING_TYPES = words(
     """
     CmdletBinding bool byte byte[] char int long ordered regex scriptblock string string[] switch void
     Diagnostics.CodeAnalysis.SuppressMessageAttribute Environment IntPtr
-    System.IO.File System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
+    System.BitConverter System.IO.File System.Security.Cryptography.SHA256 System.Text.Encoding
+    System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
     System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
     """
 )
 TYPES = READING_TYPES | words(
     """
-    Array Console DateTime guid hashtable System.BitConverter System.Collections.IDictionary System.Convert
+    Array Console DateTime guid hashtable System.Collections.IDictionary System.Convert
     System.Diagnostics.Process System.Diagnostics.ProcessStartInfo System.Diagnostics.Stopwatch
     System.IO.Directory System.IO.FileAccess System.IO.FileAttributes System.IO.FileMode System.IO.FileStream
     System.IO.Path System.IO.Stream System.Management.Automation.PSCredential
-    System.Security.Cryptography.SHA256 System.StringComparer System.StringComparison System.Text.Encoding
+    System.StringComparer System.StringComparison
     System.IO.FileShare System.IO.IOException
     """
 )
@@ -75,12 +76,13 @@ _HYPERV_MEMBERS = words(
     AutomaticStartAction AutomaticStopAction BootOrder BootType CheckpointType Count DynamicMemoryEnabled
     Generation Id LogicalProcessorCount Maximum MemoryStartup Name Notes ParentPath Path ProcessorCount
     RelativeWeight ReplicationMode Reserve SecureBoot SecureBootTemplate Shielded Startup State VhdType
-    VirtualHardDiskPath VMId
+    VirtualHardDiskPath VMId VMName
     """
 )
 READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
+    ASCII Administrator AutomaticStartDelay ComputeHash Create GetBytes Length Substring ToString Trim
+    Category CategoryInfo CpuGroupId EnabledState Exception ExecutionPolicy
     FullName FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames
     GuestIntrinsicExchangeItems HypervisorPresent Keys InstanceID IsActive IsInRole LanguageMode MachineName
     MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId NumaSpanningEnabled NumberOfCores
@@ -95,8 +97,8 @@ MEMBERS = READING_MEMBERS | words(
     GetAttributes GetBytes GetString Guard Guest
     InvocationInfo Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
-    ContainsKey Detail Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial Set
-    SetLength
+    ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
+    Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Status Step Substring ThreadsPerCore ToString Undo
     UndoDigest Undoes UserName UtcNow WaitOne Write WriteAllText closing data kind number plan record run
     application history serials set started_at started_by status touched

@@ -7,7 +7,7 @@ import pytest
 
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.changes import Address, Change, Create
-from rarms_iac.model.operations import Operation, RemoveDisk, SetSecureBoot, WriteTaskClass
+from rarms_iac.model.operations import Operation, RemoveDisk, RestorePartition, SetSecureBoot, WriteTaskClass
 from rarms_iac.model.plan import GuestTask, HostPlan
 from rarms_iac.model.state import Partition, Tie
 from rarms_iac.powershell import measuring
@@ -73,7 +73,7 @@ def test_every_operation_is_among_those_that_fill_the_templates() -> None:
     forward = {type(step.operation) for step in HOST_PLAN.steps}
     back = {type(step.undo.operation) for step in HOST_PLAN.steps}
 
-    assert set(get_args(Operation)) <= forward | back
+    assert set(get_args(Operation)) - {RestorePartition} <= forward | back, "Hyper-V makes no machine again"
 
 
 @pytest.mark.parametrize("name", sorted(SCRIPTS))

@@ -133,6 +133,7 @@ def get_host(scope: Scope, given: Given) -> Thing:
 def get_processor(vm: Vm) -> Thing:
     found = Record(
         VMId=Guid(vm.id),
+        VMName=vm.name,
         Count=Long(vm.processors),
         Reserve=Long(vm.reserve),
         Maximum=Long(vm.limit),

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from rarms_iac.providers.hyperv.observation import observation_of
+from rarms_iac.providers.hyperv.parse import identity_of
 from tests.recorded_hosts import NAMES, document
 from tests.twin.observing import document_of, host_from
 
@@ -15,6 +16,8 @@ def told(seen: dict[str, Any]) -> dict[str, Any]:
     for name, key in (("tasks", ("name",)), ("records", ("application", "task"))):
         if isinstance(kept[name].get("value"), list):
             kept[name]["value"].sort(key=lambda entry: [entry[part].lower() for part in key])  # used at once
+    if "value" in kept["machine_id"]:
+        kept["machine_id"]["value"] = identity_of(kept["machine_id"]["value"])  # of older ones the Windows' own id
     for machine in kept["machines"].get("value", ()):
         machine.setdefault("replication_mode", "None")  # which older ones did not ask
     return kept

@@ -284,6 +284,17 @@ def test_what_a_caller_prefers_reaches_into_no_run() -> None:
     assert "PositionalBinding = $false" in head
 
 
+def test_line_ends_that_git_changed_are_called_so() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    name = undo_script(prepared.plan)
+    put(host, {**scripts_of(prepared.plan), name: scripts_of(prepared.plan)[name].replace(b"\r\n", b"\n")})
+
+    ran = run(host, apply_script(prepared.plan))
+
+    assert (ran.code, "has other line ends than it was made with" in ran.says) == (1, True), ran.says
+
+
 def test_a_missing_undo_script_is_named_in_our_own_words() -> None:
     prepared = fresh()
     host = prepared.copy()

@@ -1,6 +1,7 @@
 """Generated scripts on the twin: done once and again, killed and failed everywhere, undone, on a host that moved."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -17,8 +18,8 @@ from tests.builders import a_component, a_partition
 from tests.effort import every_few
 from tests.twin.cell import Cell, apply, apply_script, scripts_of, undo, undo_script
 from tests.twin.cells import IMAGE, Prepared, a_cell_system, a_stranger, a_windows, everything, fresh
-from tests.twin.host import Vm, WindowsHost
-from tests.twin.observing import JOURNAL, PROFILE, RECORDS, document_of
+from tests.twin.host import Entry, Vm, WindowsHost
+from tests.twin.observing import CRYPTOGRAPHY, JOURNAL, PROFILE, RECORDS, document_of
 from tests.twin.run import Ran, put, run
 
 FOLDER = JOURNAL.rpartition("\\")[0]
@@ -285,6 +286,25 @@ def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, obj
     assert ran.code == code, ran.says
     assert says in ran.says
     assert seen(host.copy(elevated=True)) == seen(before)
+
+
+@pytest.mark.parametrize("way", [apply, undo], ids=["apply", "undo"])
+def test_another_windows_of_the_same_name_is_not_the_plans_host(way: Callable[[WindowsHost, Plan], Ran]) -> None:
+    cell = fresh().cell
+    host = cell.host.copy()
+    named = host.add_key(CRYPTOGRAPHY).values
+    named["machineguid"] = Entry(name="MachineGuid", kind="String", data="5F3C9C1A-1111-4222-8333-0123456789AB")
+    plan = cell.on(host).plan()
+    script = scripts_of(plan)["onboard.ps1"].lower()
+    if way is undo:
+        assert apply(host, plan).code == 0
+    named["machineguid"] = Entry(name="MachineGuid", kind="String", data="6F3C9C1A-1111-4222-8333-0123456789AB")
+
+    ran = way(host, plan)
+
+    assert ran.code == 3, ran.says
+    assert "not the one that the plan was made for" in ran.says
+    assert (b"5f3c9c1a" in script, b"identity = ''" in script) == (False, False)
 
 
 def test_a_server_without_the_schedulers_event_is_changed_as_the_plan_said() -> None:
@@ -617,7 +637,8 @@ def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> No
     ran = apply(host, prepared.plan)
 
     assert ran.code == 1, ran.says
-    assert "cannot keep this promise" in ran.says
+    assert re.search(r"cannot keep this promise: needs \d\.\d\d LP and \d+ MiB, free 0\.\d\d LP and", ran.says)
+    assert "greedy 2.40 LP" in ran.says
     host = host.copy()
     del host.vms[greedy.id]
     finished = again(host, prepared)

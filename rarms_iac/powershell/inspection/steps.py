@@ -117,7 +117,19 @@ _SWITCHES = frozenset({"Clustered", "Differencing", "Everywhere", "Force", "NoVH
 
 _GUARD = "Guard"
 _RUN_KEYS = {
-    *("Run", "Plan", "Application", "Serial", "Undo", "UndoDigest", "Guest", "Computer", "LogicalProcessors", "Cores"),
+    *(
+        "Run",
+        "Plan",
+        "Application",
+        "Serial",
+        "Undo",
+        "UndoDigest",
+        "Guest",
+        "Identity",
+        "Computer",
+        "LogicalProcessors",
+        "Cores",
+    ),
     *("ThreadsPerCore", "Percent", "Memory", "AcceptScheduler", _GUARD),
 }
 _STEP_PARAMETERS = frozenset({"Action", "Before", "After", "Set"})
@@ -206,7 +218,7 @@ def _filled_template(calls: Sequence[CommandCall], guard: str, entry: str) -> "N
     Raises:
         _OtherForm: the script has no form that the template can have, or calls something else.
     """
-    names = ("kind", "plan", "application", "serial", "undo", "undo_digest", "guest", "computer")
+    names = ("kind", "plan", "application", "serial", "undo", "undo_digest", "guest", "identity", "computer")
     more = ("logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
     text = fill(
         "script.ps1.j2",

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from rarms_iac.model.host import host_identity
 from rarms_iac.providers.hyperv.observation import FORMAT
 from rarms_iac.providers.hyperv.wmi_machines import (
     COUNTERS,
@@ -88,7 +89,7 @@ def local_document(windows: LocalWindows) -> dict[str, Json]:
     probes: dict[str, Callable[[LocalWindows], Json]] = {
         "powershell": _powershell,
         "windows": _windows,
-        "machine_id": lambda windows: _text(windows, CRYPTOGRAPHY_KEY, "MachineGuid"),
+        "machine_id": lambda windows: host_identity(_text(windows, CRYPTOGRAPHY_KEY, "MachineGuid")),
         "elevated": lambda windows: windows.is_elevated(),
         "hyperv_administrator": lambda windows: windows.is_hyperv_administrator(),
         "host_visible": read_host_visible,

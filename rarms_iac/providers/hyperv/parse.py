@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from rarms_iac.model.capacity import core_sharing
-from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.names import TASK_VALUES
@@ -96,7 +96,7 @@ def facts_of(observation: HostObservation, name: str) -> HostFacts:
     hypervisor, windows = or_else(observation.hypervisor, None), or_else(observation.windows, None)
     return HostFacts(
         name=name,
-        id=or_else(observation.machine_id, ""),
+        id=identity_of(or_else(observation.machine_id, "")),
         provider=ProviderKind.HYPERV,
         computer_name=hypervisor.name if hypervisor else observation.computer,
         os_build=windows.build if windows else 0,
@@ -108,6 +108,14 @@ def facts_of(observation: HostObservation, name: str) -> HostFacts:
         rights=rights_of(observation),
         disk_folder=hypervisor.disk_folder if hypervisor else "",
     )
+
+
+_GUID = re.compile(r"\s*[0-9A-Fa-f]{8}(?:-[0-9A-Fa-f]{4}){3}-[0-9A-Fa-f]{12}\s*")
+
+
+def identity_of(machine_id: str) -> str:
+    """The host's identity, of which an older observation holds the Windows' own id."""
+    return host_identity(machine_id) if _GUID.fullmatch(machine_id) else machine_id
 
 
 def is_client(observation: HostObservation) -> bool:

@@ -14,13 +14,25 @@ function Test-Capacity {
     })
     $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
+    $needed = $claims[0].Cores * $script:Plan.ThreadsPerCore * $Reserve
+    $taken = [long] 0
+    $promised = @()
     $bytes = $Memory
     if ($others.Count) {
         foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
-            $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
+            $cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count
+            $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve }
+            $share = $cores * $script:Plan.ThreadsPerCore * [long] $cpu.Reserve
+            $taken += $share
+            if ($share) { $promised += '{0} {1}' -f $cpu.VMName, (ConvertTo-Processor -Percent $share) }
         }
         foreach ($vm in $others) { $bytes += [long] $vm.MemoryStartup }
     }
+    $room = [long] (($script:Plan.Memory - $bytes + $Memory) / 1048576)
+    $free = ConvertTo-Processor -Percent ($script:Plan.Percent - $taken)
+    $needed = ConvertTo-Processor -Percent $needed
+    $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
+    if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
     $percent = [long] 0
     $free = @(100) * $script:Plan.Cores
     foreach ($one in $claims) {
@@ -43,6 +55,13 @@ function Test-Capacity {
         $free[$at] -= $size
     }
     $wide -le 100
+}
+
+function ConvertTo-Processor {
+    # Per cent of logical processors as plans write them, without a culture's comma: 160 is 1.60 LP.
+    param([long] $Percent)
+    if ($Percent -lt 0) { return '0.00 LP' }
+    ('00' + $Percent) -creplace '^0*([0-9]+)([0-9]{2})$', '$1.$2 LP'
 }
 
 function Get-CoreCount {

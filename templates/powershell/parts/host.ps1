@@ -8,6 +8,9 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
@@ -17,6 +20,13 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {

@@ -110,7 +110,13 @@ function Write-FirstRecord {
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
         # Who signs it adds remarks at its end; all before them is the plan's.
         $size = ($undo -creplace $script:Signature, '').Length
-        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) {
+            $line = '' + [char] 13 + [char] 10
+            $text = ($undo -creplace '\r?\n', $line) -creplace $script:Signature, ''
+            $same = (Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest
+            if ($same) { throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path) }
+            throw ('{0} was edited' -f $path)
+        }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'

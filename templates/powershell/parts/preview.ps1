@@ -22,7 +22,7 @@ function Show-Run {
         }
         # Room that earlier steps make is not there yet.
         if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
-            throw ($step.Address + ': the host cannot keep this promise beside others')
+            throw ('{0}: the host cannot keep this promise: {1}' -f $step.Address, $script:Shortage)
         }
         $detail = if ($after) { '{0} (after: {1})' -f $step.Action, $after } else { $step.Action }
         $shown += @{ Step = $step; Status = 'previewed'; Detail = $detail }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0cb994d0b2a6 of application robot, for the host itself.
+    rarms apply script: plan 8d0becf23903 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -47,10 +47,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0cb994d0b2a6'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '8d0becf23903'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cf12cee586bce5ccc38904c1d598ff735f896fcc155842671cf551172eef27cc'
+        UndoDigest = '0c4e27913930bf9c59c22ad3fabbc011964978e24a40b4409c52704f464b117a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
         Percent = 360; Memory = 7516192768; AcceptScheduler = $false
@@ -717,6 +718,9 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
@@ -726,6 +730,13 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {

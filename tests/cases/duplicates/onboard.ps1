@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan cd1433e20892 of application robot, for the host itself.
+    rarms apply script: plan 3f4ab57b80f1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -47,10 +47,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'cd1433e20892'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '3f4ab57b80f1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0949c27d4fd9fdac323152fb95e17c24440b277a60b79456731ecc32dd030a85'
+        UndoDigest = '4b85051b3bdf07d3b6b0b2888b6962fd817e2024ee7567ee4081ea8111d9f02f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
         Percent = 360; Memory = 7516192768; AcceptScheduler = $false
@@ -717,6 +718,9 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
@@ -726,6 +730,13 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {

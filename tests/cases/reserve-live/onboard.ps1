@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3c5f6ed20fb6 of application robot, for the host itself.
+    rarms apply script: plan dc5023f005a7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
@@ -47,10 +47,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3c5f6ed20fb6'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'dc5023f005a7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd5b7514b94233715f6a86d2b723ee01d7380e22b5b07d2b628bfcc1328ef7503'
+        UndoDigest = '422c21bbbfc166645b29763358a110ebec8aecd4dc4603827065da1a33570d5b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
         Percent = 360; Memory = 7516192768; AcceptScheduler = $false
@@ -707,6 +708,9 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
@@ -716,6 +720,13 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {

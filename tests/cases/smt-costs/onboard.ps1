@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0b6181bd470f of application robot, for the host itself.
+    rarms apply script: plan 61318c5feb16 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -49,10 +49,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0b6181bd470f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '61318c5feb16'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3c0c25c1e139a4a249e445cca15de908df650ad98759d20ced6def9f2e27fabd'
+        UndoDigest = '5f98d8250ec4261bbcecad44f40e053aea292c858cd70a7d577cd439ce8a287c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 8
         Cores = 4; ThreadsPerCore = 2
         Percent = 800; Memory = 17179869184; AcceptScheduler = $false
@@ -763,6 +764,9 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
@@ -772,6 +776,13 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {

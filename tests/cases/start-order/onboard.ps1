@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 04660eb30b68 of application robot, for the host itself.
+    rarms apply script: plan 61154a2d936f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -49,10 +49,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '04660eb30b68'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '61154a2d936f'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '45f911106f856e6245e07d7fe82c64a8b65e20706a751a8e9b1d2e05cd681c04'
+        UndoDigest = '09dd702b17556b0675c5aaac612458cbe14331df2b08d1a897e0cd7b05786655'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
         Percent = 360; Memory = 7516192768; AcceptScheduler = $false
@@ -762,6 +763,9 @@ function Assert-VmHost {
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
     }
+    if ($plan.Identity -and (Get-HostIdentity) -cne $plan.Identity) {
+        Stop-Run -Detail ('this {0} is not the one that the plan was made for: make a plan for this one' -f $vmHost.Name)
+    }
     # An undo gives back, and promises nothing.
     if ($plan.Run -ceq 'undo') { return }
     if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
@@ -771,6 +775,13 @@ function Assert-VmHost {
     if (Test-RootScheduler) {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
+}
+
+function Get-HostIdentity {
+    # What tells this Windows from every other, as observe.ps1 works it out.
+    $id = [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid')
+    $data = [System.Text.Encoding]::ASCII.GetBytes('rarms host ' + $id.Trim().ToLowerInvariant())
+    (Get-Sha256 -Data $data).Substring(0, 32)
 }
 
 function Test-RootScheduler {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 448582ebe44d of application robot, for the guest of partition vision.
+    rarms apply script: plan 13181a41f1be of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -47,10 +47,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '448582ebe44d'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '13181a41f1be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'dd06b717ebf4ed6ab80565769c00334538b8b3298ac91ba0299d201c9b3b2739'
+        UndoDigest = '3b704423d9a47a831ca5cc4729f4b94a09312f0af816a6e4748023de480df29a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
         Percent = 360; Memory = 7516192768; AcceptScheduler = $false

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 448582ebe44d of application robot, for the guest of partition vision.
+    rarms undo script: plan 13181a41f1be of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -47,10 +47,11 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '448582ebe44d'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '13181a41f1be'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = 'vision'
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
+        Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
         Cores = 4; ThreadsPerCore = 1
         Percent = 360; Memory = 7516192768; AcceptScheduler = $false

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.model.host import ProviderKind, SchedulerType
+from rarms_iac.model.host import ProviderKind, SchedulerType, host_identity
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.providers.hyperv.condition import findings_of
@@ -21,7 +21,7 @@ def test_the_facts_of_a_server() -> None:
     assert (facts.os_build, facts.client, facts.smt) == (20348, False, True)
     assert (facts.logical_processors, facts.memory) == (8, 34267521024)
     assert (facts.scheduler, facts.rights) == (SchedulerType.CORE, Rights.PROVEN)
-    assert facts.id == "5b0f6a3e-9d1c-4d57-8b7e-2f6a1c0d9e84"
+    assert facts.id == host_identity("5b0f6a3e-9d1c-4d57-8b7e-2f6a1c0d9e84")
 
 
 def test_strangers_and_ours() -> None:
