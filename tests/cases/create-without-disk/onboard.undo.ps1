@@ -83,6 +83,8 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
+$script:Changed = 0             # steps that this run did
 $script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
@@ -186,7 +188,7 @@ function Complete-Run {
         Assert-Host -Last
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
     }
-    Write-RunEvent -Kind 'run' -Status 'done'
+    Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
 }
 
 function Assert-Host {
@@ -277,7 +279,9 @@ function Invoke-Step {
     } elseif ($moved.Count) {
         Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
-        if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
+        if (-not $script:Skipped.Count) {
+            throw ('{0}: the host cannot keep this promise: {1}' -f $Step.Address, $script:Shortage)
+        }
         $skip = 'needs room that skipped steps would have made'
     } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
         $skip = 'left out'
@@ -323,6 +327,7 @@ function Add-StepRecord {
     param([System.Collections.IDictionary] $Step, [string] $Status, [string] $Detail = '')
     Add-Record -Record ([ordered] @{ number = $Step.Number; status = $Status; kind = 'step_recorded' })
     $script:Recorded[[string] $Step.Number] = $Status
+    if ($Status -ceq 'changed') { $script:Changed += 1 }
     Write-RunEvent -Kind 'step' -Step $Step -Status $Status -Detail $Detail
 }
 
@@ -617,7 +622,13 @@ function Write-FirstRecord {
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
         # Who signs it adds remarks at its end; all before them is the plan's.
         $size = ($undo -creplace $script:Signature, '').Length
-        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) {
+            $line = '' + [char] 13 + [char] 10
+            $text = ($undo -creplace '\r?\n', $line) -creplace $script:Signature, ''
+            $same = (Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest
+            if ($same) { throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path) }
+            throw ('{0} was edited' -f $path)
+        }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'
@@ -660,7 +671,7 @@ function Show-Run {
         }
         # Room that earlier steps make is not there yet.
         if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
-            throw ($step.Address + ': the host cannot keep this promise beside others')
+            throw ('{0}: the host cannot keep this promise: {1}' -f $step.Address, $script:Shortage)
         }
         $detail = if ($after) { '{0} (after: {1})' -f $step.Action, $after } else { $step.Action }
         $shown += @{ Step = $step; Status = 'previewed'; Detail = $detail }

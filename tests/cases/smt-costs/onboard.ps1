@@ -51,7 +51,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '61318c5feb16'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5f98d8250ec4261bbcecad44f40e053aea292c858cd70a7d577cd439ce8a287c'
+        UndoDigest = '1521c062831222562bda170efcfb08f923c73b2f6326a10e8806eab4214c3519'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 8
@@ -141,6 +141,8 @@ $script:Wanted = @()            # the names that are read for
 $script:Known = [hashtable]::new($script:Ordinal)  # by address: what was read of it, until a step changes something
 $script:Looking = $false        # whether everything is looked at, and no step done
 $script:Skipped = [hashtable]::new($script:Ordinal)  # addresses of steps that a declined -Confirm left out
+$script:Shortage = ''           # what the host has, and what a promise needs, where the promise was refused
+$script:Changed = 0             # steps that this run did
 $script:Messages = @()          # what a step has to tell beside that it is done
 $script:Refusal = ''            # kind of the event that ends the run with 3
 
@@ -244,7 +246,7 @@ function Complete-Run {
         Assert-Host -Last
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
     }
-    Write-RunEvent -Kind 'run' -Status 'done'
+    Write-RunEvent -Kind 'run' -Status 'done' -Detail ('changed: {0}' -f $script:Changed)
 }
 
 function Assert-Host {
@@ -335,7 +337,9 @@ function Invoke-Step {
     } elseif ($moved.Count) {
         Stop-Run -Detail (Get-Difference -Name $moved -Live $live -Expected $Step.Before)
     } elseif ($null -ne $fits -and -not (& $fits)) {
-        if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside others') }
+        if (-not $script:Skipped.Count) {
+            throw ('{0}: the host cannot keep this promise: {1}' -f $Step.Address, $script:Shortage)
+        }
         $skip = 'needs room that skipped steps would have made'
     } elseif (-not (Test-Wanted -Address $Step.Address -Action $Step.Action)) {
         $skip = 'left out'
@@ -381,6 +385,7 @@ function Add-StepRecord {
     param([System.Collections.IDictionary] $Step, [string] $Status, [string] $Detail = '')
     Add-Record -Record ([ordered] @{ number = $Step.Number; status = $Status; kind = 'step_recorded' })
     $script:Recorded[[string] $Step.Number] = $Status
+    if ($Status -ceq 'changed') { $script:Changed += 1 }
     Write-RunEvent -Kind 'step' -Step $Step -Status $Status -Detail $Detail
 }
 
@@ -675,7 +680,13 @@ function Write-FirstRecord {
         $undo = [System.Text.Encoding]::ASCII.GetString($data)
         # Who signs it adds remarks at its end; all before them is the plan's.
         $size = ($undo -creplace $script:Signature, '').Length
-        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
+        if ((Get-Sha256 -Data $data -Count $size) -cne $plan.UndoDigest) {
+            $line = '' + [char] 13 + [char] 10
+            $text = ($undo -creplace '\r?\n', $line) -creplace $script:Signature, ''
+            $same = (Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))) -ceq $plan.UndoDigest
+            if ($same) { throw ('{0} has other line ends than it was made with: git needs "*.ps1 -text"' -f $path) }
+            throw ('{0} was edited' -f $path)
+        }
     }
     $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
     $fresh = $script:Journal + '.new'
@@ -718,7 +729,7 @@ function Show-Run {
         }
         # Room that earlier steps make is not there yet.
         if (-not $made.Count -and $null -ne $fits -and -not (& $fits)) {
-            throw ($step.Address + ': the host cannot keep this promise beside others')
+            throw ('{0}: the host cannot keep this promise: {1}' -f $step.Address, $script:Shortage)
         }
         $detail = if ($after) { '{0} (after: {1})' -f $step.Action, $after } else { $step.Action }
         $shown += @{ Step = $step; Status = 'previewed'; Detail = $detail }
@@ -1056,13 +1067,25 @@ function Test-Capacity {
     })
     $cpu = if ($script:Plan.ThreadsPerCore -eq 1) { $null } else { Hyper-V\Get-VMProcessor -VM $script:Vm }
     $claims = @(@{ Cores = Get-CoreCount -Cpu $cpu -Processors $Processors; Reserve = $Reserve })
+    $needed = $claims[0].Cores * $script:Plan.ThreadsPerCore * $Reserve
+    $taken = [long] 0
+    $promised = @()
     $bytes = $Memory
     if ($others.Count) {
         foreach ($cpu in @(Hyper-V\Get-VMProcessor -VM $others)) {
-            $claims += @{ Cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count; Reserve = [long] $cpu.Reserve }
+            $cores = Get-CoreCount -Cpu $cpu -Processors $cpu.Count
+            $claims += @{ Cores = $cores; Reserve = [long] $cpu.Reserve }
+            $share = $cores * $script:Plan.ThreadsPerCore * [long] $cpu.Reserve
+            $taken += $share
+            if ($share) { $promised += '{0} {1}' -f $cpu.VMName, (ConvertTo-Processor -Percent $share) }
         }
         foreach ($vm in $others) { $bytes += [long] $vm.MemoryStartup }
     }
+    $room = [long] (($script:Plan.Memory - $bytes + $Memory) / 1048576)
+    $free = ConvertTo-Processor -Percent ($script:Plan.Percent - $taken)
+    $needed = ConvertTo-Processor -Percent $needed
+    $script:Shortage = 'needs {0} and {1} MiB, free {2} and {3} MiB' -f $needed, [long] ($Memory / 1048576), $free, $room
+    if ($promised.Count) { $script:Shortage += ', promised: ' + ($promised -join ', ') }
     $percent = [long] 0
     $free = @(100) * $script:Plan.Cores
     foreach ($one in $claims) {
@@ -1085,6 +1108,13 @@ function Test-Capacity {
         $free[$at] -= $size
     }
     $wide -le 100
+}
+
+function ConvertTo-Processor {
+    # Per cent of logical processors as plans write them, without a culture's comma: 160 is 1.60 LP.
+    param([long] $Percent)
+    if ($Percent -lt 0) { return '0.00 LP' }
+    ('00' + $Percent) -creplace '^0*([0-9]+)([0-9]{2})$', '$1.$2 LP'
 }
 
 function Get-CoreCount {
