@@ -152,10 +152,22 @@ def creation_undo_pieces(step: Step, creation: operations.CreatePartition) -> tu
         ),
         before={"exists": True, "added": ""},
     )
-    if not creation.image:
-        return (machine,)
-    action = f"delete the disk that grows out of {creation.image}"
-    return machine, _disk_removal_piece(f"{step.address}/disk", action, path, creation.image)
+    pieces = [machine]
+    if creation.image:
+        action = f"delete the disk that grows out of {creation.image}"
+        pieces.append(_disk_removal_piece(f"{step.address}/disk", action, path, creation.image))
+    if creation.vm_path:
+        pieces.append(
+            ScriptPiece(
+                address=f"{step.address}/folder",
+                action="remove its folders, where they are empty",
+                read=call("Get-FolderReading", **_folder(creation)),
+                before={},
+                after={"folders": 0},
+                calls=(call("Remove-PartitionFolder", **_folder(creation)),),
+            )
+        )
+    return tuple(pieces)
 
 
 def call(name: str, **parameters: Literal) -> str:
@@ -292,7 +304,13 @@ def _creation_pieces(step: Step, creation: operations.CreatePartition) -> tuple[
         made.append(piece("no network adapter", {"adapters": 1}, {"adapters": 0}, call("Remove-NetworkAdapter")))
     if creation.generation == 2 and (creation.image or creation.secure_boot):
         made.append(piece(*_firmware(creation)))
+    if creation.vm_path:
+        made.append(piece("its own folder", {}, {}, call("Move-NewPartition", **_folder(creation))))
     return tuple(made)
+
+
+def _folder(creation: operations.CreatePartition) -> dict[str, Literal]:
+    return {"Folder": literal(creation.vm_path), "Name": literal(creation.partition)}
 
 
 def _firmware(creation: operations.CreatePartition) -> tuple[str, Readings, Readings, str]:

@@ -44,7 +44,8 @@ CMDLETS = READING_CMDLETS | words(
     r"""
     Hyper-V\New-VM Hyper-V\Set-VM Hyper-V\Set-VMFirmware Hyper-V\Rename-VM Hyper-V\Remove-VM Hyper-V\Start-VM
     Hyper-V\Stop-VM Hyper-V\Set-VMProcessor Hyper-V\Set-VMMemory Hyper-V\New-VHD Hyper-V\Add-VMHardDiskDrive
-    Hyper-V\Remove-VMNetworkAdapter FailoverClusters\Update-ClusterVirtualMachineConfiguration
+    Hyper-V\Remove-VMNetworkAdapter Hyper-V\Move-VMStorage
+    FailoverClusters\Update-ClusterVirtualMachineConfiguration
     ConvertFrom-Json New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl Start-Sleep
     Write-Information Write-Verbose
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession

@@ -14,6 +14,18 @@ TABLES = Path(__file__).resolve().parent / "tables"
 
 
 FROM_PAGES: dict[str, dict[str, Any]] = {
+    "Move-VMStorage": {
+        "module": "Hyper-V",
+        "should_process": True,
+        "in_7": True,
+        "not_in_7": [],
+        "parameters": {
+            "SmartPagingFilePath": {"type": "String", "sets": {"VMMultiple": ""}},
+            "SnapshotFilePath": {"type": "String", "sets": {"VMMultiple": ""}},
+            "VM": {"type": "VirtualMachine", "sets": {"VMMultiple": "mp"}},
+            "VirtualMachinePath": {"type": "String", "sets": {"VMMultiple": ""}},
+        },
+    },
     "Update-ClusterVirtualMachineConfiguration": {
         "module": "FailoverClusters",
         "should_process": False,
@@ -27,7 +39,8 @@ FROM_PAGES: dict[str, dict[str, Any]] = {
         },
     },
 }
-"""What the file of facts lacks: by hand from windows-powershell-docs, docset/winserver2025-ps/FailoverClusters."""
+"""What the file of facts lacks: by hand from windows-powershell-docs, docset/winserver2025-ps/FailoverClusters and
+docset/winserver2019-ps/hyper-v; of Move-VMStorage the set of parameters that scripts use."""
 
 
 def compact(facts: dict[str, Any]) -> dict[str, Any]:

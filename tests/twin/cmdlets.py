@@ -119,7 +119,10 @@ def _in_folder(scope: Scope, path: str) -> list[Value]:
             category="PermissionDenied",
         )
     inside = path.lower() + "\\"
-    return [Record(FullName=file.path) for at, file in scope.session.host.files.items() if at.startswith(inside)]
+    host = scope.session.host
+    configurations = [vm.folder for vm in host.vms.values() if vm.folder.lower() == path.lower()]
+    inner = [file.path for at, file in host.files.items() if at.startswith(inside)]
+    return [Record(FullName=found) for found in [*inner, *configurations]]
 
 
 def _hides(scope: Scope, folder: str) -> bool:

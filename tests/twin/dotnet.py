@@ -311,6 +311,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.file", "move"): _move,
     ("io.file", "delete"): _delete,
     ("io.directory", "createdirectory"): _make_folder,
+    ("io.directory", "delete"): _delete,
     ("io.filestream", "new"): _new_stream,
     ("byte[]", "new"): lambda scope, size: [0] * number(size),
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),

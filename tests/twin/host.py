@@ -49,6 +49,7 @@ class Vm:
     replication_mode: str = "None"
     shielded: bool = False
     cluster_knows: bool = True  # what its cluster keeps of it is how it is
+    folder: str = ""  # its own, in which its configuration lies; empty: the host's
     disks: list[str] = field(default_factory=list)
     checkpoint_disks: list[str] = field(default_factory=list)  # what its checkpoints rest on
     adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch

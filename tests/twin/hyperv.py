@@ -26,12 +26,15 @@ MOST_PROCESSORS = {1: 64, 2: 240}
 class Machine(Thing):
     """What Get-VM gives: the machine as it was then."""
 
+    machine_folder = "C:\\ProgramData\\Microsoft\\Windows\\Hyper-V"
+
     type_name = "Microsoft.HyperV.PowerShell.VirtualMachine"
 
     def __init__(self, vm: Vm) -> None:
         super().__init__(
             Id=Guid(vm.id),
             Name=vm.name,
+            Path=vm.folder or self.machine_folder,
             State=Enumerated(vm.state),
             Generation=vm.generation,
             Version=vm.version,
@@ -165,6 +168,9 @@ def new_vm(scope: Scope, given: Given) -> Value:
         host.made += 1
         new = f"{host.made:08x}-5ade-4000-8000-{host.made:012x}"
         host.vms[new] = Vm(id=new, name=name, generation=generation, memory=memory, adapters=[(ADAPTER, switch)])
+        if "path" in given:
+            host.vms[new].folder = f"{text(given['path']).rstrip(chr(92))}\\{name}"
+            host.write_file(host.vms[new].folder, None)
         host.vms[new].dynamic_memory = True  # as on a client; a server's is static: a script may rely on neither
 
     host.effect(f"New-VM {name}", make)
@@ -370,6 +376,21 @@ def set_firmware(scope: Scope, given: Given) -> Value:
     return EMPTY
 
 
+def move_storage(scope: Scope, given: Given) -> Value:
+    """The old folder stays, empty."""
+    _changing(scope)
+    vm, host, path = _vm(scope, given), scope.session.host, text(given["virtualmachinepath"])
+    if path.lower() == vm.folder.lower():
+        raise refuse("The virtual machine is there already.", "MoveVMStorage")
+
+    def do() -> None:
+        host.write_file(path, None)
+        vm.folder = path
+
+    host.effect(f"Move-VMStorage {vm.name}", do)
+    return EMPTY
+
+
 def rename_vm(scope: Scope, given: Given) -> Value:
     _changing(scope)
     new = text(given["newname"])
@@ -475,6 +496,7 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "stop-vm": stop_vm,
     "remove-vm": remove_vm,
     "rename-vm": rename_vm,
+    "move-vmstorage": move_storage,
     "new-vhd": new_vhd,
     "add-vmharddiskdrive": add_disk,
     "remove-vmnetworkadapter": remove_adapter,

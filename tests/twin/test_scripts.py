@@ -198,6 +198,7 @@ def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: M
         assert ran.code == (0 if started else 3), f"{where}\n{ran.says}"
         assert seen(host) == seen(prepared.copy()), where
         added = set(host.files) - set(prepared.copy().files)
+        assert not [path for path in added if path.startswith("d:\\vms")], where
         assert {path for path in added if not path.startswith("c:\\run\\")} <= KEPT, where
 
 

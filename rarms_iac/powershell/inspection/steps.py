@@ -55,6 +55,7 @@ _READERS = _calls(r"""
     Get-TaskClassReading Task
     Get-GuestTaskClassReading Task Application Replace
     Get-DiskReading Path Parent Everywhere
+    Get-FolderReading Folder Name
 """)
 _SETTERS = _calls(r"""
     Hyper-V\New-VM Name Generation MemoryStartupBytes NoVHD SwitchName Path
@@ -78,6 +79,8 @@ _SETTERS = _calls(r"""
     Restore-TaskClass Task Application
     Remove-DiskFile Path
     Add-PartitionDisk Path
+    Move-NewPartition Folder Name
+    Remove-PartitionFolder Folder Name
     Remove-NetworkAdapter
 """)
 # NOTE: what rarms no longer writes, and the journals of earlier versions hold.

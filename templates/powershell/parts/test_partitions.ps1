@@ -2,6 +2,7 @@
 # Test partitions: machines that are there while a script measures, and are removed with their disks.
 
 $script:Tests = @()             # in the order in which their reserves are asked for
+$script:TestFolder = '[\\/]rarms-p[12]\.rarms-0{12}$'
 $script:TestDisk = '[\\/]rarms-p[12]-0{12}\.vhdx?$'
 
 function Add-TestPartition {
@@ -70,8 +71,10 @@ function Remove-TestPartition {
         if (@('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)) {
             Hyper-V\Stop-VM -VM $vm -TurnOff -Force
         }
+        $folder = [string] $vm.Path
         Hyper-V\Remove-VM -VM $vm -Force
         foreach ($disk in $disks) { Remove-DiskFile -Path $disk.Path }
+        if ($folder -cmatch $script:TestFolder) { Remove-EmptyFolder -Path $folder }
         if ($Tell) { Write-Progressed -Partition ($called -creplace '\..*$', '') -Status 'changed' -Detail 'removed' }
     }
 }

@@ -49,7 +49,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f7e14d79d2eb'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8560913ee30c621455810daf9c72ed038e91a4b66828155f638b00cb98af0235'
+        UndoDigest = '318b7f340ffb73f246e99eb9f96c59aab2fc976cd5873fa15907cf7e091ab7b7'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -996,6 +996,51 @@ function Add-PartitionDisk {
     param([string] $Path)
     if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
     Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
+}
+
+function Move-NewPartition {
+    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    param([string] $Folder, [string] $Name)
+    $path = Get-PartitionFolder -Folder $Folder -Name $Name
+    if ([string] $script:Vm.Path -ne $path) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    }
+    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
+}
+
+function Get-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+}
+
+function Get-FolderReading {
+    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
+    param([string] $Folder, [string] $Name)
+    $count = 0
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
+    }
+    @{ folders = $count }
+}
+
+function Remove-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
+    }
+}
+
+function Remove-EmptyFolder {
+    # Never with what lies in it.
+    param([string] $Path)
+    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+}
+
+function Test-EmptyFolder {
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
 }
 
 function Remove-NetworkAdapter {

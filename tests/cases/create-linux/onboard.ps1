@@ -50,7 +50,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '274b6f8ab7e2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a0060c6e7d3a3a2b0c488ddc000a8ee2b595fdb8fe85b77ae3a8c4ffb42485b8'
+        UndoDigest = '485b59db19b2c612b5e12ffb3268a415d666084ae46361be530f3e81a542197c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -81,6 +81,7 @@ function Add-Plan {
         Add-PartitionDisk -Path (Get-DiskPath -Folder 'D:\machines' -Name 'vision' -Type 'vhdx')
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
         Hyper-V\Set-VMFirmware -VM $script:Vm -EnableSecureBoot 'On' -SecureBootTemplate 'MicrosoftUEFICertificateAuthority' -FirstBootDevice (Hyper-V\Get-VMHardDiskDrive -VM $script:Vm)
+        Move-NewPartition -Folder 'D:\machines' -Name 'vision'
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
@@ -1009,6 +1010,51 @@ function Add-PartitionDisk {
     param([string] $Path)
     if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
     Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
+}
+
+function Move-NewPartition {
+    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    param([string] $Folder, [string] $Name)
+    $path = Get-PartitionFolder -Folder $Folder -Name $Name
+    if ([string] $script:Vm.Path -ne $path) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    }
+    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
+}
+
+function Get-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+}
+
+function Get-FolderReading {
+    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
+    param([string] $Folder, [string] $Name)
+    $count = 0
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
+    }
+    @{ folders = $count }
+}
+
+function Remove-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
+    }
+}
+
+function Remove-EmptyFolder {
+    # Never with what lies in it.
+    param([string] $Path)
+    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+}
+
+function Test-EmptyFolder {
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
 }
 
 function Remove-NetworkAdapter {

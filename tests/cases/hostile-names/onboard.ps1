@@ -49,7 +49,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '4a195c901c41'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '67fc95a9ec669dfd27973c4348eca67e90241553f9b606fa25eafe67f2ab5b83'
+        UndoDigest = 'a2182cb575eba39d1e14e3d3faff0a0fdfa0b33334ce96af4f5d1a5565f609c9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -70,6 +70,7 @@ function Add-Plan {
         processors = 2; reserve = 80; set = '28cc232b41a1'; start_action = 'start'; state = 'off'; stop_action = 'shut_down'; weight = 100
     } -Set {
         Hyper-V\Set-VMMemory -VM $script:Vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        Move-NewPartition -Folder ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)') -Name 'vision'
         Write-Mark
         Hyper-V\Set-VMProcessor -VM $script:Vm -Count 2 -Reserve 80 -Maximum 100 -RelativeWeight 100
         Hyper-V\Set-VM -VM $script:Vm -AutomaticStartAction 'Start' -AutomaticStopAction 'ShutDown' -CheckpointType 'Disabled'
@@ -998,6 +999,51 @@ function Add-PartitionDisk {
     param([string] $Path)
     if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
     Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
+}
+
+function Move-NewPartition {
+    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    param([string] $Folder, [string] $Name)
+    $path = Get-PartitionFolder -Folder $Folder -Name $Name
+    if ([string] $script:Vm.Path -ne $path) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    }
+    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
+}
+
+function Get-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+}
+
+function Get-FolderReading {
+    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
+    param([string] $Folder, [string] $Name)
+    $count = 0
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
+    }
+    @{ folders = $count }
+}
+
+function Remove-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
+    }
+}
+
+function Remove-EmptyFolder {
+    # Never with what lies in it.
+    param([string] $Path)
+    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+}
+
+function Test-EmptyFolder {
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
 }
 
 function Remove-NetworkAdapter {

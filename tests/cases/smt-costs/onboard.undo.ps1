@@ -1008,6 +1008,51 @@ function Add-PartitionDisk {
     Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
 }
 
+function Move-NewPartition {
+    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    param([string] $Folder, [string] $Name)
+    $path = Get-PartitionFolder -Folder $Folder -Name $Name
+    if ([string] $script:Vm.Path -ne $path) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    }
+    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
+}
+
+function Get-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+}
+
+function Get-FolderReading {
+    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
+    param([string] $Folder, [string] $Name)
+    $count = 0
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
+    }
+    @{ folders = $count }
+}
+
+function Remove-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
+    }
+}
+
+function Remove-EmptyFolder {
+    # Never with what lies in it.
+    param([string] $Path)
+    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+}
+
+function Test-EmptyFolder {
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
+}
+
 function Remove-NetworkAdapter {
     # Hyper-V gives one to every new machine.
     if (@(Hyper-V\Get-VMNetworkAdapter -VM $script:Vm).Count) { Hyper-V\Remove-VMNetworkAdapter -VM $script:Vm }

@@ -49,7 +49,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7af0e89390f2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2f33782c67b34b82843f4eb0d0b646fad4a5377e6620b3f22133615330a7ac6b'
+        UndoDigest = '2cf878d5cb8430127e4befc6725e94432553bc7cc1f042a8f0a5ee94c8ede927'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -998,6 +998,51 @@ function Add-PartitionDisk {
     param([string] $Path)
     if (@(Hyper-V\Get-VMHardDiskDrive -VM $script:Vm).Count) { return }
     Hyper-V\Add-VMHardDiskDrive -VM $script:Vm -Path $Path
+}
+
+function Move-NewPartition {
+    # Hyper-V made a folder of the pending name, and a new name would leave it so. What is there already is not moved again.
+    param([string] $Folder, [string] $Name)
+    $path = Get-PartitionFolder -Folder $Folder -Name $Name
+    if ([string] $script:Vm.Path -ne $path) {
+        Hyper-V\Move-VMStorage -VM $script:Vm -VirtualMachinePath $path -SnapshotFilePath $path -SmartPagingFilePath $path
+    }
+    Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name (Get-PendingName -Name $Name))
+}
+
+function Get-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $Name
+}
+
+function Get-FolderReading {
+    # How many folders are left empty where this plan made a machine: of its pending name, and of its final one.
+    param([string] $Folder, [string] $Name)
+    $count = 0
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        if (Test-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)) { $count += 1 }
+    }
+    @{ folders = $count }
+}
+
+function Remove-PartitionFolder {
+    param([string] $Folder, [string] $Name)
+    foreach ($one in @((Get-PendingName -Name $Name), $Name)) {
+        Remove-EmptyFolder -Path (Get-PartitionFolder -Folder $Folder -Name $one)
+    }
+}
+
+function Remove-EmptyFolder {
+    # Never with what lies in it.
+    param([string] $Path)
+    if (Test-EmptyFolder -Path $Path) { [System.IO.Directory]::Delete($Path) }
+}
+
+function Test-EmptyFolder {
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { return $false }
+    $link = [System.IO.File]::GetAttributes($Path) -band [System.IO.FileAttributes]::ReparsePoint
+    -not $link -and -not @(Get-ChildItem -LiteralPath $Path -Force).Count
 }
 
 function Remove-NetworkAdapter {
