@@ -46,8 +46,8 @@ CMDLETS = READING_CMDLETS | words(
     Hyper-V\Stop-VM Hyper-V\Set-VMProcessor Hyper-V\Set-VMMemory Hyper-V\New-VHD Hyper-V\Add-VMHardDiskDrive
     Hyper-V\Remove-VMNetworkAdapter Hyper-V\Move-VMStorage
     FailoverClusters\Update-ClusterVirtualMachineConfiguration
-    ConvertFrom-Json New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl Start-Sleep
-    Write-Information Write-Verbose
+    ConvertFrom-Json Get-Command New-Item New-ItemProperty Receive-Job Remove-Item Remove-ItemProperty Set-Acl
+    Start-Sleep Write-Information Write-Verbose
     ConvertTo-SecureString Invoke-Command New-PSSession Remove-Job Remove-PSSession
     """
 )
@@ -96,7 +96,7 @@ MEMBERS = READING_MEMBERS | words(
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Clear ComputeHash Computer Contains
     Cores Create CreateDirectory Delete Detail Dispose Enabled Equals Fits Flush
     GetAttributes GetBytes GetString Guard Guest
-    InvocationInfo Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
+    CommandType InvocationInfo InvocationName Kind Length LogicalProcessors Lost Memory Move MyCommand Needs Number
     EndsWith Open OpenOrCreate Ordinal Percent Plan Position PrimaryOperationalStatus Processors
     ContainsKey Detail Identity Read ReadAllBytes ReadAllText ReadWrite Remove ReparsePoint Run ScriptLineNumber Serial
     Set SetLength
@@ -123,7 +123,7 @@ OPERATORS = words(
 
 VARIABLES = words(
     "$_ $args $true $false $null $env:OS $env:ProgramData $ExecutionContext $PSVersionTable $Matches $PID $PSCmdlet "
-    "$PSBoundParameters $PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
+    "$MyInvocation $PSBoundParameters $PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
 )
 """Those that nobody assigns."""
 

@@ -401,6 +401,9 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
         for where, policy in scope.session.host.execution_policy
     ],
     "get-content": get_content,
+    "get-command": lambda scope, given: Record(
+        CommandType=Enumerated("Cmdlet" if scope.session.host.loads_hyperv else "Function")
+    ),
     "new-pssession": guests.new_session,
     "remove-pssession": guests.remove_session,
     "invoke-command": guests.invoke_command,

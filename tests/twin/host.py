@@ -151,6 +151,7 @@ class WindowsHost:
     module: list[str] = field(default_factory=lambda: ["2.0.0.0"])
     powershell: dict[str, str] = field(default_factory=lambda: {"version": "5.1.26100.1", "edition": "Desktop"})
     bits: int = 64
+    loads_hyperv: bool = True  # itself: 7 on Server 2016 does it through 5.1, whose objects come without their kind
     language: str = "FullLanguage"  # what PowerShell lets a script say; AppLocker and App Control take most of it away
     processors: list[dict[str, object]] = field(default_factory=list)
     numa: list[dict[str, int]] = field(default_factory=list)

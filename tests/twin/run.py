@@ -121,6 +121,7 @@ def run(
     unanswered: bool = False,
     confirm: bool = False,
     force: bool = False,
+    dot_sourced: bool = False,
     lock_timeout: int = 0,
     output: list[Value] | None = None,
 ) -> Ran:
@@ -132,6 +133,7 @@ def run(
         return Ran(code=1, lines=(), talk=(f"File {file.path} cannot be loaded. {refusal}",))
     session = Session(host, windows_powershell=windows_powershell, path=file.path, what_if=what_if, declined=declined)
     session.unanswered = unanswered
+    session.invoked_by = "." if dot_sourced else file.path
     session.confirm = confirm or bool(declined)
     session.output = [] if output is None else output
     host.clock += BETWEEN_RUNS_MS
@@ -157,6 +159,7 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, int]) -> 
         "confirmpreference": "Low" if session.confirm else "High",
         "psboundparameters": Table([("Confirm", True)] if session.confirm else []),
         "psscriptroot": FOLDER,
+        "myinvocation": Record(InvocationName=session.invoked_by),
         "pscommandpath": session.path,
         "pscmdlet": Cmdlet(scope, script.impact),
         "pid": session.process,

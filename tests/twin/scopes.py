@@ -70,6 +70,7 @@ class Session:
     path: str  # the script's
     what_if: bool = False
     declined: frozenset[str] = frozenset()  # addresses, or actions, at which the person at the prompt says no
+    invoked_by: str = "script.ps1"  # the name that it was called by; a dot: into the caller's own scope
     confirm: bool = False  # it was given -Confirm
     unanswered: bool = False  # there is no console at which a prompt could be answered
     process: int = 4711

@@ -274,8 +274,10 @@ def test_a_task_class_that_somebody_moved_is_not_touched() -> None:
         ({"scheduler": 4}, 1, "root scheduler"),
         ({"lock": "held"}, 3, "it is held by"),
         ({"elevated": False}, 1, ""),
+        ({"bits": 32}, 3, "32 bits"),
+        ({"loads_hyperv": False}, 3, "start powershell.exe"),
     ],
-    ids=["another computer", "processors", "root", "locked", "no rights"],
+    ids=["another computer", "processors", "root", "locked", "no rights", "32 bits", "7 on 2016"],
 )
 def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, object], code: int, says: str) -> None:
     prepared = fresh()
@@ -306,6 +308,20 @@ def test_another_windows_of_the_same_name_is_not_the_plans_host(way: Callable[[W
     assert ran.code == 3, ran.says
     assert "not the one that the plan was made for" in ran.says
     assert (b"5f3c9c1a" in script, b"identity = ''" in script) == (False, False)
+
+
+def test_a_script_is_run_as_a_file_alone() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+
+    ran = run(host, apply_script(prepared.plan), dot_sourced=True)
+    host.language = "ConstrainedLanguage"
+    constrained = run(host, apply_script(prepared.plan))
+
+    assert (ran.code, constrained.code, host.effects) == (1, 1, []), ran.says
+    assert "as a file" in ran.says
+    assert "allow this script by its signer" in constrained.says
 
 
 def test_a_server_without_the_schedulers_event_is_changed_as_the_plan_said() -> None:

@@ -40,6 +40,11 @@ _SETTINGS = frozenset(
             for stream in ("Debug", "Information", "Progress", "Verbose", "Warning")
         ),
         "$PSModuleAutoLoadingPreference = 'All'",
+        "if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') {\r\n"
+        "    throw 'AppLocker or App Control takes the language from PowerShell here: "
+        "allow this script by its signer'\r\n}",
+        "if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') "
+        "{ throw 'run this script as a file, not dot-sourced' }",
         "if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPreference = 'None' }",
     }
 )

@@ -35,6 +35,11 @@
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') {
+    throw 'AppLocker or App Control takes the language from PowerShell here: allow this script by its signer'
+}
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+
 # What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
@@ -51,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '745493aff51d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1ca9e2c6bd8616f068b83743284a6ca3ace85e27df67d4edb0759dc277dad91d'
+        UndoDigest = '9a0120b1bd5160574521ebfc7839a2b2ea026da8e818d334ac5534d81f3179c3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -718,6 +723,11 @@ function Get-Loss {
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
     $plan = $script:Plan
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
+    if ([string] (Get-Command -Name 'Hyper-V\Get-VM').CommandType -cne 'Cmdlet') {
+        Stop-Run -Detail 'this PowerShell does not load Hyper-V itself: start powershell.exe'
+    }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)

@@ -35,6 +35,11 @@
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') {
+    throw 'AppLocker or App Control takes the language from PowerShell here: allow this script by its signer'
+}
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+
 # What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
@@ -51,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '61154a2d936f'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e5ce9c61e9d8f0095072845e829b4328707d7c55f76c6b378be5f15f547421bf'
+        UndoDigest = 'b78560623b682df9cec0b1e9904b41a58f62828f8061f0724c5056af0a76eda0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -770,6 +775,11 @@ function Get-Loss {
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
     $plan = $script:Plan
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
+    if ([string] (Get-Command -Name 'Hyper-V\Get-VM').CommandType -cne 'Cmdlet') {
+        Stop-Run -Detail 'this PowerShell does not load Hyper-V itself: start powershell.exe'
+    }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)

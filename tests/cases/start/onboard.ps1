@@ -33,6 +33,11 @@
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') {
+    throw 'AppLocker or App Control takes the language from PowerShell here: allow this script by its signer'
+}
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+
 # What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
@@ -49,7 +54,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bcb8c653bf4c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a68c6d69f0c5602cf92008f5e0660bbc993404fdee163f4861f0b37666dec421'
+        UndoDigest = '27c614e2f9c2ba2d750ddbcc753ba89fba317b82de5ace91847442abb872413a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -711,6 +716,11 @@ function Get-Loss {
 function Assert-VmHost {
     # Is it this host, may we, and does a reserve have any effect here?
     $plan = $script:Plan
+    if ([IntPtr]::Size -ne 8) { Stop-Run -Detail 'this PowerShell has 32 bits: start the one that has 64' }
+    # Where 7 does not load Hyper-V itself, its objects come through 5.1 and are none that cmdlets take.
+    if ([string] (Get-Command -Name 'Hyper-V\Get-VM').CommandType -cne 'Cmdlet') {
+        Stop-Run -Detail 'this PowerShell does not load Hyper-V itself: start powershell.exe'
+    }
     $vmHost = Hyper-V\Get-VMHost
     if ($vmHost.Name -ne $plan.Computer) {
         Stop-Run -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)

@@ -33,6 +33,11 @@
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') {
+    throw 'AppLocker or App Control takes the language from PowerShell here: allow this script by its signer'
+}
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+
 # What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'
@@ -49,7 +54,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '13181a41f1be'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '0629efc2a3b36f629f2d48e7dafc3b50e583564c7f7d46f0e1e369b7c06fbd84'
+        UndoDigest = '54b9278e7ff1711c11998af768d4fba966d76714e65b6acd2a138559ee6952f6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -33,6 +33,11 @@
     Target = '*', Justification = 'Every step is asked for, once, in Test-Wanted.')]
 param([switch] $AsJson, [int] $LockTimeout = 0, [switch] $Abandon, [switch] $Force)
 
+if ([string] $ExecutionContext.SessionState.LanguageMode -cne 'FullLanguage') {
+    throw 'AppLocker or App Control takes the language from PowerShell here: allow this script by its signer'
+}
+if (-not $PSCommandPath -or $MyInvocation.InvocationName -ceq '.') { throw 'run this script as a file, not dot-sourced' }
+
 # What a profile or a caller set must reach none of the calls below.
 $PSDefaultParameterValues = @{}
 $ErrorActionPreference = 'Stop'

@@ -56,7 +56,8 @@ def test_the_bytes_that_are_shown_raw_are_those_that_are_written(plan: str, fold
     raw = rarms("show", "--script", plan, "--guest", "torch-motion", "--undo", "--raw").out
     written = (folder / "cell.guest.torch-motion.undo.ps1").read_bytes().decode("ascii")
     assert raw.replace("\r\n", "\n") == written.replace("\r\n", "\n")
-    assert len(list(folder.iterdir())) == 6
+    assert len(list(folder.glob("*.ps1"))) == 6
+    assert (folder / ".gitattributes").read_text(encoding="ascii") == "*.ps1 -text\n"
 
 
 def test_without_a_plan_it_is_made_first(folder: Path) -> None:
