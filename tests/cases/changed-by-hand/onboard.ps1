@@ -54,7 +54,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '0c0163cd7b36'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5e3740f640c230b067baed296fed2b49f1ca01bd995dfb2bf6ffd51bc5a6a332'
+        UndoDigest = '3b5c21ae1717d33aa0577bfec0ed1a88cc9f23f84c1ba19b61a0df3bfd8f1f29'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

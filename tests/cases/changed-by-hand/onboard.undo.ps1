@@ -65,7 +65,9 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'reserve 55 %, limit 100 %, weight 100' -Undoes 0 -Before @{ limit = 100; reserve = 80; weight = 100 } -After @{
+    Add-Step -Action 'of each VP reserve 55 % and limit 100 %, weight 100' -Undoes 0 -Before @{
+        limit = 100; reserve = 80; weight = 100
+    } -After @{
         limit = 100; reserve = 55; weight = 100
     } -Set { Hyper-V\Set-VMProcessor -VM $script:Vm -Reserve 55 -Maximum 100 -RelativeWeight 100 }
 }

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f7e14d79d2eb of application robot, for the host itself.
+    rarms apply script: plan 136443c2711e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f7e14d79d2eb'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '136443c2711e'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7a2ec0d66a19732c3fa5d9d7dff3783b69cf6939488510fa82232f6f3a287317'
+        UndoDigest = '32f2553a6cc0117f4fddf64c168a55b68f7ce4350533ecad6f60308b94ab7c0b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan f7e14d79d2eb of application robot, for the host itself.
+    rarms undo script: plan 136443c2711e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -52,7 +52,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'f7e14d79d2eb'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '136443c2711e'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 274b6f8ab7e2 of application robot, for the host itself.
+    rarms apply script: plan a396edbedd31 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -53,9 +53,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '274b6f8ab7e2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'a396edbedd31'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '24a81f6fe59d4bad243aa0bb83cbc2956dccbca2287a4f227867382f7357e038'
+        UndoDigest = '975b508fb1a933eff73913cd94b149f14de9042d557d45b75416d55dcf136bfd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

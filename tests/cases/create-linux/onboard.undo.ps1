@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 274b6f8ab7e2 of application robot, for the host itself.
+    rarms undo script: plan a396edbedd31 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -53,7 +53,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '274b6f8ab7e2'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'a396edbedd31'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

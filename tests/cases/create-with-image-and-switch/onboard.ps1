@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6af1f016f1f0 of application robot, for the host itself.
+    rarms apply script: plan 794d9a4a57e1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -53,9 +53,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6af1f016f1f0'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '794d9a4a57e1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2017ba348f91ab2de3de5f3cd2eed8e6b37c3681dc5d392c7c274b9eac0cc88c'
+        UndoDigest = 'b075414106a285df5a965bea9f4b19627bde1d60a8877802520665dd4ba2ed08'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 8d0becf23903 of application robot, for the host itself.
+    rarms apply script: plan f7e43de00852 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '8d0becf23903'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'f7e43de00852'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd85ab7ac4441197613273ad950b8e91db84f3cc400a9bbaeb01c87bbf519d764'
+        UndoDigest = '15e85c6694a86564932509e2176db33dc42ae4bf2fb68394667ab78e9c11d833'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

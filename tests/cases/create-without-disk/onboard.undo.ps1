@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 8d0becf23903 of application robot, for the host itself.
+    rarms undo script: plan f7e43de00852 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -52,7 +52,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '8d0becf23903'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'f7e43de00852'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 3f4ab57b80f1 of application robot, for the host itself.
+    rarms apply script: plan 936852c1f911 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '3f4ab57b80f1'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '936852c1f911'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '808b3ce510590102df3a5601bc89b8808d3339ec16e6140b652eeccb02692867'
+        UndoDigest = '4ffc9e7dda166a75827f021dcc8e42ec1d15652db79ce21b98324c26a46595d6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '5b6780d717f7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '40da7b782aa6d8de0bd0db6b4248d0e5e801bc16ade1a52d8d6d298d673ce542'
+        UndoDigest = 'e42be66a56225402957c494a319a5f03cddc76f23ff7a82fb71e660e51705105'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -54,7 +54,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b8ddaf0a725b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a46017a48f26e4df321564d1c766446c0e7eed82b9116697e01e27168e87adaf'
+        UndoDigest = 'ea2921b2d8d9365231fcbb355bbbc9bffda5a7de75219332b21564e5ec704d20'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

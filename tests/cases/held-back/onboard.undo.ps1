@@ -65,7 +65,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision; reserve 80 %, limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
+    Add-Step -Action 'mark it as robot/vision; of each VP reserve 80 % and limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 60; set = '8f1e1103d755'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4a195c901c41 of application robot, for the host itself.
+    rarms apply script: plan ac6aa992f849 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4a195c901c41'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'ac6aa992f849'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '292fac4a7e12f4f540fa3b18f033a7bedab69b587e296a973dfb9df677b61fee'
+        UndoDigest = '5b9dac7bfb0f39c66aa88707b318d0c76b8a1a1c9ca2b9c88c9355d62a9716e7'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

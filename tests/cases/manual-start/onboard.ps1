@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e3479ba6dda2 of application robot, for the host itself.
+    rarms apply script: plan 324c387599d8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: added
@@ -53,9 +53,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e3479ba6dda2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '324c387599d8'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7ed7de2ee893baf3b058b8c7d6b4ae6856980c4d2e971ea3266b87ba6c64252a'
+        UndoDigest = '8436f3be0095d7766d5fa8c35b81ad0f754ab5835bdac179e476aca2dd595f1b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

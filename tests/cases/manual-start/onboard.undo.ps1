@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan e3479ba6dda2 of application robot, for the host itself.
+    rarms undo script: plan 324c387599d8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     speech: removed
@@ -53,7 +53,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'e3479ba6dda2'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '324c387599d8'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '6c7782052eec'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4718826767262c75f24647f7dea256b937924b35efa7fefcd5b0f85d07361b03'
+        UndoDigest = '61a5064eb37c4c1e324c0da2eb3a0714d017605b33cc8f3efdd0329d6227de27'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

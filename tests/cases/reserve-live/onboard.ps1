@@ -54,7 +54,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc5023f005a7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1b1ea23b8da9352cf69535dfd7b7b9917feece8b81d3afcb44b0d2f8a70083e6'
+        UndoDigest = '18af7eade9d0ff8343735f4250930ecdeddc536048e588d5278897a279138916'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

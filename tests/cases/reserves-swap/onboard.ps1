@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '11120b26fb05'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e84a53b68aed15214c2bc41bc10f6b774277c2baf8898f11668efd6e0a204552'
+        UndoDigest = '948bea12ab744854cecdc671ace8183b44afcb40dacaa76ae10317bfb4d06a04'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

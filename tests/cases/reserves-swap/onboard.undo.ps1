@@ -66,7 +66,7 @@ function Add-Plan {
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech; reserve 20 %, limit 100 %, weight 100' -Undoes 1 -Before @{
+    Add-Step -Action 'mark it as robot/speech; of each VP reserve 20 % and limit 100 %, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
@@ -77,7 +77,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision; reserve 60 %, limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
+    Add-Step -Action 'mark it as robot/vision; of each VP reserve 60 % and limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 09e1fe9301c9 of application robot, for the host itself.
+    rarms apply script: plan 33c3cf7cfd71 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -53,9 +53,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '09e1fe9301c9'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '33c3cf7cfd71'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f5d395e07e4b1be8c25959ad58a6df9b3f2e2bfda46c5669aaa2834e578bca7e'
+        UndoDigest = 'f092003b9618f7dd9875a9d63c1cd2d6bdd19e390047352c7419f68848e8623f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

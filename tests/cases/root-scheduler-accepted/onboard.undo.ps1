@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 09e1fe9301c9 of application robot, for the host itself.
+    rarms undo script: plan 33c3cf7cfd71 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -53,7 +53,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '09e1fe9301c9'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '33c3cf7cfd71'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

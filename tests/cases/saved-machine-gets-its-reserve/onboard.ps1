@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'af94a736b8ce'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5292f66d2ee6a9c761452daa7480fa70583dccd45a5e69bcda90a11aba3e5bce'
+        UndoDigest = '2732dacbb416a55b7eecf33c4ad9b190d4feb93ace671f5632f9772664871d95'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 61318c5feb16 of application robot, for the host itself.
+    rarms apply script: plan 41839428b79f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: added, started
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '61318c5feb16'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '41839428b79f'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '155926da010651e5e576844fa22a62656806270e62b52d3aca34af32d74d26b4'
+        UndoDigest = '069ced43e5eb40071b9d7d0ee1cde0ad4c2ff4ab7718ef1af81497728bb906f3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 8

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 61318c5feb16 of application robot, for the host itself.
+    rarms undo script: plan 41839428b79f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     mapping: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '61318c5feb16'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '41839428b79f'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 61154a2d936f of application robot, for the host itself.
+    rarms apply script: plan 485f30ffdd1c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: added, started
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '61154a2d936f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '485f30ffdd1c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b78560623b682df9cec0b1e9904b41a58f62828f8061f0724c5056af0a76eda0'
+        UndoDigest = '36a22448d7889041a7ba98e729fb529752845cec46b3f3a7d707bd1a7133e0e2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

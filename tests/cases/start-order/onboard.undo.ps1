@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 61154a2d936f of application robot, for the host itself.
+    rarms undo script: plan 485f30ffdd1c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     door: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '61154a2d936f'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '485f30ffdd1c'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e60bd813db26'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '624c2bd90d8993b868451f54456a33a846fb098b19b27f5403f809002367d707'
+        UndoDigest = 'f3f09ad01c5421a512f633efee0e253b100a65c98e4a4023fc0532199f41a897'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

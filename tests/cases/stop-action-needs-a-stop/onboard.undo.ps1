@@ -68,7 +68,7 @@ function Add-Plan {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; reserve 80 %, limit 100 %, weight 100' -Undoes 1 -Before @{
+    Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; of each VP reserve 80 % and limit 100 %, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -After @{

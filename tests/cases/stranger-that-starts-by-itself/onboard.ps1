@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 4ecb91289a96 of application robot, for the host itself.
+    rarms apply script: plan 1ff48afa2878 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '4ecb91289a96'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '1ff48afa2878'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f5da524e4d124b0c80bc5d7aca1297fbf2404478b7d9b845e1c6642a9618b912'
+        UndoDigest = '88daf8d3db76dee3304623d00af2cb6b47fe949221e59cb7e59ca99e17c4e2cc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 13181a41f1be of application robot, for the guest of partition vision.
+    rarms apply script: plan 1209cde1eccc of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '13181a41f1be'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '1209cde1eccc'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '54b9278e7ff1711c11998af768d4fba966d76714e65b6acd2a138559ee6952f6'
+        UndoDigest = '06a9e1e17cc10ab7cf843385ee73f056dadaec3c84a2a3c723fec21fb3314df2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

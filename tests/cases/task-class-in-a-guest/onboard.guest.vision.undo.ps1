@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 13181a41f1be of application robot, for the guest of partition vision.
+    rarms undo script: plan 1209cde1eccc of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: changed (write the class MotionControl, and keep what was there before)
@@ -52,7 +52,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '13181a41f1be'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '1209cde1eccc'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = 'vision'
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

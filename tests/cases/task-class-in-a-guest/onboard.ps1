@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 13181a41f1be of application robot, for the host itself.
+    rarms apply script: plan 1209cde1eccc of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '13181a41f1be'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '1209cde1eccc'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '96eda639a387c227da0c7999ba571a6c91c024b6f20f5ba2093cb9247ea151b4'
+        UndoDigest = '20d3147a69bbcc43d09672156e823ea532f6b9b336f2c5a10d71556fb741465a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7af0e89390f2 of application robot, for the host itself.
+    rarms apply script: plan 89ee7de1c40a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7af0e89390f2'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '89ee7de1c40a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd964b4cf585ecf0823c83ef847cb78d413a1a6405a6d2fbd602f120b77d53700'
+        UndoDigest = 'f339dd717428f7b8991f94d443bb49a59d97e6cfd4e2d7ee34970700cd87457d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

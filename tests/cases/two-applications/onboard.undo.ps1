@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 7af0e89390f2 of application robot, for the host itself.
+    rarms undo script: plan 89ee7de1c40a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -52,7 +52,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '7af0e89390f2'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '89ee7de1c40a'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

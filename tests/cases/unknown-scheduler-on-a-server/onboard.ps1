@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ae6113f77abe of application robot, for the host itself.
+    rarms apply script: plan b7dab8d419aa of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: added, started
@@ -52,9 +52,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ae6113f77abe'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'b7dab8d419aa'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '6648dbce81eaf67ed3e63fa7d195b9ec5090e29d8d0a45de6f870bba3ee8c758'
+        UndoDigest = '2b9fa2d3106b7542d297f0ada4185b1dc4a8d4138181cc975aa9fffe0cf1cf10'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

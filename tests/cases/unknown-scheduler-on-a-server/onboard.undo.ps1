@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan ae6113f77abe of application robot, for the host itself.
+    rarms undo script: plan b7dab8d419aa of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -52,7 +52,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'ae6113f77abe'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'b7dab8d419aa'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
