@@ -31,7 +31,7 @@ DISK_REMOVED = Finding.warning("RARMS253", "A virtual disk is deleted")
 DISK_STAYS = Finding.warning("RARMS254", "A virtual disk stays although its removal was asked for")
 VHD = Finding.error("RARMS257", "A machine of generation 2 takes no .vhd disk")
 CHANGED_OUTSIDE = Finding.note("RARMS311", "The host was changed since rarms wrote it")
-TIED = Finding.error("RARMS341", "A machine that something else decides over is not changed")
+TIED = Finding.error("RARMS366", "A machine that something else decides over is not changed")
 SWITCH = Finding.error("RARMS258", "The host has no virtual switch of this name")
 
 
