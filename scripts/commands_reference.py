@@ -22,7 +22,7 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 |---|---|
 | 0 | what was asked is done, nothing was to do, or warnings only |
 | 1 | the tool or a host failed |
-| 2 | `plan`: there are changes; `validate`, `doctor`: errors; `fmt --check`: not formatted; `drift`: the host changed |
+| 2 | `plan --detailed-exitcode`: changes; `validate`, `doctor`: errors; `fmt --check`, `drift`: not as it should be |
 | 3 | refused: the host moved, is busy or held; the plan is stale, edited or used; another run is unfinished |
 | 4 | the answer is no: errors in the manifest (any command but `validate`), it does not fit |
 | 5 | `drift`: only not applied yet |

@@ -147,4 +147,4 @@ def code_of(session: Session, ending: RunEnding) -> ExitCode:
 def _write_only(session: Session, plan: Plan, out: str, sources: Sources) -> ExitCode:
     show_plan(session, plan, sources)
     write_and_advise(session, out, plan)
-    return ExitCode.FOUND if plan.has_changes else ExitCode.DONE
+    return ExitCode.DONE

@@ -24,7 +24,7 @@ class ExitCode(IntEnum):
 
     DONE = 0  # done, nothing to do, or warnings only
     FAILED = 1  # the tool or the host failed
-    FOUND = 2  # plan: changes; validate: errors; fmt --check: not formatted; drift: the host changed
+    FOUND = 2  # plan --detailed-exitcode: changes; validate: errors; fmt --check, drift: not as it should be
     REFUSED = 3  # host moved, busy or locked; plan stale, edited or used; another run unfinished
     NO = 4  # errors in the manifest, does not fit
     NOT_APPLIED = 5  # drift: only not applied yet

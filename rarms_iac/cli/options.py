@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.options import auto_approve_option, flag, option
+from rarms_iac.app.options import flag, option
 from rarms_iac.cli.session import Session
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, OutputTarget, parse_outputs
 
@@ -35,13 +35,12 @@ class OutputOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopOptions:
-    """Whether partitions may be stopped to measure; `auto_approve` says yes to all questions."""
+    """Whether partitions may be stopped to measure."""
 
     stop_partitions: bool = flag(
         "--stop-partitions",
         help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
     )
-    auto_approve: bool = auto_approve_option()
 
     def stops(self, *, on_busy_host: bool) -> bool:
         """Whether they are stopped without a question.
@@ -51,4 +50,4 @@ class StopOptions:
         """
         if self.stop_partitions and on_busy_host:
             raise RequestError("Give one of --stop-partitions and --on-busy-host.")
-        return self.stop_partitions or (self.auto_approve and not on_busy_host)
+        return self.stop_partitions

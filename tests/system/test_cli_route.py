@@ -42,7 +42,7 @@ class Robot:
     def planned(self, *words: str) -> str:
         """A plan file made now."""
         path = str(self.folder / "robot.plan")
-        assert self.run("plan", "--out", path, *words).code in {0, 2}
+        assert self.run("plan", "--out", path, *words).code == 0
         return path
 
     def hosts(self) -> Hosts:
@@ -188,7 +188,7 @@ def test_a_plan_made_elsewhere_is_applied_beside_the_manifest_that_is_named(robo
 
     assert twin.run("apply", here).code == 0
     assert twin.run("plan").code == 0
-    assert robot.run("plan").code == 2
+    assert robot.run("plan").code == 0
 
 
 def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> No
     def run(*words: str) -> Ran:
         return rarms(words[0], "-f", str(manifest), *words[1:])
 
-    assert run("plan").code == 2
+    assert run("plan").code == 0
     assert run("apply", "--auto-approve").code == 0
     assert run("plan").code == 0
     assert run("snapshot").code == 64
@@ -209,7 +209,7 @@ def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> No
     unknown = run("release", "nobody", "--auto-approve")
     assert (unknown.code, unknown.err.count("carries a mark of")) == (4, 2), "each host is asked"
     assert run("undo", "--auto-approve").code == 0
-    assert run("plan").code == 2
+    assert run("plan").code == 0
 
 
 def test_another_plan_is_refused_while_a_run_is_unfinished(robot: Robot) -> None:
@@ -242,7 +242,7 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
 
     assert (still.code, not_applied.code, changed.code) == (0, 5, 2)
     assert "  control, 0.7 LP wanted: not applied yet" in not_applied.out
-    assert "reserve is 30 %, wanted 35 %" in not_applied.out
+    assert "reserve is 0.6 LP, wanted 0.7 LP" in not_applied.out
     assert "  display, 0.4 LP wanted: changed on the host" in changed.out
 
 
@@ -293,7 +293,7 @@ def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
 
     assert undone.code == 0
     assert "note[RARMS192]" in again.err
-    assert "35 %" in robot.run("plan").out
+    assert "0.6 LP -> 0.7 LP" in robot.run("plan").out
 
 
 @pytest.mark.parametrize("command", ["undo", "apply"])
@@ -325,6 +325,14 @@ def test_a_plan_on_a_host_that_was_made_anew_is_told_so(robot: Robot) -> None:
     assert "RARMS181" not in answer.err
 
 
+def test_changes_are_an_exit_code_only_where_that_is_asked_for(robot: Robot) -> None:
+    assert [robot.run("plan", *words).code for words in ((), ("--detailed-exitcode",))] == [0, 2]
+
+    robot.applied()
+
+    assert robot.run("plan", "--detailed-exitcode").code == 0
+
+
 def test_destroy_removes_what_is_ours(robot: Robot) -> None:
     answer = robot.applied().run("destroy", "--auto-approve")
 
@@ -341,7 +349,7 @@ def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
 
     assert robot.run("plan", "--snapshot", str(snapshot)).code == 0
     assert robot.run("plan", "--snapshot", f"onboard={snapshot}").code == 0
-    assert robot.run("plan").code == 2
+    assert robot.run("plan").code == 0
     assert json.loads(robot.run("snapshot").out)["format_version"] == "rarms-snapshot/1"
 
 
@@ -379,7 +387,7 @@ def test_overlays_have_hosts_of_their_own(robot: Robot) -> None:
     overlay = robot.folder / "robot-7.yaml"
     overlay.write_text("components: { control: { memory: 256 MiB } }\n", encoding="utf-8")
 
-    assert robot.applied().run("plan", "--overlay", str(overlay)).code == 2
+    assert robot.applied().run("plan", "--overlay", str(overlay)).code == 0
     assert robot.run("apply", "--overlay", str(overlay), "--auto-approve").code == 0
     assert robot.run("plan", "--overlay", str(overlay)).code == 0
     assert robot.run("plan").code == 0

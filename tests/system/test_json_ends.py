@@ -55,7 +55,7 @@ def test_output_json_is_the_same_as_json(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["show", "apply"])
 def test_a_plan_that_was_edited_is_refused_in_json(folder: Path, command: str) -> None:
     plan = folder / "robot.plan"
-    assert rarms("plan", "-f", str(folder), "--out", str(plan)).code == 2
+    assert rarms("plan", "-f", str(folder), "--out", str(plan)).code == 0
     plan.write_text(plan.read_text(encoding="utf-8").replace("robot", "tobor"), encoding="utf-8", newline="\n")
 
     ran = rarms(command, str(plan), "--json")

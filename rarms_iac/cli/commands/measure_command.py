@@ -84,18 +84,21 @@ def measure_command(
         return _show_scripts(session, select_hosts(load_manifest(source), host_selection), request, options.out)
     if options.out is not None:
         raise RequestError("--out is for scripts: add --script.")
-    write_processors = options.write_processors or options.auto_approve
     if options.interactive:
         refuse_without_terminal(session, source)
         request = replace(request, coarse=not (request.reserves or request.strategy != "default"))
-    if write_processors:
+    if options.write_processors:
         refuse_standard_input(source)
     control = measuring_control(session, stop_partitions=stops)
     prompt = TerminalLevelPrompt(session) if options.interactive else None
     hosts = select_hosts(load_manifest(source), host_selection)
     outcome = measure_components(hosts, request, control, prompt)
-    if write_processors or (session.terminal.answers and not session.as_json and source.manifest != STANDARD_INPUT):
-        outcome = narrow(hosts, request, outcome, always_narrows if write_processors else _asking(session), control)
+    if options.write_processors or (
+        session.terminal.answers and not session.as_json and source.manifest != STANDARD_INPUT
+    ):
+        outcome = narrow(
+            hosts, request, outcome, always_narrows if options.write_processors else _asking(session), control
+        )
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     session.answer(
         lambda: json_of(outcome),

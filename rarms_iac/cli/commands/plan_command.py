@@ -6,7 +6,7 @@ from functools import partial
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.options import option, verbose_option
+from rarms_iac.app.options import flag, option, verbose_option
 from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.planning import plan_request
 from rarms_iac.app.pull_request import review_plan
@@ -29,6 +29,9 @@ class PlanOptions(OutputOptions):
         "--base", metavar="FOLDER", help="A checkout before the change, which --output markdown compares with."
     )
     verbose: bool = verbose_option()
+    detailed_exitcode: bool = flag(
+        "--detailed-exitcode", help="End with exit code 2 where there are changes; those that are held back count."
+    )
 
 
 @rarms_command("plan")
@@ -41,8 +44,8 @@ def plan_command(
 ) -> ExitCode:
     """Show what would change on the hosts, and change nothing.
 
-    Exit code 2 where there are changes, 0 where the hosts are as the manifest wants them. --output markdown is the
-    comment of a pull request; sarif, junit and github have the findings, also where there is no plan.
+    --output markdown is the comment of a pull request; sarif, junit and github have the findings, also where there is
+    no plan.
     """
     outputs = options.targets(session)
     try:
@@ -65,4 +68,4 @@ def plan_command(
     )
     if options.out is not None:
         write_and_advise(session, options.out, plan)
-    return ExitCode.FOUND if plan.has_changes else ExitCode.DONE
+    return ExitCode.FOUND if options.detailed_exitcode and plan.has_changes else ExitCode.DONE

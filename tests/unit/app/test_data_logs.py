@@ -80,7 +80,7 @@ def test_a_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> 
 
     answer = rarms("plan", "-f", str(here))
 
-    assert answer.code == 2
+    assert answer.code == 0
     assert "70 %" in answer.out
 
 
@@ -91,7 +91,7 @@ def test_files_that_are_not_here_are_a_note_and_another_build_is_a_warning(here:
     answer = rarms("plan", "-f", str(here))
 
     told = answer.out + answer.err
-    assert answer.code == 2
+    assert answer.code == 0
     assert "note[RARMS104]" in told
     assert "warning[RARMS105]" in told
     assert "build of the operating system: 20348 -> 26100" in " ".join(told.split())

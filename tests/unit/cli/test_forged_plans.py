@@ -22,7 +22,7 @@ Forgery = Callable[[dict[str, Any]], None]
 def sealed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The plan of the example: a host's script, and those of two guests that nobody looked into."""
     path = tmp_path_factory.mktemp("cell") / "cell.plan"
-    assert rarms("plan", "-f", str(CELL), "--snapshot", f"cell={CELL / 'host.json'}", "--out", str(path)).code == 2
+    assert rarms("plan", "-f", str(CELL), "--snapshot", f"cell={CELL / 'host.json'}", "--out", str(path)).code == 0
     return path.read_bytes()
 
 

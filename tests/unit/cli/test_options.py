@@ -112,25 +112,23 @@ def test_an_answer_goes_to_places_of_its_own(options: OutputOptions, message: st
         options.targets(Session(terminal=this_terminal()))
 
 
-@pytest.mark.parametrize(
-    ("options", "stops"),
-    [(StopOptions(), False), (StopOptions(stop_partitions=True), True), (StopOptions(auto_approve=True), True)],
-)
-def test_one_flag_approves_whatever_is_asked(options: StopOptions, *, stops: bool) -> None:
-    assert options.stops(on_busy_host=False) is stops
-
-
-def test_partitions_are_not_stopped_where_the_host_may_be_busy() -> None:
-    assert not StopOptions(auto_approve=True).stops(on_busy_host=True)
+def test_partitions_are_stopped_only_where_that_is_asked_for() -> None:
+    assert not StopOptions().stops(on_busy_host=False)
+    assert StopOptions(stop_partitions=True).stops(on_busy_host=False)
     with pytest.raises(RequestError, match="Give one of"):
         StopOptions(stop_partitions=True).stops(on_busy_host=True)
 
 
-@pytest.mark.parametrize("name", ["apply", "undo", "destroy", "import", "release", "stop", "start", "measure", "tune"])
+@pytest.mark.parametrize("name", ["apply", "undo", "destroy", "import", "release", "stop", "start"])
 def test_the_flag_is_the_same_everywhere(name: str) -> None:
     command = all_commands()[name]
 
     assert any("--auto-approve" in option.opts for option in command.params)
+
+
+@pytest.mark.parametrize("name", ["measure", "tune", "select", "prove"])
+def test_what_measures_has_no_flag_that_answers_every_question(name: str) -> None:
+    assert not any("--auto-approve" in option.opts for option in all_commands()[name].params)
 
 
 def test_no_command_has_an_option_twice() -> None:

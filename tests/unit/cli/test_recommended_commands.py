@@ -605,7 +605,7 @@ SITUATIONS = {
     ),
     "the paper's procedure combined, and it is still too much": Situation(
         (write(PAIR.replace("reserve: measured", "reserve: 95 %", 1) + THIRD), logs(speech=60, video=60)),
-        "tune --strategy paper --auto-approve",
+        "tune --strategy paper",
         ("`rarms plan` tells more", "Go on: "),
         ("rarms tune --strategy paper --repeat", "rarms tune", "rarms plan"),
         may_answer=ExitCode.NO,

@@ -268,7 +268,7 @@ def test_a_plan_is_proven_as_the_manifest_that_it_was_made_of(here: Path, tmp_pa
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     with chdir(elsewhere):
-        assert rarms("plan", "-f", str(here / "rarms.yaml"), "--out", "plan.json").code == 2
+        assert rarms("plan", "-f", str(here / "rarms.yaml"), "--out", "plan.json").code == 0
         done = rarms("apply", "plan.json", "--prove", "--load-host")
 
     assert done.code == 0, done.err
@@ -280,7 +280,7 @@ def test_a_plan_is_proven_as_the_manifest_that_it_was_made_of(here: Path, tmp_pa
 
 def test_a_plan_is_not_proven_where_the_manifest_asks_for_more_by_now(here: Path) -> None:
     change(here, "reserve: 40 %", "reserve: 45 %")
-    assert rarms("plan", "--out", "plan.json").code == 2
+    assert rarms("plan", "--out", "plan.json").code == 0
     change(here, "reserve: 45 %", "reserve: 50 %")
     done = rarms("apply", "plan.json", "--prove", "--load-host")
 
