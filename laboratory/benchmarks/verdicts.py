@@ -3,20 +3,21 @@
 import math
 import random
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from statistics import NormalDist
 
 from laboratory.benchmarks.components import NOISES, deviation_of_logarithm
 from laboratory.benchmarks.timing import Figure, report
 from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.run import Run, SampleCount
-from rarms_iac.model.series import Sample, Series
+from rarms_iac.model.series import Sample, Series, first_samples
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.distributions import share_below
-from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, next_look
+from rarms_iac.statistics.error_probability import ERROR, FIRST_LOOK, LOOK_ERROR, next_look
 from rarms_iac.statistics.estimates import estimate
-from rarms_iac.statistics.verdicts import judge, judge_early
+from rarms_iac.statistics.verdicts import judge, judge_early, judge_look
 from tests.builders import a_run
 
 SAMPLES = 400
@@ -387,6 +388,80 @@ def effort_figures(count: int) -> list[Figure]:
     return figures
 
 
+MOST_LOOKED_AT = 40_000
+FLAT = ("mean_response_time", "p95_response_time of two modes", "success_rate")
+FLAT_SETTINGS = 8
+"""As many as a search has: each is a chance to say that it is enough where none is."""
+
+
+def beyond_boundary(runs: int) -> int:
+    """Of so many series of normal values: how many standardised means leave the boundary at any count of samples."""
+    boundary = -NormalDist().inv_cdf(LOOK_ERROR)
+    left = 0
+    for seed in range(runs):
+        draw, total = random.Random(f"boundary/{seed}").gauss, 0.0
+        limits = [boundary * math.sqrt(count) for count in range(MOST_LOOKED_AT + 1)]
+        for count in range(1, MOST_LOOKED_AT + 1):
+            total += draw(0.0, 1.0)
+            if count >= FIRST_LOOK and total > limits[count]:
+                left += 1
+                break
+    return left
+
+
+def flat_series(kind: str, chance: random.Random, count: int) -> tuple[Series, dict[str, Threshold]]:
+    """A series of a setting just on the wrong side of its threshold, by a thousandth."""
+    match kind:
+        case "mean_response_time":
+            return series_of(noisy(chance, count, 0.15, 0.3)), {kind: limit_at(MEAN * 0.999)}
+        case "success_rate":
+            good = [chance.random() < 0.899 for _ in range(count)]
+            return series_of([50.0 if each else 150.0 for each in good], limit=MEAN), {
+                kind: AtLeast(value=Fraction(90))
+            }
+        case _:
+            times = [2 * MEAN if chance.random() < 0.051 else MEAN * chance.uniform(0.99, 1.01) for _ in range(count)]
+            return series_of(times), {"p95_response_time": limit_at(1.5 * MEAN)}
+
+
+def flat_curves(kind: str, curves: int) -> tuple[int, int]:
+    """Of so many flat curves, all of it on the wrong side: which are said to be met, at one setting or in a search.
+
+    Each setting is measured in several runs, of random lengths, and looked at after each.
+    """
+    settings = wrong_curves = 0
+    for seed in range(curves):
+        found = 0
+        for number in range(FLAT_SETTINGS):
+            chance = random.Random(f"flat/{kind}/{seed}/{number}")
+            series, apt = flat_series(kind, chance, LONG)
+            found += any(isinstance(judge_look(part, apt, RUN), Met) for part in _growing(series, chance))
+        settings += found
+        wrong_curves += found > 0
+    return settings, wrong_curves
+
+
+def _growing(series: Series, chance: random.Random) -> Iterator[Series]:
+    """The series after each of its runs, as `--again` lets it grow."""
+    count, runs = 0, list[int]()
+    while count < len(series.samples):
+        count = min(len(series.samples), max(FIRST_LOOK, round(count * chance.uniform(1.1, 2.5))))
+        first = first_samples(series, count) if count < len(series.samples) else series
+        yield replace(first, runs=tuple(runs))
+        runs.append(count)
+
+
+def sequence_figures(count: int) -> list[Figure]:
+    """How often any look at a growing series is wrong, and a search along a flat curve."""
+    left = beyond_boundary(count)
+    figures = _beside("normal means beyond the boundary at any of 40 to 40,000 samples", left, count)
+    for kind in FLAT:
+        settings, curves = flat_curves(kind, count // FLAT_SETTINGS)
+        figures += _beside(f"{kind}, flat, runs of random lengths: wrong, a setting", settings, count)
+        figures += _beside(f"  of {FLAT_SETTINGS} such settings, any", curves, count // FLAT_SETTINGS)
+    return figures
+
+
 def one_look(series: Series, apt: dict[str, Threshold]) -> Verdict:
     """The verdict on the whole series."""
     return judge(series, apt, RUN)
@@ -397,7 +472,9 @@ WAYS = {"one look": one_look, "sequential": sequential}
 
 
 def main() -> int:
-    return report([*error_figures(SERIES), *effort_figures(SERIES // 4), *steadiness_figures(SERIES)])
+    return report(
+        [*sequence_figures(SERIES), *error_figures(SERIES), *effort_figures(SERIES // 4), *steadiness_figures(SERIES)]
+    )
 
 
 if __name__ == "__main__":

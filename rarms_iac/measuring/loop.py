@@ -7,6 +7,7 @@ setting that is recorded is never run a second time.
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from math import inf
 from pathlib import Path
 from typing import Protocol
 
@@ -371,7 +372,15 @@ def _try_setting(
     work = replace(_work(experiment, context, step), least_ms=settling.least_ms)
     limit_ms = goal.budget_ms - known.spent_ms(step.reserve, context.seed) - empty.host_ms
     with context.host.run(work) as running:
-        series = watch(running, experiment.members, settling, is_enough, context.should_stop, max(0.0, limit_ms))
+        series = watch(
+            running,
+            experiment.members,
+            settling,
+            is_enough,
+            context.should_stop,
+            limit_ms=max(0.0, limit_ms) if step.until_clear else inf,
+            restarts=step.until_clear and not step.within_until,
+        )
         evidence, elapsed_ms = running.evidence(), running.elapsed_ms()
     if series is None:
         return Stopped(), None

@@ -1,7 +1,7 @@
 """The samples of work that runs: from when its host has settled until there are enough, or no more."""
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import inf
 
 from rarms_iac.measuring.settling import Settling
@@ -9,7 +9,19 @@ from rarms_iac.model.outcomes import TooManyFailures
 from rarms_iac.model.series import Sample, Series, columns_of
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import RunningWork
-from rarms_iac.statistics.error_probability import next_look
+from rarms_iac.statistics.error_probability import FIRST_LOOK, next_look
+
+STARTS = 8
+"""So often at least the load of a setting begins, where it never pauses: a component may lock into one phase of it."""
+
+RESTART_WINDOWS = 3
+"""After a further start so many of the scheduler's longest memories are left out, not the `MEMORY_FACTOR` of the first.
+
+What settles then is the load alone (`laboratory/benchmarks/verdicts.py`).
+"""
+
+_LATER = 1.1
+"""What was not enough at the limit is asked again after so many times as long."""
 
 
 def watch(
@@ -18,7 +30,9 @@ def watch(
     settling: Settling,
     is_enough: Callable[[Mapping[str, Series]], bool],
     should_stop: Callable[[], bool],
+    *,
     limit_ms: float = inf,
+    restarts: bool = False,
 ) -> Mapping[str, Series] | TooManyFailures | None:
     """Read the samples of these components, from when their host has settled until there are enough, or no more.
 
@@ -30,6 +44,7 @@ def watch(
             passed as often as it must.
         should_stop: Asked after every sample.
         limit_ms: Of the host's time since the work began: from then on `is_enough` is asked at any count.
+        restarts: Whether loads that never pause begin anew again and again, `STARTS` times before `is_enough` is asked.
 
     Returns:
         The series by component; `TooManyFailures`: a component's jobs failed more often than its manifest allows; None:
@@ -39,69 +54,141 @@ def watch(
         HostError: the host could not run the work.
     """
     allowed = {component.name: component.run.failures if component.run is not None else 0 for component in components}
-    samples: dict[str, list[Sample]] = {name: [] for name in sorted(allowed)}
-    failures: dict[str, list[str]] = {name: [] for name in samples}
+    failures: dict[str, list[str]] = {name: [] for name in allowed}
+    seen = _Seen(running=running, names=sorted(allowed), settling=settling, restarts=restarts)
     looks_at = next_look(0)
-    start: _CountingStart | None = None
     for name, sample in running.samples():
         if should_stop():
             return None
-        if name not in samples:
+        if name not in allowed:
             continue
         if sample.failure:
             failures[name].append(sample.failure)
             if len(failures[name]) > allowed[name]:
                 return TooManyFailures(component=name, failures=tuple(failures[name]), allowed=allowed[name])
-        if start is None:
-            settling.record_job(running, name)
-            running.count_from_now()
-            if settling.is_over(running.elapsed_ms()):
-                start = _begin_counting(running, samples, settling.excess_message())
+        if not seen.take(name, sample):
             continue
-        samples[name].append(replace(sample, began_ms=sample.began_ms - start.elapsed_ms))
         is_late = running.elapsed_ms() >= limit_ms
-        if (least := min(map(len, samples.values()))) >= (1 if is_late else looks_at):
+        if (least := seen.least) >= (1 if is_late else looks_at) and (seen.has_begun or is_late):
             looks_at, limit_ms = next_look(least), _LATER * limit_ms if is_late else limit_ms
-            seen = _series(running, samples, start)
-            if running.elapsed_ms() - start.elapsed_ms >= settling.least_ms and is_enough(seen):
-                return seen
-    if should_stop():
-        return None
-    return _series(running, samples, start or _begin_counting(running, samples, "it ended before its host had settled"))
+            if seen.counted_ms >= settling.least_ms and is_enough(found := seen.series()):
+                return found
+    return None if should_stop() else seen.series()
 
 
-_LATER = 1.1
-"""What was not enough at the limit is asked again after so many times as long."""
+@dataclass(slots=True, kw_only=True)
+class _Seen:
+    """What was seen of each component since its host had settled, but for when a load had just begun anew."""
+
+    running: RunningWork
+    names: Sequence[str]
+    settling: Settling
+    restarts: bool
+    _samples: dict[str, list[Sample]] = field(default_factory=dict)
+    _starts: dict[str, list[int]] = field(default_factory=dict)  # by component, numbers of samples
+    _cpu_ms: dict[str, float | None] = field(default_factory=dict)  # by component, in what counts
+    _since: "_Mark | None" = None  # since when samples count; None: not yet, or not now
+    _counted_ms: float = 0.0  # before that
+    _began_anew_ms: float | None = None  # when the load did, and has not settled yet
+    _unsettled: str = ""  # why they count for no verdict
+
+    def __post_init__(self) -> None:
+        for name in self.names:
+            self._samples[name], self._starts[name], self._cpu_ms[name] = [], [], 0.0
+
+    @property
+    def least(self) -> int:
+        """How many samples there are of each component at least."""
+        return min(map(len, self._samples.values()))
+
+    @property
+    def counted_ms(self) -> float:
+        """How long samples have counted."""
+        return self._counted_ms + (self.running.elapsed_ms() - self._since.elapsed_ms if self._since else 0.0)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the load began as often as it must."""
+        return not self.restarts or len(self._starts[self.names[0]]) >= STARTS - 1
+
+    def take(self, name: str, sample: Sample) -> bool:
+        """Take a job that ended; False: it does not count, since something has yet to settle."""
+        if self._since is None:
+            self._settle(name)
+            return False
+        began_ms = sample.began_ms - self._since.elapsed_ms + self._counted_ms
+        self._samples[name].append(replace(sample, began_ms=began_ms))
+        if self.restarts and self._is_start_over():
+            self._begin_anew()
+        return True
+
+    def _settle(self, name: str) -> None:
+        now = self.running.elapsed_ms()
+        if self._began_anew_ms is not None:
+            if now >= self._began_anew_ms + RESTART_WINDOWS * self.settling.memory_ms:
+                self._began_anew_ms = None
+                for each in self.names:
+                    self._starts[each].append(len(self._samples[each]))
+                self._since = self._mark()
+            return
+        self.settling.record_job(self.running, name)
+        self.running.count_from_now()
+        if self.settling.is_over(now):
+            self._unsettled = self.settling.excess_message()
+            self._since = self._mark()
+
+    def _is_start_over(self) -> bool:
+        """Whether a start lasted its part of what a setting lasts at least, and of the samples of a first look."""
+        assert self._since is not None
+        if self.running.elapsed_ms() - self._since.elapsed_ms < self.settling.least_ms / STARTS:
+            return False
+        in_start = (len(self._samples[each]) - (self._starts[each] or [0])[-1] for each in self.names)
+        return min(in_start) >= FIRST_LOOK // STARTS
+
+    def _begin_anew(self) -> None:
+        if not self.running.restart_load():
+            self.restarts = False
+            return
+        self._count_until_now()
+        self._since, self._began_anew_ms = None, self.running.elapsed_ms()
+
+    def _count_until_now(self) -> None:
+        assert self._since is not None
+        self._counted_ms = self.counted_ms
+        self._cpu_ms = {name: self._consumed(name) for name in self.names}
+
+    def _consumed(self, name: str) -> float | None:
+        before = self._cpu_ms[name]
+        if self._since is None:
+            return before
+        began, now = self._since.cpu_ms[name], self.running.cpu_ms(name)
+        return None if before is None or began is None or now is None else before + now - began
+
+    def _mark(self) -> "_Mark":
+        cpu_ms = {name: self.running.cpu_ms(name) for name in self.names}
+        return _Mark(elapsed_ms=self.running.elapsed_ms(), cpu_ms=cpu_ms)
+
+    def series(self) -> Mapping[str, Series]:
+        """The series of each component so far."""
+        if self._since is None and self._began_anew_ms is None:
+            self._unsettled, self._since = "it ended before its host had settled", self._mark()
+        elapsed = self.counted_ms
+        return {
+            name: Series(
+                component=name,
+                samples=columns_of(samples),
+                elapsed_ms=elapsed,
+                cpu_ms=self._consumed(name),
+                unsettled=self._unsettled,
+                starts=tuple(start for start in self._starts[name] if 0 < start < len(samples)),
+            )
+            for name, samples in self._samples.items()
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _CountingStart:
-    """Where samples begin to count."""
+class _Mark:
+    """A moment from which something counts."""
 
     elapsed_ms: float
     cpu_ms: Mapping[str, float | None]  # by component
-    unsettled: str  # why they count for no verdict
-
-
-def _begin_counting(running: RunningWork, names: Iterable[str], unsettled: str) -> _CountingStart:
-    return _CountingStart(
-        elapsed_ms=running.elapsed_ms(), cpu_ms={name: running.cpu_ms(name) for name in names}, unsettled=unsettled
-    )
-
-
-def _series(running: RunningWork, samples: Mapping[str, list[Sample]], start: _CountingStart) -> Mapping[str, Series]:
-    elapsed = running.elapsed_ms() - start.elapsed_ms
-    return {
-        name: Series(
-            component=name,
-            samples=columns_of(seen),
-            elapsed_ms=elapsed,
-            cpu_ms=_consumed_since(running.cpu_ms(name), start.cpu_ms[name]),
-            unsettled=start.unsettled,
-        )
-        for name, seen in samples.items()
-    }
-
-
-def _consumed_since(now: float | None, before: float | None) -> float | None:
-    return None if now is None or before is None else now - before

@@ -72,6 +72,16 @@ class RunningWork(Protocol):
         """Begin to count `until` and `least_ms`: what was before has settled. May be called between two samples."""
         ...
 
+    def restart_load(self) -> bool:
+        """Let the loads that never pause begin anew at a random moment, the components running on.
+
+        May be called between two samples. What begins so takes a while to settle.
+
+        Returns:
+            False: there is no such load, or this host cannot.
+        """
+        ...
+
     def elapsed_ms(self) -> float:
         """Return the time, in ms on the host's clock, since all of it began to run. Cheap: asked at every look."""
         ...

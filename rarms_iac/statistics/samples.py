@@ -105,6 +105,20 @@ def effective_samples(values: Sequence[float], starts: Sequence[int] = (), error
     return worth if len(bounds) < 3 else _of_starts(values, bounds, error) or worth
 
 
+def starts_differ(values: Sequence[float], starts: Sequence[int]) -> bool:
+    """Tell whether starts differ by more than the values within them explain.
+
+    Args:
+        values: as of `effective_samples`.
+        starts: as of `effective_samples`.
+
+    Returns:
+        False where there is but one start.
+    """
+    bounds = [0, *(start for start in starts if 0 < start < len(values)), len(values)]
+    return len(bounds) > 2 and _of_starts(values, bounds, LOOK_ERROR) is not None
+
+
 _STARTS_ALIKE = 2.33
 """Starts differ where so great a difference has a probability of 1 % by chance, in deviations."""
 

@@ -7,7 +7,7 @@ from math import isnan, sqrt
 
 from rarms_iac.model.outcomes import Unsteady
 from rarms_iac.model.series import Series, columns_of, join_series
-from rarms_iac.statistics.samples import response_times
+from rarms_iac.statistics.samples import response_times, starts_differ
 
 FEWEST = 40
 """In a shorter series no change can be distinguished from noise: it is taken as steady."""
@@ -16,6 +16,9 @@ _BLOCKS, _FEWEST_BLOCKS = 40, 10
 _SHORTEST_BLOCK, _LONGEST_BLOCK = 5, 50  # samples; in series of more than 2,000, blocks are longer
 _DEPENDENT = 1.5
 """Blocks with a higher first autocorrelation, in its standard deviations, are too short for their noise."""
+
+_LEAST_CHANGE = 0.01
+"""The part of a level by which it must change: deterministic jobs show less, which no threshold asks for."""
 
 _MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady state
 
@@ -44,8 +47,9 @@ def _steady_part(series: Series) -> Series | Unsteady:
 
 
 def _steady_run(run: Series) -> Series | Unsteady:
-    """A run without its warm-up: what changes between the starts of its load is seen by their means alone."""
+    """A run without its warm-up; where the starts of its load differ, a change is looked for among their means."""
     times, starts = response_times(run.samples), answered_before(run, run.starts)
+    starts = starts if starts_differ(times, starts) else []
     first = find_steady_part(times[: starts[0]] if starts else times)
     if isinstance(first, Unsteady):
         return first
@@ -203,7 +207,10 @@ def _change_in(means: Sequence[float]) -> _Change | None:
     if best <= _limit(len(means)) * noise:
         return None
     below = sum(means[:split])
-    return _Change(at=split, before=below / split, after=(total - below) / (len(means) - split))
+    before, after = below / split, (total - below) / (len(means) - split)
+    if abs(after - before) <= _LEAST_CHANGE * max(abs(before), abs(after)):
+        return None
+    return _Change(at=split, before=before, after=after)
 
 
 def _block_means(numbers: Sequence[float]) -> tuple[int, list[float]]:

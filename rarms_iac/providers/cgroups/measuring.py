@@ -309,6 +309,10 @@ class RealWork:
             name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
         }
 
+    def restart_load(self) -> bool:
+        """See the interface: not here, where a load that pauses would count as disturbed."""
+        return False
+
     def elapsed_ms(self) -> float:
         return 1000 * (time.perf_counter() - self.started)
 

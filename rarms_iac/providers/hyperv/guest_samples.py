@@ -84,6 +84,10 @@ class GuestRun:
             name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.work.until.items()
         }
 
+    def restart_load(self) -> bool:
+        """See the interface: a guest's runner starts its load once."""
+        return False
+
     def elapsed_ms(self) -> float:
         return self._now
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import assert_never
+from typing import Protocol, assert_never, runtime_checkable
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.commands import PLAN, command, prose
@@ -109,6 +109,15 @@ def _arrival(component: Component) -> Arrival:
 
 Simulate = Callable[[ModelMachine, int], Iterator[JobDone]]
 """Runs a machine of the scheduler model from a seed: its jobs in the order in which they end, without an end."""
+
+
+@runtime_checkable
+class RestartableLoads(Protocol):
+    """Jobs of a machine whose loads can begin anew while it runs."""
+
+    def restart_loads(self) -> bool:
+        """Let every load that never pauses begin anew; False: there is none."""
+        ...
 
 
 class SimulatedMeasuringHost(SimulatedHostProvider):
@@ -239,6 +248,9 @@ class Simulated:
         self._missing = {
             name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()
         }
+
+    def restart_load(self) -> bool:
+        return isinstance(self.jobs, RestartableLoads) and self.jobs.restart_loads()
 
     def elapsed_ms(self) -> float:
         return self._now

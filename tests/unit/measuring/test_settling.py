@@ -20,6 +20,9 @@ class Running:
     now: float = 0.0
     consumed: dict[str, float] = field(default_factory=dict)
 
+    def restart_load(self) -> bool:
+        return False
+
     def elapsed_ms(self) -> float:
         return self.now
 

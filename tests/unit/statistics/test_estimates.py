@@ -8,7 +8,8 @@ import pytest
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.series import Series
-from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.estimates import estimate, mean_estimate
+from rarms_iac.statistics.samples import effective_samples
 from tests.builders import a_run
 from tests.measured import a_series, noisy
 
@@ -157,3 +158,25 @@ def test_a_mean_has_more_room_on_the_side_of_its_longer_tail() -> None:
     rare = found("mean_response_time", a_series([*[100.0] * 30, 200.0, *[100.0] * 30]))
 
     assert rare.upper - rare.value > 1.2 * (rare.value - rare.lower)
+
+
+def starts_at(levels: list[float], each: int) -> tuple[list[float], list[int]]:
+    """Starts of so many jobs, each at its level, give or take a thousandth; and where they begin."""
+    times = [time for number, level in enumerate(levels) for time in noisy(number, level, variation=0.001, count=each)]
+    return times, [each * number for number in range(1, len(levels))]
+
+
+def test_starts_that_differ_are_the_samples() -> None:
+    """A component that locks into one phase of its load for a start shows as many samples as there are starts."""
+    locked, starts = starts_at([100.0, 110.0] * 20, each=50)
+    alike, _ = starts_at([100.0] * 40, each=50)
+
+    assert effective_samples(alike, starts) == pytest.approx(2000, rel=0.2)
+    assert 20 < effective_samples(locked, starts) <= 40
+
+
+def test_few_starts_that_differ_give_no_bound() -> None:
+    locked, starts = starts_at([100.0, 110.0, 100.0, 105.0, 110.0, 100.0, 105.0, 110.0], each=100)
+
+    assert isinstance(mean_estimate(locked, 0.001, starts=starts), NoEstimate)
+    assert isinstance(mean_estimate(locked[:100], 0.001), Estimate)

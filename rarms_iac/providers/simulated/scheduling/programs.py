@@ -109,10 +109,17 @@ class ComponentProgram(Owner):
         self._variation = Variation(random, demand.varies)
         self._threads = [Thread(demand.priority, self.account, self._thread_done) for _ in range(demand.threads)]
         self._busy = 0
-        self._due = 0.0
+        self._due = random.uniform(0.0, demand.arrival.period_ms) if isinstance(demand.arrival, Every) else 0.0
         self._ends = inf
         self._clock = Owner()
         self._watched = False
+
+    def start(self) -> None:
+        """The first job comes at once, or, of a periodic component, at a random moment of its period."""
+        if self._due:
+            self._agenda.at(self._due, self, self.begin)
+        else:
+            self.begin()
 
     def begin(self) -> None:
         """Begins the job that is due: it first waits, then works."""
@@ -334,8 +341,21 @@ class InterruptSource(Owner):
         self._hypervisor.take(self._lp, PIECE_MS, INTERRUPT, self.start)
 
 
-def busy_loop(system: OperatingSystem) -> None:
-    """A thread that never waits."""
-    thread = Thread(ORDINARY, Account(), lambda: None)
-    thread.remaining = inf
-    system.ready(thread)
+class BusyLoopProgram(Owner):
+    """A thread that never waits, but for when its load begins anew."""
+
+    def __init__(self, system: OperatingSystem, agenda: Agenda) -> None:
+        super().__init__()
+        self._system = system
+        self._agenda = agenda
+        self._thread = Thread(ORDINARY, Account(), lambda: None)
+        self._thread.remaining = inf
+
+    def start(self) -> None:
+        """Runs from now on."""
+        self._system.ready(self._thread)
+
+    def restart(self, pause_ms: float) -> None:
+        """Stops, and starts again after a pause."""
+        self._system.drop(self._thread)
+        self._agenda.after(pause_ms, self, self.start)

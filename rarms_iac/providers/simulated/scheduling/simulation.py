@@ -23,12 +23,12 @@ from rarms_iac.providers.simulated.scheduling.processors import Agenda
 from rarms_iac.providers.simulated.scheduling.programs import (
     BrowserProgram,
     BurstProgram,
+    BusyLoopProgram,
     ComponentProgram,
     Devices,
     GuestScreen,
     InterruptSource,
     absent_share,
-    busy_loop,
 )
 
 
@@ -54,6 +54,9 @@ class SchedulerSimulation:
         self._devices = Devices(self._hypervisor)
         self._done: deque[JobDone] = deque()
         self._components: dict[str, ComponentProgram] = {}
+        self._busy_loops: list[BusyLoopProgram] = []
+        self._window_ms = machine.window_ms
+        self._starts = self._random("starts")
         for system in sorted(machine.machines, key=lambda system: system.name):
             self._start(system)
         if machine.interrupts:
@@ -66,6 +69,17 @@ class SchedulerSimulation:
         """The processor time that the component has consumed until now, unfinished jobs included."""
         self._hypervisor.settle_all()
         return self._components[component].account.consumed
+
+    def restart_loads(self) -> bool:
+        """Let every load that never pauses begin anew, after a random part of the window; components run on.
+
+        Returns:
+            False: there is none.
+        """
+        pause = self._starts.uniform(0.0, self._window_ms)
+        for loop in self._busy_loops:
+            loop.restart(pause)
+        return bool(self._busy_loops)
 
     def __iter__(self) -> Iterator[JobDone]:
         return self
@@ -90,12 +104,18 @@ class SchedulerSimulation:
             random = self._random(f"component/{demand.component}")
             component = ComponentProgram(demand, system, self._agenda, random, self._done.append)
             self._components[demand.component] = component
-            component.begin()
+            component.start()
         playing = sum(load.instances for load in machine.loads if isinstance(load, Browsers))
         absent = absent_share(playing, machine.memory_mib)
         screen = GuestScreen() if machine.partitioned else None
         for number, load in enumerate(machine.loads):
             self._start_load(load, machine, system, (f"{machine.name}/{number}", screen, absent))
+
+    def _start_busy_loops(self, count: int, system: OperatingSystem) -> None:
+        loops = [BusyLoopProgram(system, self._agenda) for _ in range(count)]
+        self._busy_loops += loops
+        for loop in loops:
+            loop.start()
 
     def _start_load(
         self,
@@ -107,14 +127,12 @@ class SchedulerSimulation:
         name, screen, absent = place
         match load:
             case BusyLoops(threads=threads):
-                for _ in range(machine.vps if threads is None else threads):
-                    busy_loop(system)
+                self._start_busy_loops(machine.vps if threads is None else threads, system)
             case BurstLoads(threads=threads):
                 count = machine.vps if threads is None else threads
                 BurstProgram(load, count, system, self._agenda, self._random(f"bursts/{name}")).start()
             case Programs(instances=instances):
-                for _ in range(instances):
-                    busy_loop(system)
+                self._start_busy_loops(instances, system)
             case Browsers(instances=instances):
                 for number in range(instances):
                     random = self._random(f"browser/{name}/{number}")

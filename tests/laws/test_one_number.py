@@ -1,0 +1,86 @@
+"""One number: after any sequence of runs, `measure`, `plan`, `explain` and `report` say the same reservation."""
+
+import json
+from contextlib import chdir
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from tests.effort import examples
+from tests.unit.cli.running import Ran, rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: {{ name: robot }}
+hosts:
+  onboard: {{ logical_processors: 2, memory: 8 GiB }}
+components:
+  vision:
+    criticality: 10
+    apt: {{ {index}: {{ at_most: {limit} ms }} }}
+    memory: 256 MiB
+    cpu: {{ reserve: measured }}
+    simulation: {{ work: {work} ms, blocked: {blocked} ms, varies: 10 % }}
+policy: {{ interference: busy-loop, measuring: {{ setting: {budget} s }} }}
+"""
+
+
+def a_manifest(chance: Random, work: int, blocked: int) -> str:
+    limit = round(blocked + work * chance.uniform(1.2, 6.0), 1)
+    index = chance.choice(["mean_response_time", "p90_response_time", "maximum_response_time", "jitter"])
+    budget = chance.choice([10, 60])
+    return MANIFEST.format(index=index, limit=limit, work=work, blocked=blocked, budget=budget)
+
+
+def a_run(chance: Random) -> list[str]:
+    words = ["measure"]
+    match chance.randrange(4):
+        case 0:
+            first = chance.randint(1, 9)
+            words += ["--from", f"{10 * first}%", "--to", f"{10 * chance.randint(first, 10)}%"]
+        case 1:
+            words += ["--strategy", chance.choice(["bisection", "paper"])]
+        case _:
+            pass
+    if chance.random() < 0.5:
+        words += ["--again"]
+    elif chance.random() < 0.3:
+        words += ["--seed", str(chance.randint(1, 5))]
+    if chance.random() < 0.5:
+        words += ["--samples", str(chance.choice([30, 200, 600]))]
+    return words
+
+
+def planned(ran: Ran) -> int | None:
+    """What a plan reserves, as `measure` says it."""
+    (experiment,) = json.loads(ran.out)["experiments"]
+    found: int | None = experiment["planned"]
+    if experiment["ending"] == "found":
+        assert experiment["reserve"] == found
+    return found
+
+
+def everywhere() -> set[int | None]:
+    """What all others say of the data log that there is."""
+    plan = rarms("plan", "--json")
+    assert plan.code in (0, 2, 4), plan.err
+    explained = json.loads(rarms("explain", "vision", "--json").out)
+    (measurement,) = json.loads(rarms("report", "--json").out)["measurements"]
+    return {explained["least"], explained["reserve"], measurement["least"]}
+
+
+@pytest.mark.parametrize("seed", range(examples(4)))
+def test_any_sequence_of_runs_gives_one_number(tmp_path: Path, seed: int) -> None:
+    chance = Random(f"one number/{seed}")
+    work, blocked = chance.randint(2, 40), chance.choice([0, 0, 30])
+    with chdir(tmp_path):
+        for _ in range(4):
+            Path("rarms.yaml").write_text(a_manifest(chance, work, blocked), encoding="utf-8")
+            words = a_run(chance)
+            ran = rarms(*words, "--json")
+            assert ran.code in (0, 4), (words, ran.err)
+            assert everywhere() == {planned(ran)}, words
+            again = rarms("measure", "--json")
+            assert everywhere() == {planned(again)}, words
+            assert json.loads(rarms("measure", "--json").out)["experiments"][0]["new"] == 0, "it is answered"
