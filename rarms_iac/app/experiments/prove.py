@@ -12,7 +12,7 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.experiments.applied_layout import applied_layouts, observe_others, refuse_unapplied
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, refuse_unknown
 from rarms_iac.app.experiments.proof_findings import not_met
-from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts
+from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, refuse_what_cannot_run
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.options import flag, load_host_option, lock_timeout_option, option
@@ -127,8 +127,10 @@ def prove_layout(
             for name, layout in applied_layouts(hosts, states, everywhere).items()
         }
         refuse_unapplied(hosts, states, everywhere)
+        loads = loads_to_prove(hosts.system, request)
+        thresholds = sum(len(component.apt) for layout in layouts.values() for component in layout.judged)
         for name, layout in layouts.items():
-            conditions = _conditions(hosts, states[name], layout, request)
+            conditions = _conditions(held, states[name], loads, thresholds)
             _announce(held, name, layout, conditions)
             for each in conditions:
                 proof = _prove(held, name, layout, each, listener)
@@ -233,27 +235,28 @@ def _measurable_hosts(hosts: Hosts) -> tuple[str, ...]:
 
 
 def _conditions(
-    hosts: Hosts, state: State, layout: AppliedLayout, request: ProveRequest
+    session: MeasuringSession, state: State, loads: Sequence[str], thresholds: int
 ) -> tuple[ProofConditions, ...]:
     """What the layout of a host is run under, one after the other.
 
     Raises:
-        UseCaseError: There is no room for a load (negative).
+        UseCaseError: There is no room for a load, or the host cannot run it (negative).
     """
-    system, loads = hosts.system, loads_to_prove(hosts.system, request)
-    room = host_budget(system.hosts[state.facts.name], state, system.application.name)
+    system, host = session.hosts.system, session.held[state.facts.name]
+    refuse_what_cannot_run(session, host, loads={load: system.interference[load] for load in loads})
+    room = host_budget(system.hosts[host.name], state, system.application.name)
     runs = max(1, len(loads))
     conditions = ProofConditions(
         beside=None,
         interference=None,
-        seed=request.seed,
+        seed=session.seed or USUAL_SEED,
         budget_ms=float(system.policy.measuring.proof) / runs,
-        statements=runs * sum(len(component.apt) for component in layout.judged),
+        statements=runs * thresholds,
     )
     if not loads:
         return (conditions,)
     return tuple(
-        replace(conditions, interference=load, beside=_beside(system.interference[load], room, load, state.facts.name))
+        replace(conditions, interference=load, beside=_beside(system.interference[load], room, load, host.name))
         for load in loads
     )
 

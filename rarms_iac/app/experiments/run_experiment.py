@@ -10,7 +10,7 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.experiment_log import ExperimentLog, data_log_path, read_experiment_log, settings_log_of
 from rarms_iac.app.experiments.measure_request import USUAL_SEED, ExperimentResult
-from rarms_iac.app.experiments.session import MeasuringSession, stop_partitions
+from rarms_iac.app.experiments.session import MeasuringSession, refuse_what_cannot_run, stop_partitions
 from rarms_iac.app.experiments.stopping import stopped_to_measure
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_data_log
@@ -165,25 +165,10 @@ def _refuse_without_threshold(hosts: Hosts, experiment: Experiment, method: Meth
 
 
 def _refuse_what_cannot_run(session: MeasuringSession, experiment: Experiment) -> None:
-    """Refuse a member or a load that the host cannot run.
-
-    The host would refuse it too; here the line of the manifest can be named, and nothing was changed yet.
-
-    Raises:
-        UseCaseError: there is such a member or load (negative).
-    """
-    host, manifest = session.host_of(experiment), session.hosts.manifest
-    members = [("components", member.name, member) for member in experiment.members]
-    for section, name, subject in [*members, ("interference", experiment.setup.interference, experiment.load)]:
-        if obstacle := host.obstacle(subject):
-            finding = measuring_findings.NOTHING_TO_RUN.at(
-                manifest.places.key(section, name),
-                f"{host.name} cannot run {name}: {obstacle.reason}.",
-                obstacle.advice,
-                address=f"{section.removesuffix('s')}/{name}",
-                values={"host": host.name, "name": name, "reason": obstacle.reason},
-            )
-            raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
+    """Refuse a member or a load that the host cannot run (`refuse_what_cannot_run`)."""
+    members = {member.name: member for member in experiment.members}
+    loads = {experiment.setup.interference: experiment.load}
+    refuse_what_cannot_run(session, session.host_of(experiment), components=members, loads=loads)
 
 
 def _make_room(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:

@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Literal
 
 from rarms_iac.app.control import UNATTENDED, Control
-from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments.stopping import (
     finish_stop_or_start,
     is_for_measuring,
@@ -20,6 +21,8 @@ from rarms_iac.measuring.partitions import remove_test_partitions
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.host import Host, SimulatedHost
+from rarms_iac.model.loads import Interference
+from rarms_iac.model.system import Component
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.providers.measuring import MeasuringHost
 
@@ -91,6 +94,40 @@ def hold_hosts(session: MeasuringSession, names: Iterable[str]) -> Iterator[Meas
             if _has_unmodelled_smt(session.hosts.system.hosts[name]):
                 session.control.reporter.message(f"{name}: {UNMODELLED_SMT}")
         yield replace(session, held=held)
+
+
+def refuse_what_cannot_run(
+    session: MeasuringSession,
+    host: MeasuringHost,
+    *,
+    components: Mapping[str, Component] = MappingProxyType({}),
+    loads: Mapping[str, Interference] = MappingProxyType({}),
+) -> None:
+    """Refuse a component or a load that a host cannot run.
+
+    The host would refuse it too; here the line of the manifest can be named, and nothing was changed yet.
+
+    Args:
+        session: Of the command.
+        host: Where they are to run.
+        components: By name.
+        loads: By name.
+
+    Raises:
+        UseCaseError: There is such a component or load (negative).
+    """
+    manifest = session.hosts.manifest
+    named = [("components", name, component) for name, component in components.items()]
+    for section, name, subject in [*named, *(("interference", name, load) for name, load in loads.items())]:
+        if obstacle := host.obstacle(subject):
+            finding = measuring_findings.NOTHING_TO_RUN.at(
+                manifest.places.key(section, name),
+                f"{host.name} cannot run {name}: {obstacle.reason}.",
+                obstacle.advice,
+                address=f"{section.removesuffix('s')}/{name}",
+                values={"host": host.name, "name": name, "reason": obstacle.reason},
+            )
+            raise UseCaseError(Outcome.NEGATIVE, [finding], manifest.sources)
 
 
 def stop_partitions(session: MeasuringSession, host: MeasuringHost) -> tuple[str, ...]:

@@ -175,7 +175,7 @@ def test_a_weaker_proof_takes_no_miss_back(here: Path) -> None:
     assert "of 3 thresholds held together with all other components beside busy-loop" in text
     assert "vision, mean_response_time at most 30 ms: missed" in text
     assert "3 of 3 thresholds held together with all other components beside no load" in text
-    assert "Next: `rarms prove`" in text
+    assert "measures again what missed its threshold" in text
     assert prove().code == 4
     assert "beside no load" not in rarms("status").out, "what was proven beside a load since is more"
 
