@@ -24,9 +24,4 @@ function Add-DeviceReading {
     if (Test-Unread -Live $Live -Name 'snapshots') { $Live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
     $Live
 }
-
-function Test-Unread {
-    param([System.Collections.IDictionary] $Live, [string[]] $Name)
-    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
-}
 # --- end of the part devices -------------------------------------------------------------------

@@ -12,6 +12,7 @@ function Get-NewPartitionReading {
         Add-MachineReading -Live $live -Found $found
         if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
     }
+    Add-ProcessorReading -Live $live
     if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
     $script:Vm = $live['vm']
     Add-DeviceReading -Live $live

@@ -34,7 +34,7 @@ function Stop-Partition {
                 }
                 Remove-Job -Job $job -Force
             })
-            Start-Sleep -Milliseconds 500
+            Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
         }
     } finally {

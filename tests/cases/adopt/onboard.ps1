@@ -54,7 +54,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1b9d642c4f18'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a2698782ebe8ab39dfa3024e2a6ea85e5151f1d76b1dd6e86b68f79f8f76d5ec'
+        UndoDigest = '8d010e8e5e5cf20ddabf64aa8a02b651a151c9c94718fb1ff751806a090d352e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -782,6 +782,7 @@ function Get-MachineReading {
         if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
         Add-MachineReading -Live $live -Found $found
     }
+    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
     $live
 }
@@ -817,15 +818,11 @@ function Add-MachineReading {
     if (-not $Found.Count) { return }
     $vm = $Found[0]
     $mark = Get-Mark -Vm $vm
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $Live['vm'] = $vm
     $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
     $Live['name'] = [string] $vm.Name
     $Live['generation'] = [long] $vm.Generation
     $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
     $Live['memory'] = [long] $vm.MemoryStartup
     $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
     $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
@@ -835,6 +832,22 @@ function Add-MachineReading {
     $Live['running'] = $Live['state'] -ceq 'running'
     $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
 }
 
 function Get-Mark {

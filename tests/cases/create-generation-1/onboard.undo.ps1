@@ -787,6 +787,7 @@ function Get-MachineReading {
         if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
         Add-MachineReading -Live $live -Found $found
     }
+    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
     $live
 }
@@ -822,15 +823,11 @@ function Add-MachineReading {
     if (-not $Found.Count) { return }
     $vm = $Found[0]
     $mark = Get-Mark -Vm $vm
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $Live['vm'] = $vm
     $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
     $Live['name'] = [string] $vm.Name
     $Live['generation'] = [long] $vm.Generation
     $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
     $Live['memory'] = [long] $vm.MemoryStartup
     $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
     $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
@@ -840,6 +837,22 @@ function Add-MachineReading {
     $Live['running'] = $Live['state'] -ceq 'running'
     $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
 }
 
 function Get-Mark {
@@ -939,11 +952,6 @@ function Add-DeviceReading {
     if (Test-Unread -Live $Live -Name 'snapshots') { $Live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
     $Live
 }
-
-function Test-Unread {
-    param([System.Collections.IDictionary] $Live, [string[]] $Name)
-    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
-}
 # --- end of the part devices -------------------------------------------------------------------
 # --- part making: the same bytes in every script that carries it -------------------------------
 # The machine that this plan makes: it carries our mark, or before that the plan's pending name.
@@ -959,6 +967,7 @@ function Get-NewPartitionReading {
         Add-MachineReading -Live $live -Found $found
         if ($live['exists']) { $script:Machines[$Name] = $live['machine'] }
     }
+    Add-ProcessorReading -Live $live
     if (Test-Unread -Live $live -Name 'taken') { $live['taken'] = Test-Stranger -Name $Name }
     $script:Vm = $live['vm']
     Add-DeviceReading -Live $live
@@ -1084,7 +1093,7 @@ function Stop-Partition {
                 }
                 Remove-Job -Job $job -Force
             })
-            Start-Sleep -Milliseconds 500
+            Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
         }
     } finally {

@@ -800,6 +800,7 @@ function Get-MachineReading {
         if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
         Add-MachineReading -Live $live -Found $found
     }
+    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
     $live
 }
@@ -835,15 +836,11 @@ function Add-MachineReading {
     if (-not $Found.Count) { return }
     $vm = $Found[0]
     $mark = Get-Mark -Vm $vm
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $Live['vm'] = $vm
     $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
     $Live['name'] = [string] $vm.Name
     $Live['generation'] = [long] $vm.Generation
     $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
     $Live['memory'] = [long] $vm.MemoryStartup
     $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
     $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
@@ -853,6 +850,22 @@ function Add-MachineReading {
     $Live['running'] = $Live['state'] -ceq 'running'
     $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
 }
 
 function Get-Mark {
@@ -1038,7 +1051,7 @@ function Stop-Partition {
                 }
                 Remove-Job -Job $job -Force
             })
-            Start-Sleep -Milliseconds 500
+            Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
         }
     } finally {

@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '084aeb61523c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'bded0e88e6b810470d115f8500e14ecd943293178c6b35312ed6ba4340e3b632'
+        UndoDigest = '7698f68e0788b16c0b0cd23298e1c1cdcbf978dca42b7791c354d28cb0a2e927'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -792,6 +792,7 @@ function Get-MachineReading {
         if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
         Add-MachineReading -Live $live -Found $found
     }
+    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
     $live
 }
@@ -827,15 +828,11 @@ function Add-MachineReading {
     if (-not $Found.Count) { return }
     $vm = $Found[0]
     $mark = Get-Mark -Vm $vm
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $Live['vm'] = $vm
     $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
     $Live['name'] = [string] $vm.Name
     $Live['generation'] = [long] $vm.Generation
     $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
     $Live['memory'] = [long] $vm.MemoryStartup
     $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
     $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
@@ -845,6 +842,22 @@ function Add-MachineReading {
     $Live['running'] = $Live['state'] -ceq 'running'
     $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
 }
 
 function Get-Mark {
@@ -1030,7 +1043,7 @@ function Stop-Partition {
                 }
                 Remove-Job -Job $job -Force
             })
-            Start-Sleep -Milliseconds 500
+            Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
         }
     } finally {

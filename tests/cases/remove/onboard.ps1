@@ -56,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '745493aff51d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9a0120b1bd5160574521ebfc7839a2b2ea026da8e818d334ac5534d81f3179c3'
+        UndoDigest = 'c281c437c7888ed766bcdfb54d831b4aa7233dc0fd9f2348b700040a55d7d31d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -792,6 +792,7 @@ function Get-MachineReading {
         if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
         Add-MachineReading -Live $live -Found $found
     }
+    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
     $live
 }
@@ -827,15 +828,11 @@ function Add-MachineReading {
     if (-not $Found.Count) { return }
     $vm = $Found[0]
     $mark = Get-Mark -Vm $vm
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $Live['vm'] = $vm
     $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
     $Live['name'] = [string] $vm.Name
     $Live['generation'] = [long] $vm.Generation
     $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
     $Live['memory'] = [long] $vm.MemoryStartup
     $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
     $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
@@ -845,6 +842,22 @@ function Add-MachineReading {
     $Live['running'] = $Live['state'] -ceq 'running'
     $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
 }
 
 function Get-Mark {
@@ -944,11 +957,6 @@ function Add-DeviceReading {
     if (Test-Unread -Live $Live -Name 'snapshots') { $Live['snapshots'] = @(Hyper-V\Get-VMSnapshot -VM $vm).Count }
     $Live
 }
-
-function Test-Unread {
-    param([System.Collections.IDictionary] $Live, [string[]] $Name)
-    @($Name | Where-Object -FilterScript { $script:Wanted -ccontains $_ -and -not $Live.Contains($_) }).Count -gt 0
-}
 # --- end of the part devices -------------------------------------------------------------------
 # --- part stop: the same bytes in every script that carries it ---------------------------------
 # How a virtual machine is stopped.
@@ -986,7 +994,7 @@ function Stop-Partition {
                 }
                 Remove-Job -Job $job -Force
             })
-            Start-Sleep -Milliseconds 500
+            Start-Sleep -Milliseconds 1000
             $now = Hyper-V\Get-VM -Id $vm.Id
         }
     } finally {

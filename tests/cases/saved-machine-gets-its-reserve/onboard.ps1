@@ -55,7 +55,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'af94a736b8ce'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2732dacbb416a55b7eecf33c4ad9b190d4feb93ace671f5632f9772664871d95'
+        UndoDigest = '57c44a2e8fc3479eba27507480003f2e58909b2fb31e58facc1f1ee0f47a8e5f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -793,6 +793,7 @@ function Get-MachineReading {
         if ($script:Current.Contains('Set')) { foreach ($vm in $found) { Assert-Untied -Vm $vm -Clustered $Clustered } }
         Add-MachineReading -Live $live -Found $found
     }
+    Add-ProcessorReading -Live $live
     $script:Vm = $live['vm']
     $live
 }
@@ -828,15 +829,11 @@ function Add-MachineReading {
     if (-not $Found.Count) { return }
     $vm = $Found[0]
     $mark = Get-Mark -Vm $vm
-    $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $Live['vm'] = $vm
     $Live['machine'] = ([string] $vm.Id).ToLowerInvariant()
     $Live['name'] = [string] $vm.Name
     $Live['generation'] = [long] $vm.Generation
     $Live['processors'] = [long] $vm.ProcessorCount
-    $Live['reserve'] = [long] $cpu.Reserve
-    $Live['limit'] = [long] $cpu.Maximum
-    $Live['weight'] = [long] $cpu.RelativeWeight
     $Live['memory'] = [long] $vm.MemoryStartup
     $Live['dynamic_memory'] = [bool] $vm.DynamicMemoryEnabled
     $Live['start_action'] = ConvertTo-Word -Value $vm.AutomaticStartAction
@@ -846,6 +843,22 @@ function Add-MachineReading {
     $Live['running'] = $Live['state'] -ceq 'running'
     $Live['mark'] = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $Live['set'] = $mark.Set
+}
+
+function Add-ProcessorReading {
+    # Only where one of these is asked for: a machine that is stopped or removed needs none of them.
+    param([System.Collections.IDictionary] $Live)
+    if (-not $Live['exists'] -or -not (Test-Unread -Live $Live -Name 'reserve', 'limit', 'weight')) { return }
+    $cpu = Hyper-V\Get-VMProcessor -VM $Live['vm']
+    $Live['reserve'] = [long] $cpu.Reserve
+    $Live['limit'] = [long] $cpu.Maximum
+    $Live['weight'] = [long] $cpu.RelativeWeight
+}
+
+function Test-Unread {
+    param([System.Collections.IDictionary] $Live, [string[]] $Name)
+    foreach ($one in $Name) { if ($script:Wanted -ccontains $one -and -not $Live.Contains($one)) { return $true } }
+    $false
 }
 
 function Get-Mark {
