@@ -124,8 +124,9 @@ def write_first_manifest(folder: str, name: str | None = None, *, tutorial: bool
     text = tutorial_manifest() if tutorial else initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
     schema = path.with_name(SCHEMA_NAME)
-    write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())
+    # The manifest last: where a kill comes between, the same command begins anew.
     write_file(str(schema), shipped_text("schemas/manifest.json").encode())
+    write_file(str(path), f"# yaml-language-server: $schema={SCHEMA_NAME}\n{text}".encode())
     return WrittenFiles(files=(path.as_posix(), schema.as_posix()))
 
 

@@ -6,7 +6,7 @@ from datetime import date
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, first_of_each_kind, in_order
 from rarms_iac.model.system import Acceptance, Policy
-from rarms_iac.model.wording import did_you_mean, suggested
+from rarms_iac.model.wording import MOST_SUGGESTIONS, did_you_mean, suggested
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
 EXPIRED = Finding.warning("RARMS095", "An acceptance has expired")
@@ -18,11 +18,13 @@ FINDINGS = (EXPIRED, UNUSED, UNKNOWN, REFUSED)
 
 def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[Diagnostic]:
     """Report what is wrong with the acceptances themselves; `today` is a day in UTC."""
+    unknown = 0
     for acceptance in policy.accept.values():
         page = finding_page(acceptance.code)
         path = ("policy", "accept", acceptance.code)
         if page is None:
-            similar = did_you_mean(acceptance.code, known_codes())
+            unknown += 1
+            similar = did_you_mean(acceptance.code, known_codes()) if unknown <= MOST_SUGGESTIONS else None
             yield UNKNOWN.at(
                 places.key(*path),
                 f"There is no finding {acceptance.code}.{suggested(similar)}",

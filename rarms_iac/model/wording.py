@@ -70,6 +70,10 @@ MOST_CANDIDATES = 400
 """Names that are compared: more would make a file full of wrong names slow to refuse."""
 
 
+MOST_SUGGESTIONS = 20
+"""Unknown names for which a similar one is looked for: a file full of wrong names is refused at once all the same."""
+
+
 def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
     """The nearest of the candidates (ties by name), or None where none is near: about one slip in three letters."""
     allowed = max(len(word) > 1, min(len(word), 32) // 3)

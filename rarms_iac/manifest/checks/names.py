@@ -10,7 +10,7 @@ from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import POWERSHELL_MEMBERS, WINDOWS_DEVICES
 from rarms_iac.model.system import System
 from rarms_iac.model.version import __version__
-from rarms_iac.model.wording import MOST_NAMES, did_you_mean, in_a_row, suggested
+from rarms_iac.model.wording import MOST_NAMES, MOST_SUGGESTIONS, did_you_mean, in_a_row, suggested
 
 UNKNOWN_NAME = Finding.error("RARMS042", "Unknown name")
 DEVICE_NAME = Finding.error("RARMS043", "Windows keeps this name for a device")
@@ -22,9 +22,6 @@ MOVED_FROM_EXISTING = Finding.error("RARMS081", "A renamed partition is still in
 NO_COMPONENTS = Finding.warning("RARMS089", "The manifest has no component")
 OLDER_THAN_REQUIRED = Finding.error("RARMS312", "The manifest asks for a newer version of rarms")
 UNUSED_INTERFERENCE = Finding.note("RARMS086", "An interference is not used")
-
-MOST_SUGGESTIONS = 20
-"""Unknown names for which a similar one is looked for: a file full of wrong names is refused at once all the same."""
 
 
 def unknown_name(system: System) -> Iterator[Violation]:

@@ -116,7 +116,7 @@ def hidden(character: str, place: Place) -> Diagnostic:
 def place_of(data: bytes, offset: int, file: str) -> Place:
     """Line and column of a byte."""
     before = data[:offset]
-    line = before.count(b"\n") + sum(1 for _ in re.finditer(rb"\r(?!\n)", before))
+    line = before.count(b"\n") + before.count(b"\r") - before.count(b"\r\n")
     start = max(before.rfind(b"\n"), before.rfind(b"\r")) + 1
     column = len(before[start:].decode("utf-8", errors="replace"))
     return Place(file=file, line=line + 1, column=column + 1)

@@ -1,8 +1,7 @@
 """A file that a user names -> plain values, with everything that is wrong in its text."""
 
 import os
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload
@@ -24,16 +23,12 @@ MAX_BYTES = 8 * 2**20
 """The largest manifest or overlay."""
 
 
-_LINE_END = re.compile("\r\n|\n|\r")
-_SPLIT_BELOW = 2**20  # characters; a larger text is searched line by line, so that 4 million empty lines cost nothing
-
-
 class Lines(Sequence[str]):
-    """The lines of a text without their ends, split only when one is shown."""
+    """The lines of a text without their ends; one that is shown is found by counting, however many there are."""
 
     def __init__(self, data: bytes) -> None:
-        self._data = data
-        self._split: list[str] | None = None
+        self._given = data
+        self._data: bytes | None = None  # the same with LF alone, made when a line is asked for
 
     @overload
     def __getitem__(self, index: int) -> str: ...
@@ -43,27 +38,34 @@ class Lines(Sequence[str]):
         """The line at this index, counted from 0; IndexError past the end."""
         if isinstance(index, slice):
             return [self[at] for at in range(*index.indices(len(self)))]
-        if self._split is None and len(self._data) < _SPLIT_BELOW:
-            self._split = list(self)
-        if self._split is not None:
-            return self._split[index]
-        for number, line in enumerate(self):
-            if number == index:
-                return line
-        raise IndexError(index)
+        number = index + len(self) if index < 0 else index
+        if not 0 <= number < len(self):
+            raise IndexError(index)
+        data, start = self._with_lf(), self._start_of(number)
+        end = data.find(b"\n", start)
+        return data[start : None if end < 0 else end].decode("utf-8", errors="replace")
 
     def __len__(self) -> int:
         """How many lines there are."""
-        return sum(1 for _ in self) if self._split is None else len(self._split)
+        return self._with_lf().count(b"\n") + 1
 
-    def __iter__(self) -> Iterator[str]:
-        """One line after the other."""
-        text = self._data.decode("utf-8", errors="replace")
-        start = 0
-        for end in _LINE_END.finditer(text):
-            yield text[start : end.start()]
-            start = end.end()
-        yield text[start:]
+    def _start_of(self, number: int) -> int:
+        """Where a line begins: behind the end of the one before it."""
+        data, least, most = self._with_lf(), 0, len(self._with_lf())
+        counted = 0  # line ends before `least`
+        while least < most:
+            middle = (least + most) // 2
+            ends = counted + data.count(b"\n", least, middle)
+            if ends < number:
+                counted, least = ends + (data[middle : middle + 1] == b"\n"), middle + 1
+            else:
+                most = middle
+        return least
+
+    def _with_lf(self) -> bytes:
+        if self._data is None:
+            self._data = self._given.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        return self._data
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
