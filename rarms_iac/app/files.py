@@ -38,7 +38,7 @@ def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
 
 
 def write_file(path: str, data: bytes) -> None:
-    """Replace what a file holds, whole or not at all; its rights stay.
+    """Replace what a file holds, whole or not at all; its owner and rights stay.
 
     Nothing is written through a link; what leads to a device or a pipe (`/dev/stdout`) is written to.
 
@@ -55,10 +55,8 @@ def write_file(path: str, data: bytes) -> None:
         if before is not None and not stat.S_ISREG(before.st_mode):
             target.write_bytes(data)  # NOTE: a device or pipe must never be replaced by a file; a folder says no
             return
-        replace(target, data)
+        replace(target, data, like=before)
         remove_leftovers_of_ended(target)
-        if before is not None:
-            target.chmod(stat.S_IMODE(before.st_mode))
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no file can have this name")
         raise UseCaseError(Outcome.FAILED, [write_finding(path, problem)]) from error

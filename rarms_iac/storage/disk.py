@@ -96,10 +96,12 @@ class RealFileEffects:
 
     def make_folder(self, folder: Path) -> None:
         folder.mkdir(exist_ok=True)
+        give(folder, folder.parent.stat())
 
     def write(self, path: Path, data: bytes) -> None:
         with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
             file.write(data)
+        give(path, path.parent.stat())
 
     def append(self, path: Path, data: bytes) -> None:
         with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
@@ -136,6 +138,17 @@ class RealFileEffects:
 
     def remove(self, path: Path) -> None:
         path.unlink(missing_ok=True)
+
+
+def give(path: Path, like: os.stat_result) -> None:
+    """Give what root made the owner of its folder, or of what it replaces, so that a checkout stays its user's.
+
+    Args:
+        path: a file or folder that was just made.
+        like: says the owner; where that is root, or where this process is not root's, nothing is done.
+    """
+    if sys.platform != "win32" and os.geteuid() == 0 and (like.st_uid, like.st_gid) != (0, 0):
+        os.chown(path, like.st_uid, like.st_gid, follow_symlinks=False)
 
 
 class NotOurFile(OSError):

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rarms_iac.storage.disk import open_to_write
+from rarms_iac.storage.disk import give, open_to_write
 from rarms_iac.storage.reading import open_regular
 
 POLL_SECONDS = 0.02
@@ -45,7 +45,10 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         Locked: another process holds it, after waiting so long.
         OSError: what has the name is no regular file, or the system refuses.
     """
+    is_new = not path.exists()
     descriptor = open_to_write(path, os.O_CREAT)
+    if is_new:
+        give(path, path.parent.stat())
     try:
         _wait(descriptor, path, timeout_ms)
         try:

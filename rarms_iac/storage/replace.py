@@ -1,6 +1,7 @@
 """The first of the two writers: a whole file at once, for state, plans and snapshots."""
 
 import os
+import stat
 import sys
 import threading
 from contextlib import suppress
@@ -10,14 +11,16 @@ from pathlib import Path
 from rarms_iac.storage import disk
 
 
-def replace(path: Path, data: bytes) -> None:
+def replace(path: Path, data: bytes, like: os.stat_result | None = None) -> None:
     """Make the file exactly these bytes, durably: a reader, now or after a crash, sees the old or the new ones whole.
 
-    The file's folder must exist.
+    The file's folder must exist. What root makes belongs to the owner of the folder, so that a checkout stays its
+    user's.
 
     Args:
         path: of the file.
         data: all that it holds then.
+        like: whose owner and rights the file is to have; None: those of a new file.
 
     Raises:
         NotOurFile: the name is that of a link, a folder, a pipe or a device.
@@ -28,6 +31,9 @@ def replace(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.new")
     try:
         effects.write(temporary, data)
+        if like is not None:
+            disk.give(temporary, like)
+            temporary.chmod(stat.S_IMODE(like.st_mode))
         effects.flush(temporary)
         effects.rename(temporary, path)
     except OSError:

@@ -1,6 +1,7 @@
 """What only a Linux host does: its settings are the kernel's, whoever wrote them, and a restart ends every one."""
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +27,7 @@ from rarms_iac.providers.cgroups.run import LinuxHostProvider
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused
 from tests import builders
 from tests.contracts.benches import groups_of, open_linux, opened_bench
+from tests.contracts.runs import a_run
 from tests.laws.test_damaged_file_laws import ODD_VALUES, PLACED, changed, in_time, paths_in
 
 MIB = 2**20
@@ -211,3 +213,30 @@ def test_what_is_no_file_in_a_definitions_place_is_refused(
 
     with in_time(), pytest.raises(HostDamaged, match=file.name):
         host.observe()
+
+
+@pytest.mark.needs("root")
+def test_a_state_folder_that_another_user_owns_is_refused_and_nothing_is_made_in_it(tmp_path: Path) -> None:
+    os.chown(tmp_path, 65534, 65534)
+    host = open_linux(builders.a_host(), tmp_path)
+
+    for use in (host.journal, host.unfinished, lambda: host.lock("ann@lab").__enter__()):
+        with pytest.raises(HostDamaged, match=f"others than root may write to {tmp_path}"):
+            use()
+
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_made_on_a_host_does_not_follow_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        for _ in opened_bench("linux"):
+            host = open_linux(builders.a_host(), tmp_path / "state")
+            with host.lock("ann@lab"):
+                host.start_run(a_run(host.observe()))
+    finally:
+        os.umask(before)
+
+    made = [path for path in (tmp_path / "state").rglob("*") if not path.is_symlink()]
+    assert made
+    assert [path.name for path in made if path.stat().st_mode & 0o022] == []

@@ -27,13 +27,16 @@ class DefinitionFiles:
         return [self._load(self._folder / name) for name in names if name.endswith(".json")]
 
     def refuse_writable_folder(self) -> None:
-        """Refuse a folder that others may write to: root must not finish what another user put there.
+        """Refuse a folder that others may write to, or that another user owns, as well as the one above it.
+
+        Root must not finish what another user put there.
 
         Raises:
             HostDamaged: they may.
         """
-        if self._effects.has_folder(self._folder) and not self._effects.is_private(self._folder):
-            raise open_folder(self._host, self._folder)
+        for folder in (self._folder.parent, self._folder):
+            if self._effects.has_folder(folder) and not self._effects.is_private(folder):
+                raise open_folder(self._host, folder)
 
     def save(self, definition: GroupDefinition) -> None:
         """Replace the file of a partition.

@@ -13,6 +13,7 @@ import uuid
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -149,6 +150,9 @@ class LocalEffects(LocalFiles):
         until = time.monotonic() + timeout_ms / 1000
         while True:
             remaining_ms = max(0, round(1000 * (until - time.monotonic())))
+            with _for_root_alone():
+                disk.make_folders(lock.parent)
+                os.close(disk.open_to_write(lock, os.O_CREAT))
             with super().hold(lock, owner, remaining_ms):
                 holder = _holder(lease)
                 if not holder:
@@ -161,6 +165,14 @@ class LocalEffects(LocalFiles):
             if time.monotonic() >= until:
                 raise Locked(lock, holder)
             time.sleep(1)
+
+    def replace(self, path: Path, data: bytes) -> None:
+        with _for_root_alone():
+            super().replace(path, data)
+
+    def append(self, path: Path, record: Record) -> None:
+        with _for_root_alone():
+            super().append(path, record)
 
     def delete(self, path: Path) -> None:
         disk.current().remove(path)
@@ -175,7 +187,8 @@ class LocalEffects(LocalFiles):
                 os.close(handle)
 
     def make(self, group: Path) -> None:
-        group.mkdir(exist_ok=True)
+        with _for_all_to_read():
+            group.mkdir(exist_ok=True)
 
     def remove(self, group: Path) -> None:
         until = time.monotonic() + _WAIT_SECONDS
@@ -261,6 +274,20 @@ def kernel_text(file: Path) -> str:
         return file.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return ""
+
+
+@contextmanager
+def _with_umask(mask: int) -> Iterator[None]:
+    """What is made inside gets these rights, whatever the caller's own mask is: a host is no user's folder."""
+    before = os.umask(mask)
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+_for_root_alone = partial(_with_umask, 0o077)
+_for_all_to_read = partial(_with_umask, 0o022)
 
 
 def open_folder(host: str, folder: Path) -> HostDamaged:

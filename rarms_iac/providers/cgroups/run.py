@@ -128,6 +128,7 @@ class LinuxHostProvider(JournaledHost):
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+        self._definitions.refuse_writable_folder()
         with super().lock(owner, timeout_ms):
             self._is_held = True
             try:
@@ -139,10 +140,12 @@ class LinuxHostProvider(JournaledHost):
 
     def journal(self) -> Journal | None:
         self._look_unless_held()
+        self._definitions.refuse_writable_folder()
         return super().journal()
 
     def unfinished(self) -> Journal | None:
         self._look_unless_held()
+        self._definitions.refuse_writable_folder()
         return super().unfinished()
 
     def start_run(self, started: RunStarted) -> None:

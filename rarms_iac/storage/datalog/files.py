@@ -11,6 +11,7 @@ from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Recorded, Remeasurement
+from rarms_iac.storage.disk import make_folders
 from rarms_iac.storage.replace import replace
 
 T = TypeVar("T")
@@ -39,7 +40,7 @@ def begin_log(path: Path, header: Header) -> None:
     Raises:
         OSError: it cannot be written; what was there is still there.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folders(path.parent)
     line = encode(header)
     assert isinstance(line, dict)
     replace(path, sealed_line(line))
@@ -84,7 +85,7 @@ def append_to_log(path: Path, value: object) -> None:
         LogUnreadable: the log is damaged.
         OSError: it cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folders(path.parent)
     record = encode(value)
     assert isinstance(record, dict)
     _append(path, record)
