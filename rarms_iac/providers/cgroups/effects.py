@@ -278,7 +278,7 @@ def kernel_text(file: Path) -> str:
 
 @contextmanager
 def _with_umask(mask: int) -> Iterator[None]:
-    """What is made inside gets these rights, whatever the caller's own mask is: a host is no user's folder."""
+    """What is made inside gets these rights, also under another mask of the caller: a host is no user's folder."""
     before = os.umask(mask)
     try:
         yield

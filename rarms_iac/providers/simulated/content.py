@@ -138,7 +138,7 @@ def empty(host: str) -> Content:
     """A host on which nothing was ever done.
 
     Args:
-        host: its name, behind that of the folder of its state, which is another one on another robot.
+        host: its name, with overlays behind that of the robot's folder.
     """
     return Content(id=str(uuid.uuid5(NAMESPACE, f"host/{host}")))
 

@@ -46,6 +46,8 @@ from rarms_iac.providers.simulated.operations import (
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
 from rarms_iac.storage.replace import remove_leftovers
 
+ROBOTS = "hosts"
+"""The folder in which each set of overlays, a robot's, has a folder of its own for the states of its hosts."""
 PARTITION_AGAIN = prose("Look at the host again: ", PLAN, ".")
 
 
@@ -110,7 +112,9 @@ class SimulatedHostProvider(JournaledHost):
         with report_damage(self.name, self._path):
             data = self._files.content(self._path)
             if data is None:
-                return empty(f"{self._path.parent.name}/{self.name}")
+                folder = self._path.parent
+                robot = f"{folder.name}/" if folder.parent.name == ROBOTS else ""
+                return empty(f"{robot}{self.name}")
             if self._last_content is None or self._last_content[0] != data:
                 self._last_content = (data, read_content(data))
             return self._last_content[1]
