@@ -55,7 +55,9 @@ TEMPLATES = Path("templates")
 WITH_WORDS = frozenset({".py", ".ps1", ".j2", ".html", ".js", ".sh", ".md", ".txt", ".json", ".yaml"})
 
 PROSE = frozenset({"summary", "detail", "advice", "message", "reason", "comment", "title", "note"})
-"""Fields and variables that hold sentences for people."""
+"""Fields and variables that hold sentences for people, of any type: most of them are `str`."""
+PROSE_TYPES = frozenset({"Prose", "Wording"})
+"""Types whose values are sentences; fields, parameters and results of them count under any name."""
 RENDERING = ("show_", "describe_", "plain_text")
 """How functions begin that make text of values."""
 READING = frozenset({"removeprefix", "removesuffix", "replace", "split", "rsplit", "partition", "rpartition"}) | {
@@ -81,6 +83,7 @@ def breaches_in(package: Path) -> Iterator[str]:
     trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(package.rglob("*.py"))}
     yield from _classes_of_two_meanings(trees)
     in_protocols = _protocol_methods(trees.values())
+    prose = _names_of_prose(trees.values())
     for path, tree in trees.items():
         module = path.relative_to(package).as_posix()
         yield from _names_that_say_nothing(path, tree)
@@ -91,7 +94,7 @@ def breaches_in(package: Path) -> Iterator[str]:
         if module not in MAY_READ:
             yield from _other_readers(path, tree)
         if not module.startswith(tuple(MAY_READ_PROSE)):
-            yield from _readers_of_prose(path, tree)
+            yield from _readers_of_prose(path, tree, prose)
         yield from _imports_of_the_laboratory(path, tree)
     yield from _pronouns_below(package)
 
@@ -230,39 +233,91 @@ def _raises_something(node: ast.AST) -> bool:
     return isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and "AssertionError" not in ast.unparse(node)
 
 
-def _readers_of_prose(path: Path, tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _names_of_prose(trees: Iterable[ast.Module]) -> frozenset[str]:
+    """Names of sentences: those of `PROSE`, fields of a type of sentences, and functions that return one."""
+    found = set(PROSE)
+    for tree in trees:
+        for node in ast.walk(tree):
+            match node:
+                case ast.ClassDef(body=body):
+                    fields = (
+                        each for each in body if isinstance(each, ast.AnnAssign) and _is_of_prose(each.annotation)
+                    )
+                    found |= {field.target.id for field in fields if isinstance(field.target, ast.Name)}
+                case ast.FunctionDef(name=name, returns=returns) if _is_of_prose(returns):
+                    found.add(name)
+                case _:
+                    pass
+    return frozenset(found)
+
+
+def _is_of_prose(annotation: ast.expr | None) -> bool:
+    """Whether it is a type of sentences, or that or nothing; a collection of sentences may be searched for one."""
+    match annotation:
+        case ast.Name(id=name) | ast.Constant(value=str(name)):
+            return name in PROSE_TYPES
+        case ast.BinOp(left=left, right=right):
+            return _is_of_prose(left) or _is_of_prose(right)
+        case _:
+            return False
+
+
+def _readers_of_prose(path: Path, tree: ast.Module, prose: frozenset[str]) -> Iterator[str]:
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    lines = {
+        line for scope in (tree, *functions) for line in _lines_that_read(scope, prose | _local_prose(scope, prose))
+    }
+    for line in sorted(lines):
+        yield f"{path.as_posix()}:{line}: this reads a sentence: what code needs is a field"
+
+
+def _local_prose(scope: ast.Module | ast.FunctionDef, prose: frozenset[str]) -> frozenset[str]:
+    """Parameters of a function that are sentences by their type, and its variables that are set to a sentence."""
+    if isinstance(scope, ast.Module):
+        return frozenset()
+    arguments = (*scope.args.posonlyargs, *scope.args.args, *scope.args.kwonlyargs)
+    names = {argument.arg for argument in arguments if _is_of_prose(argument.annotation)}
+    for node in ast.walk(scope):
+        if isinstance(node, ast.Assign) and _is_prose(node.value, prose | names):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    return frozenset(names)
+
+
+def _lines_that_read(scope: ast.Module | ast.FunctionDef, prose: frozenset[str]) -> Iterator[int]:
+    for node in ast.walk(scope):
         match node:
-            case ast.Call(func=ast.Attribute(attr=attr, value=text)) if attr in READING and _is_prose(text):
-                pass
-            case ast.Call(func=ast.Attribute(attr=attr), args=args) if attr in PATTERNS and any(map(_is_prose, args)):
-                pass
-            case ast.Compare(ops=ops, comparators=texts) if any(
-                isinstance(op, ast.In | ast.NotIn) and _is_prose(text) for op, text in zip(ops, texts, strict=True)
+            case ast.Call(func=ast.Attribute(attr=attr, value=text)) if attr in READING and _is_prose(text, prose):
+                yield node.lineno
+            case ast.Call(func=ast.Attribute(attr=attr), args=args) if attr in PATTERNS and any(
+                _is_prose(arg, prose) for arg in args
             ):
-                pass
+                yield node.lineno
+            case ast.Compare(ops=ops, comparators=texts) if any(
+                isinstance(op, ast.In | ast.NotIn) and _is_prose(text, prose)
+                for op, text in zip(ops, texts, strict=True)
+            ):
+                yield node.lineno
             case _:
-                continue
-        yield f"{path.as_posix()}:{node.lineno}: this reads a sentence: what code needs is a field"
+                pass
 
 
-def _is_prose(node: ast.expr) -> bool:
+def _is_prose(node: ast.expr, prose: frozenset[str]) -> bool:
     """Whether it is a field or variable of this name, text that a function made of a value, or made of such."""
     match node:
         case ast.Attribute(attr=name) | ast.Name(id=name):
-            return name in PROSE
+            return name in prose
         case ast.Call(func=ast.Name(id="str"), args=[value]):
-            return _is_prose(value)
+            return _is_prose(value, prose)
         case ast.Call(func=ast.Name(id=name)):
-            return name == "render" or name.startswith(RENDERING)
+            return name == "render" or name.startswith(RENDERING) or name in prose
         case ast.Call(func=ast.Attribute(attr=name, value=value)):
-            return name.startswith(RENDERING) or _is_prose(value)
+            return name.startswith(RENDERING) or name in prose or _is_prose(value, prose)
         case ast.Subscript(value=value) | ast.FormattedValue(value=value):
-            return _is_prose(value)
+            return _is_prose(value, prose)
         case ast.JoinedStr(values=parts):
-            return any(map(_is_prose, parts))
+            return any(_is_prose(part, prose) for part in parts)
         case ast.BinOp(left=left, right=right):
-            return _is_prose(left) or _is_prose(right)
+            return _is_prose(left, prose) or _is_prose(right, prose)
         case _:
             return False
 

@@ -106,7 +106,8 @@ class Terminal:
         """
         text = plain_text(text, self.manifest_options)
         if not self.talk_piped:
-            further = " " * (len(text) - len(text.lstrip(" ")) + 2) if text.startswith(" ") else ""
+            indent = len(text) - len(text.lstrip(" "))
+            further = " " * (indent + 2) if indent else ""
             text = fill(text, self.width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
         self.talk(text)
         self.err = flush_stream(self.err)

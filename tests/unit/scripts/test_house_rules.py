@@ -29,6 +29,29 @@ def test_code_that_reads_a_sentence_is_found(tmp_path: Path, planted: str) -> No
     assert [breach.partition(": ")[2] for breach in breaches_in(tmp_path) if "views/plan.py" in breach] == [READS]
 
 
+TYPED = """
+class Remark:
+    hint: Wording
+    parts: tuple[Prose, ...]
+
+def hint_of(remark: Remark) -> Prose | None: ...
+
+def shown(remark: Remark, given: Wording) -> bool:
+    said = remark.detail
+    return {planted}
+"""
+
+
+@pytest.mark.parametrize(
+    "planted",
+    ['remark.hint.startswith("Run")', '"plan" in str(hint_of(remark))', 'given.split(" ")', 'said.endswith(".")'],
+)
+def test_a_sentence_is_known_by_its_type_and_through_a_variable(tmp_path: Path, planted: str) -> None:
+    (tmp_path / "plan.py").write_text(TYPED.format(planted=planted), encoding="utf-8")
+
+    assert [breach.partition(": ")[2] for breach in breaches_in(tmp_path) if "plan.py" in breach] == [READS]
+
+
 @pytest.mark.parametrize(
     "planted",
     [
