@@ -263,10 +263,9 @@ def _is_of_prose(annotation: ast.expr | None) -> bool:
 
 
 def _readers_of_prose(path: Path, tree: ast.Module, prose: frozenset[str]) -> Iterator[str]:
-    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    lines = {
-        line for scope in (tree, *functions) for line in _lines_that_read(scope, prose | _local_prose(scope, prose))
-    }
+    scopes: list[ast.Module | ast.FunctionDef] = [tree]
+    scopes += [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    lines = {line for scope in scopes for line in _lines_that_read(scope, prose | _local_prose(scope, prose))}
     for line in sorted(lines):
         yield f"{path.as_posix()}:{line}: this reads a sentence: what code needs is a field"
 
