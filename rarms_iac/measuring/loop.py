@@ -408,7 +408,8 @@ def _work(experiment: Experiment, context: MeasuringContext, step: Measure) -> W
 
     Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
     """
-    goes_on, all_samples = step.until_clear and not step.within_until, SampleCount(samples=MOST_SAMPLES)
+    # NOTE: more than count, since jobs that end while something settles are none of them: `is_clear` ends the setting.
+    goes_on, all_samples = step.until_clear and not step.within_until, SampleCount(samples=4 * MOST_SAMPLES)
     return Work(
         application=experiment.application,
         partitions=(*work_in_test_partitions(experiment), *context.others),
