@@ -38,6 +38,7 @@ from rarms_iac.powershell.pieces import (
     joined,
     pieces_of,
 )
+from rarms_iac.powershell.summary import summary_lines
 from rarms_iac.powershell.templates import (
     ENTRY,
     StepText,
@@ -292,6 +293,7 @@ def _head(
         "synopsis": _help(f"{_TITLES[kind]}: plan {plan.id} of application {plan.application}, for {system}."),
         "description": [
             _help(f"Host {host_plan.host.name} of {plan.manifest}, computer {host_plan.facts.computer_name}."),
+            *(summary_lines([guarded.piece for guarded in steps]) if steps else ()),
             *(_help(line) for line in summaries),
             *(f"{NOT_UNDONE}: {_help(text)}" for text in lost),
         ],

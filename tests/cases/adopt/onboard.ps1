@@ -3,6 +3,8 @@
     rarms apply script: plan 1b9d642c4f18 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-Mark 1.
     vision: changed
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1b9d642c4f18'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8d010e8e5e5cf20ddabf64aa8a02b651a151c9c94718fb1ff751806a090d352e'
+        UndoDigest = '4d0f527ccc8f5d60f579de4dd1abcb674da2cdde2839160d89533a5238bbcb43'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

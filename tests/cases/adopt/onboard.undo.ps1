@@ -3,6 +3,8 @@
     rarms undo script: plan 1b9d642c4f18 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-Mark 1.
     vision: changed (erase the mark)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

@@ -3,6 +3,8 @@
     rarms apply script: plan 0c0163cd7b36 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1.
     vision: changed (reserve 55 -> 80 %)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '0c0163cd7b36'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '505ce8b8ebd085f654b88a2cc4f519a69c31e5efad66456a2c7d0558998d4d98'
+        UndoDigest = 'c0fbf023d6f7d003fa4f200f3f02b62de6f574c712f35165b7152649866151ac'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 0c0163cd7b36 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1.
     vision: changed (of each VP reserve 55 % and limit 100 %, weight 100)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

@@ -3,6 +3,8 @@
     rarms apply script: plan a396edbedd31 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     vision: added, started
     Not undone: what was written on the disk made from D:\images\ubuntu-24.04.vhdx goes with it
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'a396edbedd31'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ecc52a70242bd15cdc8b3ade9f8c9b2ee6a511f73b34ccf66815b9a378fc5d5e'
+        UndoDigest = '92b6938107f1f3f55d8a23b71205ee6aea3f4da20908a723d0b036ee9e09a887'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

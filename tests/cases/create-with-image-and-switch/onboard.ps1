@@ -3,6 +3,8 @@
     rarms apply script: plan 794d9a4a57e1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Add-PartitionDisk 1, Move-NewPartition 1, New-VHD 1, New-VM 1, Rename-VM 1, Set-VM 1, Set-VMFirmware 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     vision: added, started
     Not undone: what was written on the disk made from D:\images\base.vhdx goes with it
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '794d9a4a57e1'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '60505e26c100e4906562a7f637759987c273e9737c6b592069933d634721168e'
+        UndoDigest = 'a55f7af94e73137d3d916d61019072d710e1a5dd404ee8fb5842f21b3105a381'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 794d9a4a57e1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
+    Calls that change something: Remove-DiskFile 1, Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
     Not undone: what was written on the disk made from D:\images\base.vhdx goes with it
 .PARAMETER AsJson

@@ -3,6 +3,8 @@
     rarms apply script: plan 7d07f7f63f12 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
+    Calls that change something: Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -58,7 +60,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7d07f7f63f12'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ec67beab15576b87a520e6570b2818b67be3bfecbdddf7ff884d6c8fd823bb9b'
+        UndoDigest = '688d712c717bbc7fbf75692e24575211c0da3b34b1e09b4b5c7e6c3fbda238da'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 722e7c0342e7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 2 stopped, 2 removed; 1 disk deleted.
+    Calls that change something: Remove-DiskFile 1, Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
     vision: removed, stopped (delete its disk D:\vms\vision-0123456789ab.vhdx). It is off after 120 s at the latest, and stays off
@@ -59,7 +61,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '722e7c0342e7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f7e56747cbcda3ccadcc60607f28642203930d50665a94026d19f56e89fdd435'
+        UndoDigest = '12914bb0746f996cbec662d801a18bb8ae7de1e7019e66ecfcd45a06d7415db8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 55c76da5a5d2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 2 stopped, 2 removed; nothing deleted.
+    Calls that change something: Remove-TaskRecord 1, Remove-TaskValue 1, Remove-VM 2, Stop-Partition 2, Write-TaskValue 7.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
@@ -58,7 +60,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '55c76da5a5d2'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '8acbab3d64dd25d727821aada917c8514a4a442d5a954f6afcaa9500d79119e1'
+        UndoDigest = '55b7fdcb4773383b06f2b544fb056a5ab7a87e2a6daa5e6239fd7b9499267c5f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 936852c1f911 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     vision: added, started
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '936852c1f911'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9cb4a395459bc91871181ad6f508bfd1e64f588fdab6760ce96c3ea5c15c0bc8'
+        UndoDigest = '95c80138e199e98fb03ed76bc6989cfa5f68881ae24b1a7692f077b1e465e124'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 5b6780d717f7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VM 1, Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; of each VP reserve 80 % and limit 100 %, weight 100). It is down for as long as it takes to start
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson

@@ -3,6 +3,8 @@
     rarms apply script: plan b8ddaf0a725b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Write-Mark 1.
     vision: changed (reserve 80 -> 60 %)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'b8ddaf0a725b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b1f8eeeea75633bb60948e81859e303bb9ba8085b0dd710fc87d2d8514d46dd9'
+        UndoDigest = 'f3763696974aabcd03b0f34f28956f0c4e91b30acfb957060de3b9081b199da6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan b8ddaf0a725b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Write-Mark 1.
     vision: changed (of each VP reserve 80 % and limit 100 %, weight 100)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

@@ -3,6 +3,8 @@
     rarms undo script: plan ac6aa992f849 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
+    Calls that change something: Remove-PartitionFolder 1, Remove-VM 1, Stop-Partition 1.
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

@@ -3,6 +3,8 @@
     rarms apply script: plan 324c387599d8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: New-VM 2, Remove-NetworkAdapter 2, Rename-VM 2, Set-VM 2, Set-VMMemory 2, Set-VMProcessor 2, Start-VM 1, Write-Mark 2.
     speech: added
     vision: added, started
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '324c387599d8'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '506a985f9ec62890558db64b0722559da4cd66f0d29f9bea52462be16d198a55'
+        UndoDigest = 'c74ddc0247c3e19374da9354a7ead894148bc52741fd3b43d62ef0ca4fdad806'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

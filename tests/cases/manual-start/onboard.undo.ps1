@@ -3,6 +3,8 @@
     rarms undo script: plan 324c387599d8 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 1 stopped, 2 removed; nothing deleted.
+    Calls that change something: Remove-VM 2, Stop-Partition 1.
     speech: removed
     vision: removed, stopped. It is off after 120 s at the latest, and stays off
 .PARAMETER AsJson

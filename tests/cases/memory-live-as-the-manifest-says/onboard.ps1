@@ -3,6 +3,8 @@
     rarms apply script: plan 49f91833d775 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMMemory 1, Write-Mark 1.
     speech: changed (memory 512 MiB -> 1 GiB)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '49f91833d775'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '84a422868ea1dc0ee847f7576e0d14f6438911aa9394ea58fdf47ae2e1d4ea1f'
+        UndoDigest = '36d8eb294afef53d1e68b1e5b5e4c105ff3ac5b7bb9a6b5d74a0cdc5df4f8bc8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

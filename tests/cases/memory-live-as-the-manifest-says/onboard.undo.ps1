@@ -3,6 +3,8 @@
     rarms undo script: plan 49f91833d775 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMMemory 1, Write-Mark 1.
     speech: changed (memory 512 MiB)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

@@ -3,6 +3,8 @@
     rarms apply script: plan 0c6c0c93c945 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMMemory 1, Write-Mark 1.
     speech: changed (memory 512 MiB -> 1 GiB)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '0c6c0c93c945'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '389168b18e6d7e4f957c201310f30c497b63b0322d9529bcfb8b8d11df7dd387'
+        UndoDigest = '3d7417314679dc51d752a6e3a75478c76ff0727f9239fac97c2a7f57191ced00'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 084aeb61523c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMMemory 1, Start-VM 1, Stop-Partition 1.
     speech: changed, stopped, started (memory 512 MiB -> 512 MiB, static). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '084aeb61523c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7698f68e0788b16c0b0cd23298e1c1cdcbf978dca42b7791c354d28cb0a2e927'
+        UndoDigest = '0e0bdd9437e61f07e4a32cc97b5f34c05f1133c4c045388f5a1716fb11cb2594'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 7742adafd918 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMMemory 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     speech: changed, stopped, started (memory 512 MiB -> 1 GiB). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7742adafd918'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'cb16e9c7750c8d6a72456bc21f9097534d07804106d34c3ab42a4618d6b54d52'
+        UndoDigest = 'ab9a9d3a1c30fa526fd6d0d73c88522d4a7ee446683be859bff0440845df1b17'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

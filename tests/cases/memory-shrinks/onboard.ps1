@@ -3,6 +3,8 @@
     rarms apply script: plan 7e7bd753963c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMMemory 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     vision: changed, stopped, started (memory 1 GiB -> 512 MiB). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '7e7bd753963c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '7a74dba698ee869429fc3db5d21d60e134b29af02503d24ae836527cadad4447'
+        UndoDigest = 'a78d41ecef29f5769548091bfe6533389b8929397e456b6c1eb62ef3488d5369'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 6c7782052eec of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     speech: changed, stopped, started (reserve 40 -> 20 %; processors 1 -> 2). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '6c7782052eec'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '35c476618c0d472e764008e6c0eb2b4055e91ebdbf375e95e086639e0e6af7be'
+        UndoDigest = 'd51a0ba5d1d0ed5ccdb8a47121f6bddeb0049312b840536e8b02c2dbb3479660'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

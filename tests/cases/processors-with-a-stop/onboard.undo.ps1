@@ -3,6 +3,8 @@
     rarms undo script: plan 6c7782052eec of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     speech: changed, stopped, started (processors 1; of each VP reserve 40 % and limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson

@@ -3,6 +3,8 @@
     rarms apply script: plan a0034201690a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-Mark 1.
     speech: changed (erase the mark)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'a0034201690a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd2e2971d2cda818b43740e227f616fc42b61a0d8abe4440bfcfd44444bfc26da'
+        UndoDigest = '898d4bb400a9d8477c8852deba322bca7e71f37337e7d0d8769704cf5585d672'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 745493aff51d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
+    Calls that change something: Remove-VM 1, Stop-Partition 1.
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     Not undone: it starts anew: what its programs had in memory is lost
     Not undone: the machine is not made again
@@ -56,7 +58,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '745493aff51d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c281c437c7888ed766bcdfb54d831b4aa7233dc0fd9f2348b700040a55d7d31d'
+        UndoDigest = 'f7ae5338df2342cd327fba0664ac841f071acb4ca575dec3134bab8d0ed34901'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

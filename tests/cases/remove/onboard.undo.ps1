@@ -3,6 +3,8 @@
     rarms undo script: plan 745493aff51d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Start-VM 1.
     speech: started
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson

@@ -3,6 +3,8 @@
     rarms apply script: plan f3d93436f6a1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Rename-VM 1, Write-Mark 1.
     voice: changed (name speech -> voice)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f3d93436f6a1'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b72a00f8c729136ded6718d0798717ed3fccb32a452f24f2df38a7d7481ee86f'
+        UndoDigest = '4b6826b24b3cfa14493b10e3661ce833562fc104bda3896fce9b6e1a76489032'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan f3d93436f6a1 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Rename-VM 1, Write-Mark 1.
     voice: changed (give it its name speech)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

@@ -3,6 +3,8 @@
     rarms apply script: plan dc5023f005a7 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Write-Mark 1.
     vision: changed (reserve 80 -> 40 %, weight 100 -> 200)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'dc5023f005a7'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4ce027bdfef91fa5ff9242622fb823655869610064964ea9c9f87b9c7e60792a'
+        UndoDigest = '2439a2ad22fff48d77972ddd32919f888b82c51efc7c37c5a71c6e9dd7bd1c4a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

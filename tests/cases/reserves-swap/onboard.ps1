@@ -3,6 +3,8 @@
     rarms apply script: plan 11120b26fb05 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 2, Write-Mark 2.
     speech: changed (reserve 20 -> 60 %)
     vision: changed (reserve 60 -> 20 %)
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '11120b26fb05'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4c5c704d3473feb35f8581db5a1cd38a2c603a4c0d5e3b36ba72f9c3a1620c8d'
+        UndoDigest = '0903dc0a13fafe404e6392395d31d35418fa0bb19e256fb41dae5c22b663f1a0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 11120b26fb05 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 2, Write-Mark 2.
     speech: changed (of each VP reserve 20 % and limit 100 %, weight 100)
     vision: changed (of each VP reserve 60 % and limit 100 %, weight 100)
 .PARAMETER AsJson

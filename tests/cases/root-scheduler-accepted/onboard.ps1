@@ -3,6 +3,8 @@
     rarms apply script: plan 33c3cf7cfd71 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     vision: added, started
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '33c3cf7cfd71'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9b3e6c8c99911409321e163e8e6c33ba7de18e8cb54f7ba4a1c8b5cd61dc0b25'
+        UndoDigest = '27af2076f9af71dfe5761590b00de3cfd67ac2c8a757dccaf7ca52494be74eeb'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

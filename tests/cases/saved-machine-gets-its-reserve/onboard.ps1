@@ -3,6 +3,8 @@
     rarms apply script: plan af94a736b8ce of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     vision: changed, started (reserve 80 -> 40 %, weight 100 -> 200)
     Not undone: it is turned off, not saved again
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'af94a736b8ce'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '57c44a2e8fc3479eba27507480003f2e58909b2fb31e58facc1f1ee0f47a8e5f'
+        UndoDigest = '57a1d689f3f89bfe21e22f1a19fd33979a2ed19c0a9e4ca28c2a569511a2016d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan af94a736b8ce of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMProcessor 1, Stop-Partition 1, Write-Mark 1.
     vision: changed, stopped (of each VP reserve 80 % and limit 100 %, weight 100). It is off after 120 s at the latest, and stays off
     Not undone: it is turned off, not saved again
 .PARAMETER AsJson

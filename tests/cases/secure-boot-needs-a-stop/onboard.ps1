@@ -3,6 +3,8 @@
     rarms apply script: plan 68bea484bd10 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VMFirmware 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     speech: changed, stopped, started (secure boot MicrosoftWindows -> off). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '68bea484bd10'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'dd03362470de96df1163ddf5f66a6b0e35e8c6f709a394d4d29cefda173f76b1'
+        UndoDigest = '534501b196a2b1a80574649e3599eac1f6d99cc7d1d234c4386423ce579d9e7d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

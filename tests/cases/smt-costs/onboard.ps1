@@ -3,6 +3,8 @@
     rarms apply script: plan 41839428b79f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: New-VM 3, Remove-NetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
     mapping: added, started
     speech: added, started
     vision: added, started
@@ -56,7 +58,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '41839428b79f'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1372d617c9666d512700212877c797f784d8473d7d78ee7f6883f69f9288c2fa'
+        UndoDigest = 'a3e072fc2cd7d0bfd51116bd3bce3a65420cd6e6b4eb6199ea401b71488613d0'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 8

@@ -3,6 +3,8 @@
     rarms undo script: plan 41839428b79f of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 3 stopped, 3 removed; nothing deleted.
+    Calls that change something: Remove-VM 3, Stop-Partition 3.
     mapping: removed, stopped. It is off after 120 s at the latest, and stays off
     speech: removed, stopped. It is off after 120 s at the latest, and stays off
     vision: removed, stopped. It is off after 120 s at the latest, and stays off

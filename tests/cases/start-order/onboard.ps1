@@ -3,6 +3,8 @@
     rarms apply script: plan 485f30ffdd1c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: New-VM 3, Remove-NetworkAdapter 3, Rename-VM 3, Set-VM 3, Set-VMMemory 3, Set-VMProcessor 3, Start-VM 3, Write-Mark 3.
     door: added, started
     speech: added, started
     vision: added, started
@@ -56,7 +58,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '485f30ffdd1c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '446702bcbe1d26592e1504070523d876131408158ddd29f930f928b6f96b91a3'
+        UndoDigest = 'ea90630d874ab8891d5d68d2a793f367e573c249f7799e90b4678c909796322a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan bcb8c653bf4c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Start-VM 1, Write-Mark 1.
     vision: started
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'bcb8c653bf4c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '23adfef9f5a1b67ebb465dce4f8db84be05f34b9d83170fa7d089b18b8952efb'
+        UndoDigest = '5b377b43b875673a127b793d7d12c72d1c0209936b428c3d4800b3725a32751c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan bcb8c653bf4c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Stop-Partition 1, Write-Mark 1.
     vision: stopped. It is off after 120 s at the latest, and stays off
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

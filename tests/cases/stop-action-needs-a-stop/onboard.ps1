@@ -3,6 +3,8 @@
     rarms apply script: plan e60bd813db26 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VM 1, Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
     vision: changed, stopped, started (reserve 80 -> 40 %, weight 100 -> 200; when the host starts: start; when the host stops: shut down). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'e60bd813db26'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '94393b97df72750ecfb61097668d19c6265ebb6538971bcf2cecd19e1175b27a'
+        UndoDigest = '1f23d7b06849ebed1e01b3043fae806f891126d9ec23c41379d330421194e8ce'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

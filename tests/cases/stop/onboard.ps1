@@ -3,6 +3,8 @@
     rarms apply script: plan 1f32e81bfb0c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 2 changed, 2 stopped, 0 removed; nothing deleted.
+    Calls that change something: Stop-Partition 2, Write-Mark 2.
     speech: stopped. It is off after 120 s at the latest, and stays off
     vision: stopped. It is off after 120 s at the latest, and stays off
     Not undone: it starts anew: what its programs had in memory is lost
@@ -56,7 +58,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1f32e81bfb0c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '16f2a0d99035d0c9e10803e49a0af23b00566855c5094206001305658eb89f91'
+        UndoDigest = '6f3e8c22b7846baac05be217a8d3495d5f0685b6deb6c9026883d021b3c814a3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

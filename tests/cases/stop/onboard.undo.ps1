@@ -3,6 +3,8 @@
     rarms undo script: plan 1f32e81bfb0c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Start-VM 2, Write-Mark 2.
     speech: started
     vision: started
     Not undone: it starts anew: what its programs had in memory is lost

@@ -3,6 +3,8 @@
     rarms apply script: plan cca232decb30 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Start-VM 1, Write-Mark 1.
     speech: started
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'cca232decb30'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5ad195eff665e81bbdcfd595f61053327d04baea0ec415fbcc2dba0f4d031e42'
+        UndoDigest = '88f6215e0692b467902dba8fcb99bb89bf47b8c074289c7f5c6ef73826ae256f'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 1209cde1eccc of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Remove-TaskValue 1, Save-TaskRecord 1, Write-TaskValue 8.
     vision: changed (write the class MotionControl, and keep what was there before)
     Not undone: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
 .PARAMETER AsJson
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1209cde1eccc'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '06a9e1e17cc10ab7cf843385ee73f056dadaec3c84a2a3c723fec21fb3314df2'
+        UndoDigest = '25da8b41b530e0a26e0ba540a5227cb533a2d2d1125aa0d35abcf5c427ac222b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 1209cde1eccc of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Remove-TaskRecord 1, Restore-TaskClass 1.
     vision: changed (write the class MotionControl, and keep what was there before)
     Not undone: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
 .PARAMETER AsJson

@@ -3,6 +3,8 @@
     rarms apply script: plan f7b37ffcfe29 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-TaskRecord 2, Write-TaskValue 16.
     task/Localization: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5)
     task/MotionControl: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7)
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = 'f7b37ffcfe29'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'b7e55b4662adfe19d484d2d2c8030b0d31e955c60c88f16951a7a7a93b436cd5'
+        UndoDigest = 'e5456eef34828166dc87b36664f98d17bf33e8fbe7ed7b916a0fc68f393a81ac'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan f7b37ffcfe29 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-TaskRecord 2, Write-TaskValue 16.
     task/Localization: changed (set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there)
     task/MotionControl: changed (set Affinity 0, Background Only False, BackgroundPriority 8, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium; record that it is ours, and what was there)
 .PARAMETER AsJson

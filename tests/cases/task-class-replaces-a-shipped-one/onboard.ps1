@@ -3,6 +3,8 @@
     rarms apply script: plan 3957ec624e6d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-TaskRecord 1, Write-TaskValue 8.
     task/Games: changed (record that it is ours, and what was there; set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '3957ec624e6d'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1de6fc26914e9e0aed77ddcddd0de66acff406310ccea17873fee4dcfdf6b77f'
+        UndoDigest = '9383dd28f961882a09285a7b722121fd5edb2ffe6b6672d52a98826bfc4bfa30'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 3957ec624e6d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Remove-TaskRecord 1, Remove-TaskValue 1, Write-TaskValue 7.
     task/Games: changed (set Affinity 0, Background Only False, Clock Rate 10000, GPU Priority 8, Priority 2, SFIO Priority Normal, Scheduling Category Medium; forget it: it is no longer ours)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

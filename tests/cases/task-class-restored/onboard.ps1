@@ -3,6 +3,8 @@
     rarms apply script: plan 1e56f4a6eee5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Remove-TaskRecord 1, Remove-TaskValue 1, Write-TaskValue 7.
     task/Games: changed (set Priority 4 -> 2; forget it: it is no longer ours)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1e56f4a6eee5'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e42ee32c1bc3296bcb9f2c0f07a7dde6f3f15d270707ca319bdc1a0ae406b3dd'
+        UndoDigest = '3e71691e537629c89c6d6cdcb9a83a6b4ad096cac3ece6ca311c9f71dcc4060e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 1e56f4a6eee5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-TaskRecord 1, Write-TaskValue 8.
     task/Games: changed (record that it is ours, and what was there; set Affinity 0, Background Only False, BackgroundPriority 4, Clock Rate 10000, GPU Priority 8, Priority 4, SFIO Priority Normal, Scheduling Category Medium)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.

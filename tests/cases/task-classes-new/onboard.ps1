@@ -3,6 +3,8 @@
     rarms apply script: plan 261044c9b666 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Write-TaskRecord 2, Write-TaskValue 16.
     task/Localization: changed (record that it is ours, and what was there; set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium)
     task/MotionControl: changed (record that it is ours, and what was there; set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium)
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '261044c9b666'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '20a3f692122576cc1836907b51368072911f3f7aade0f930cea448e91b3f44fa'
+        UndoDigest = 'e3f94ef1b93cf834bbd9b602fd2d0ff11a0506c3dfacaaa2d42e5bd6ec37b9bc'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

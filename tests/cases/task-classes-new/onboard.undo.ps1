@@ -3,6 +3,8 @@
     rarms undo script: plan 261044c9b666 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Remove-TaskClass 2, Remove-TaskRecord 2.
     task/Localization: changed (remove the class; forget it: it is no longer ours)
     task/MotionControl: changed (remove the class; forget it: it is no longer ours)
 .PARAMETER AsJson

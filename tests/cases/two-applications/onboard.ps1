@@ -3,6 +3,8 @@
     rarms apply script: plan 89ee7de1c40a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: New-VM 1, Remove-NetworkAdapter 1, Rename-VM 1, Set-VM 1, Set-VMMemory 1, Set-VMProcessor 1, Start-VM 1, Write-Mark 1.
     vision: added, started
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -54,7 +56,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '89ee7de1c40a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '954f0fe4308d47a7d9018f6c639d1a1b65665007e33402d2a7ca1016258f7c0a'
+        UndoDigest = 'f7f17ff1eaef39dd121a2950e2c930042ea0966bfbb4290d0362f96e513c4967'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms apply script: plan 1732d83df5fa of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VM 1, Stop-Partition 1, Write-Mark 1.
     speech: changed, stopped (when the host starts: nothing). It is off after 120 s at the latest, and stays off
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
@@ -55,7 +57,7 @@ function Add-Plan {
     $script:Plan = @{
         Run = 'apply'; Plan = '1732d83df5fa'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '50cc0f1e581577f0ca7d25c6b217ff2500ff7b5d49cd4cbbdddd17e18404cf91'
+        UndoDigest = '0bb0d2cd4ab2ce87e7fb4dbc39d83cb526c22b6c00fe3e2a2ab31127e03e9715'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -3,6 +3,8 @@
     rarms undo script: plan 1732d83df5fa of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
+    0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
+    Calls that change something: Set-VM 1, Start-VM 1, Write-Mark 1.
     speech: changed, started (when the host starts: start)
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
