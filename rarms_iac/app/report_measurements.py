@@ -36,8 +36,8 @@ from rarms_iac.model.quantities import (
     ProcessorTime,
     per_virtual_processor,
     show_bytes,
-    show_percent,
     show_processors,
+    show_reserve,
 )
 from rarms_iac.model.run import Run
 from rarms_iac.model.series import Series
@@ -253,7 +253,7 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
     if platform.guest_image:
         yield "Guest image", platform.guest_image
     yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
-    yield "Limit and weight", f"{show_percent(setup.limit)}, {setup.weight}"
+    yield "Limit and weight", f"{show_reserve(setup.limit, setup.processors)}, {setup.weight}"
     beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if beside:
         yield "Ran beside it", ", ".join(beside)

@@ -175,7 +175,7 @@ class SetCpu:
 
     def __str__(self) -> str:
         period = f", counted every {show_period(self.quota_period_us)}" if self.quota_period_us else ""
-        return f"of each VP reserve {self.reserve} % and limit {self.limit} %{period}, weight {self.weight}"
+        return f"reserve {self.reserve} % of each VP, limit {self.limit} % of each VP{period}, weight {self.weight}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

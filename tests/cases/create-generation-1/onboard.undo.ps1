@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 136443c2711e of application robot, for the host itself.
+    rarms undo script: plan 9f8f908a81fd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '136443c2711e'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '9f8f908a81fd'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 794d9a4a57e1 of application robot, for the host itself.
+    rarms undo script: plan 62c00b24d44a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; 1 disk deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '794d9a4a57e1'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '62c00b24d44a'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 324c387599d8 of application robot, for the host itself.
+    rarms undo script: plan ae384fcc391c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 2 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '324c387599d8'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = 'ae384fcc391c'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

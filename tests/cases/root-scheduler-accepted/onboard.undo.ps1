@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 33c3cf7cfd71 of application robot, for the host itself.
+    rarms undo script: plan 9c1517b13f63 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '33c3cf7cfd71'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '9c1517b13f63'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 41839428b79f of application robot, for the host itself.
+    rarms undo script: plan 35bac80dfef2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 3 stopped, 3 removed; nothing deleted.
@@ -56,7 +56,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '41839428b79f'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '35bac80dfef2'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 89ee7de1c40a of application robot, for the host itself.
+    rarms undo script: plan 753149e5be7b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '89ee7de1c40a'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '753149e5be7b'; Application = 'robot'; Serial = 0
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -177,7 +177,7 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
     lab.apply(with_reserve(lab, "20 %").plan())
     assert told(lab) == [
         "partition/vision: mark it as robot/vision",
-        "partition/vision: of each VP reserve 40 % and limit 100 %, weight 900",
+        "partition/vision: reserve 40 % of each VP, limit 100 % of each VP, weight 900",
     ]
 
 
