@@ -11,7 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.plan_basis import HostContext
 from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import quoted
+from rarms_iac.model.wording import in_a_row, quoted
 
 FOREIGN_AT_NAME = Finding.error("RARMS150", "A machine that rarms did not make has a wanted name")
 FOREIGN_MARK = Finding.warning("RARMS151", "A mark that does not count")
@@ -156,10 +156,10 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
         return f"its mark says {'that' if after.mark.protected else 'no longer that'} the manifest protects it"
     if not differing:
         return "its mark is written anew: it does not say what was last written"
-    stop = "; it has to stop for that" if stops(before, after.settings, context) and after.settings.running else ""
+    stop = "; it is stopped to change that" if stops(before, after.settings, context) and after.settings.running else ""
     if stop and Facet.MEMORY in changed and (why := why_memory_needs_off(before, after.settings, context)):
         stop += f" (memory: {why})"
-    return f"not as wanted: {', '.join(differing)}{stop}"
+    return f"the host differs from the manifest in {in_a_row(differing)}{stop}"
 
 
 def foreign_marks(observed: State) -> Iterator[Diagnostic]:

@@ -126,7 +126,7 @@ def _of_kind(address: Address, kind: DriftKind) -> ResourceDrift:
 
 
 def _never_applied(address: Address) -> ResourceDrift:
-    message = "the host has nothing of ours under this name: never applied, or taken away again by rarms itself"
+    message = "it is not on the host: it was never applied, or rarms removed it"
     return ResourceDrift(address=address, drift=DriftKind.MISSING, message=message)
 
 

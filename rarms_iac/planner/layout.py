@@ -151,9 +151,9 @@ def describe_possibility(way: Relaxation) -> Wording:
             return prose("Combining may be enough, and ", command("tune"), f" measures it: {changes}.")
         case RelaxationKind.MORE_PROCESSORS:
             return prose(
-                f"{changes[:1].upper()}{changes[1:]}, may be enough: what partitions need there has to be measured (",
+                f"{changes[:1].upper()}{changes[1:]} may be enough. How much each partition needs there, ",
                 MEASURE,
-                ").",
+                " tells.",
             )
         case RelaxationKind.CERTAIN:
             return f"{changes}."

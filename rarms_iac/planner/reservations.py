@@ -335,7 +335,7 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
         message = f"No setting of {log.path} meets {indexes}: the highest is {highest} % of its VPs."
         advice = prose(relax, "or measure higher settings, as far as the host can give them: ", log.again, ".")
     else:
-        message = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {indexes}."
+        message = f"No setting of {log.path} meets {indexes}, not even with all of its VPs."
         advice = prose(relax, "make the component cheaper, or use a faster platform: it had all of its VPs.")
     return NotMeasured(
         components=names,

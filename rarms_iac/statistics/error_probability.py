@@ -90,9 +90,9 @@ def describe_error(error: float = ERROR) -> str:
         error: the probability, 0..1, that it is wrong.
 
     Returns:
-        Words to append to a message: `wrong in at most 1 of 100 runs`.
+        Words to append to a message: `99 % sure`, wrong in at most 1 of 100 runs.
     """
-    return f"wrong in at most {100 * error:.3g} of 100 runs"
+    return f"{100 - 100 * error:.4g} % sure"
 
 
 def describe_extreme(beyond: float) -> str:

@@ -84,7 +84,7 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
 def _sentences(result: TuningResult) -> Sequence[str]:
     run, hosts = result.run, ", ".join(result.hosts)
     before, after, capacity = map(show_lp_percent, (run.before, run.after, run.capacity))
-    fixed = f", {show_lp_percent(run.fixed)} of it by partitions that are not tuned" if run.fixed else ""
+    fixed = f", {show_lp_percent(run.fixed)} of it by partitions whose reserve the manifest fixes" if run.fixed else ""
     match run.ending:
         case "nothing_to_do":
             return [f"{hosts}: nothing to do, {before} of {capacity} are reserved{fixed}."]
@@ -100,7 +100,11 @@ def _sentences(result: TuningResult) -> Sequence[str]:
 def describe_proof(run: TuningRun) -> Sequence[str]:
     """Say whether another layout may be better, and what that rests on."""
     rests = "on reservations that were shown to be too little, and not on those that were unresolved"
-    proved = [f"No other layout is better, if {ASSUMED}. That rests {rests}."] if run.proved else []
+    proved = (
+        [f"No other combination of these components reserves less, assuming that {ASSUMED}. That rests {rests}."]
+        if run.proved
+        else []
+    )
     return [*proved, *describe_doubts(run)]
 
 

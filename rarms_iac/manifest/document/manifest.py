@@ -181,7 +181,7 @@ class PartitionBlock(Block):
 
 
 class ApplicationBlock(Block):
-    """What all of it is for."""
+    """Its name, and what it is for."""
 
     name: Name = needed("The application's name; it is in the mark of everything that rarms makes.")
     description: str = optional("What it does, for people.", "")
@@ -196,7 +196,7 @@ class ManifestDocument(Block):
     model_config = ConfigDict(defer_build=False, title="rarms manifest")
 
     schema_name: Literal["rarms/v1"] = needed("The version of this format.", alias="schema")
-    application: ApplicationBlock = needed("What all of it is for.")
+    application: ApplicationBlock = needed("Its name, and what it is for.")
     hosts: Annotated[dict[Name, HostBlock], by_name, Field(min_length=1)] = needed(
         "The machines that partitions are made on, by name."
     )

@@ -364,7 +364,7 @@ def _samples_to_clear(trial: SearchTrial) -> int | None:
 
 
 _DESCRIPTIONS: Mapping[type[Verdict], str] = {
-    WithinNoise: "is within the noise of its threshold",
+    WithinNoise: "is neither shown to meet its threshold nor to miss it",
     Unsteady: "has no steady state",
     TooManyFailures: "has too many failed samples",
     TooFewSamples: "has too few samples",

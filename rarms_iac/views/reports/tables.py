@@ -20,7 +20,6 @@ from rarms_iac.model.commands import command, prose
 from rarms_iac.model.indexes import show_bound, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, share_of_processors, show_reserve
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.statistics.error_probability import describe_error
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict
 from rarms_iac.views.reports.table import Cell, Column, Table, Value, finite
 
@@ -113,12 +112,12 @@ def _verdict_of(curve: IndexCurve, reserve: int | None) -> str:
     if reserve is None:
         return "not achieved at any reserve that was measured"
     points = [point for point in curve.points if point.reserve == reserve]
-    return f"measured: {points[-1].verdict or ''}{_error_text(points[-1])}" if points else "shown with less"
+    return f"measured: {_verdict_word(curve, points[-1])}" if points else "shown with less"
 
 
-def _error_text(point: MeasuredPoint) -> str:
-    """How probably the verdict is wrong, as the end of a sentence; nothing where that is unknown."""
-    return "" if point.error is None else f" ({describe_error(point.error)})"
+def _verdict_word(curve: IndexCurve, point: MeasuredPoint) -> str:
+    """How sure it is, the page says once; a maximum or minimum is only met so far."""
+    return "met so far" if curve.index.is_extreme and point.verdict == "met" else point.verdict or ""
 
 
 TOTALS = _fields("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")
@@ -179,7 +178,7 @@ def _setting(measurement: Measurement, curve: IndexCurve, point: MeasuredPoint) 
         point.failed,
         index.direction,
         None if curve.threshold is None else curve.threshold.value,
-        Cell(text=f"{point.verdict or ''}{_error_text(point)}", value=point.verdict or ""),
+        Cell(text=_verdict_word(curve, point), value=point.verdict or ""),
         None if point.error is None else finite(100 * point.error),
         point.remark,
         measurement.log,
@@ -236,7 +235,6 @@ def _proof(proof: ComponentProof) -> Row:
     index, verdict = proof.index, describe_verdict(proof.index, proof.verdict)
     result = (
         verdict
-        + ("" if proof.error is None else f" ({describe_error(proof.error)})")
         + f": {describe_proof_setting(proof)}"
         + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else "")
     )

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan b8ddaf0a725b of application robot, for the host itself.
+    rarms undo script: plan 9b575145007c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = 'b8ddaf0a725b'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '9b575145007c'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 49f91833d775 of application robot, for the host itself.
+    rarms undo script: plan 7d64d8aeab4d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '49f91833d775'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '7d64d8aeab4d'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

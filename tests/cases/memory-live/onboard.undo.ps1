@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 0c6c0c93c945 of application robot, for the host itself.
+    rarms undo script: plan 8fb1349ddd55 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '0c6c0c93c945'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = '8fb1349ddd55'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 11120b26fb05 of application robot, for the host itself.
+    rarms undo script: plan f50a6779bb97 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,7 +55,7 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '11120b26fb05'; Application = 'robot'; Serial = 1
+        Run = 'undo'; Plan = 'f50a6779bb97'; Application = 'robot'; Serial = 1
         Undo = ''; Guest = ''
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.

@@ -42,7 +42,7 @@ NOUNS = (
 )
 """What a share of processors may be of, as docs/glossary.md lists it."""
 
-BARE = re.compile(r"\d ?%(?! of (?:" + "|".join(map(re.escape, NOUNS)) + r"))")
+BARE = re.compile(r"\d ?%(?! sure| of (?:" + "|".join(map(re.escape, NOUNS)) + r"))")
 
 VIEWS = (
     "plan",
@@ -99,8 +99,9 @@ def test_in_json_reserve_is_per_cent_of_the_partition_and_lp_are_lps(folder: Pat
             reserve = fields.get("reserve")
             if isinstance(reserve, int):
                 assert 0 <= reserve <= 100
-            if isinstance(reserve, int) and "processors" in fields and "reserved_lp" in fields:
-                assert fields["reserved_lp"] == pytest.approx(reserve * fields["processors"] / 100)
+            processors = fields.get("processors")
+            if isinstance(reserve, int) and isinstance(processors, int) and "reserved_lp" in fields:
+                assert fields["reserved_lp"] == pytest.approx(reserve * processors / 100)
                 found += 1
     assert found
 

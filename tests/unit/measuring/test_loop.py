@@ -174,12 +174,12 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
     ended = bench.measure(bench.search("default"), simulate=flat)
 
     assert isinstance(ended.conclusion, NotResolved)
-    assert ended.conclusion.reason.startswith("at 100 % of its VPs vision is within the noise")
+    assert ended.conclusion.reason.startswith("at 100 % of its VPs vision is neither shown")
     other = Bench(bench.folder / "other", bench.experiment)
     other.folder.mkdir()
     within = other.measure(other.search("bisection", most=80), simulate=flat)
     assert isinstance(within.conclusion, NotResolved)
-    assert within.conclusion.reason.startswith("at 80 % of its VPs vision is within the noise")
+    assert within.conclusion.reason.startswith("at 80 % of its VPs vision is neither shown")
 
 
 def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench) -> None:

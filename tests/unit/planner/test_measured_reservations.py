@@ -102,7 +102,7 @@ def test_a_cr_is_of_the_partitions_own_processors() -> None:
 @pytest.mark.parametrize(
     ("means", "message", "measures_on"),
     [
-        ({50: 300, 100: 150}, "Threshold performance is not achievable on this platform", False),
+        ({50: 300, 100: 150}, "not even with all of its VPs", False),
         ({50: 300, 80: 150}, "the highest is 80 %", True),
         ({}, "holds no setting yet", True),
     ],

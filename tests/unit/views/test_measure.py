@@ -101,7 +101,7 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
     )
 
-    assert "Each of these is wrong in at most 1 of 100 runs" in text([found(105.0)])
+    assert "Each of these is 99 % sure" in text([found(105.0)])
     assert "wrong in" not in text([stopped])
 
 
@@ -113,7 +113,7 @@ def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
     summary = text([outcome])
 
     assert "A maximum or minimum is met so far." in summary
-    assert "of 100 runs" not in summary
+    assert "% sure" not in summary
 
 
 def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
@@ -121,7 +121,7 @@ def test_beside_another_index_a_maximum_is_still_met_so_far() -> None:
     system = a_system(components=[a_component("vision", criticality=9, apt=apt, run=RUN, simulation=DEMAND)])
     outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
 
-    assert "of 100 runs (docs/measuring.md); a maximum or minimum is met so far." in text([outcome])
+    assert "99 % sure (docs/measuring.md); a maximum or minimum is met so far." in text([outcome])
 
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:

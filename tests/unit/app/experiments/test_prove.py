@@ -116,7 +116,7 @@ def test_every_verdict_says_how_likely_it_is_wrong_wherever_it_is_told(here: Pat
     assert indexes["speech throughput"]["verdict_error"] == 0.01, "one error for all that is said together"
     assert row_of(text, "vision")[1:] == ["mean_response_time <= 70 ms", "42.2 ms", "met"]
     assert "8 times anew: all thresholds met." in text
-    assert "This is wrong in at most 1 of 100 runs, all of it together." in text
+    assert "This is 99 % sure, all of it together." in text
     assert "met so far\n" in text, "of a maximum nobody can say what the next job does"
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)

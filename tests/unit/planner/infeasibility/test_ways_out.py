@@ -147,8 +147,8 @@ def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer()
     (perhaps,) = [way for way in found if more in in_a_list(way.changes)]
     assert perhaps.kind is RelaxationKind.MORE_PROCESSORS
     assert str(describe_possibility(perhaps)) == (
-        f"O{more[1:]}, with `processors: 2` for path as now, may be enough: what partitions need there has to be "
-        f"measured (`rarms measure`)."
+        f"O{more[1:]}, with `processors: 2` for path as now may be enough. How much each partition needs there, "
+        "`rarms measure` tells."
     )
 
 
