@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0c0163cd7b36 of application robot, for the host itself.
+    rarms apply script: plan bc72370cb843 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0c0163cd7b36'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'bc72370cb843'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c0fbf023d6f7d003fa4f200f3f02b62de6f574c712f35165b7152649866151ac'
+        UndoDigest = 'c666fb8c7ccd14c3752d2ba9562e33cadc47c10608a9859eb1144b1916374e1a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -65,7 +65,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
+    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 55 -> 80 %' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         limit = 100; reserve = 55; weight = 100

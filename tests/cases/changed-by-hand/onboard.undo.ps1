@@ -5,7 +5,7 @@
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
     Calls that change something: Set-VMProcessor 1.
-    vision: changed (of each VP reserve 55 % and limit 100 %, weight 100)
+    vision: changed (reserve 55 % of each VP, limit 100 % of each VP, weight 100)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -67,7 +67,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'of each VP reserve 55 % and limit 100 %, weight 100' -Undoes 0 -Before @{
+    Add-Step -Action 'reserve 55 % of each VP, limit 100 % of each VP, weight 100' -Undoes 0 -Before @{
         limit = 100; reserve = 80; weight = 100
     } -After @{
         limit = 100; reserve = 55; weight = 100

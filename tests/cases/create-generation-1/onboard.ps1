@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 136443c2711e of application robot, for the host itself.
+    rarms apply script: plan 9f8f908a81fd of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '136443c2711e'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '9f8f908a81fd'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '35460b766a02cda291d373691a2781517b8359f7223fa3bf2ec83e7e9b1387f0'
+        UndoDigest = '5b364f4a8dcc74a2cbc23a2d460e95d6d153ad4fb6a4de326ff0bc31cfe4726c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

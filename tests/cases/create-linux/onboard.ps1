@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a396edbedd31 of application robot, for the host itself.
+    rarms apply script: plan 307a5dffe183 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a396edbedd31'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '307a5dffe183'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '92b6938107f1f3f55d8a23b71205ee6aea3f4da20908a723d0b036ee9e09a887'
+        UndoDigest = 'edf0eec59b37e7ffc8bdacfe2e3224e2f13784eee5595ba614389d121d46f814'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 794d9a4a57e1 of application robot, for the host itself.
+    rarms apply script: plan 62c00b24d44a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '794d9a4a57e1'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '62c00b24d44a'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a55f7af94e73137d3d916d61019072d710e1a5dd404ee8fb5842f21b3105a381'
+        UndoDigest = '24be37258a2d2ed6ff55fa3abc8239c4b71a948490dbe98513ba6caa7880c471'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

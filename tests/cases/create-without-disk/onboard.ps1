@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f7e43de00852 of application robot, for the host itself.
+    rarms apply script: plan 1c8af52cf34b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f7e43de00852'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '1c8af52cf34b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '929220c900dd7e52ef9b66960a4c983e60761ba67fa33fd301c4e0b1dc9ed2b0'
+        UndoDigest = '8d4338aaf4c71338aa1a25623e1335584dcd7946535918cfcdaa89f640b835df'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 936852c1f911 of application robot, for the host itself.
+    rarms apply script: plan e436fa9b6399 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '936852c1f911'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'e436fa9b6399'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '95c80138e199e98fb03ed76bc6989cfa5f68881ae24b1a7692f077b1e465e124'
+        UndoDigest = '46192957b4bdff40ab3fee23ecde734be0637faa97d291e830d8f41a56591505'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 5b6780d717f7 of application robot, for the host itself.
+    rarms apply script: plan c304085926b9 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '5b6780d717f7'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'c304085926b9'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5e2241ade5669f29a8925ca78ceb61b427c39676ca9847393bfa913a7de96438'
+        UndoDigest = '5ee3931f2f6a990c1c9298b35a3a38421990ee52a2f8919a61713e9fc54824e7'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight, start, stop or checkpoint action; it has to stop for that (rarms.yaml:12:3)
+    # === vision: the host differs from the manifest in reserve, limit or weight and start, stop or checkpoint action; it is stopped to change that (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Turned off at once.
     Add-Step -Action 'stop it (turned off, not asked)' -Before @{ state = 'running' } -After @{ state = 'off' } -Set {

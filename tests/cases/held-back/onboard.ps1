@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b8ddaf0a725b of application robot, for the host itself.
+    rarms apply script: plan 9b575145007c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b8ddaf0a725b'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '9b575145007c'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f3763696974aabcd03b0f34f28956f0c4e91b30acfb957060de3b9081b199da6'
+        UndoDigest = '2d100e24c6e4915e03cdebbc6a6eea0c2ae0ff14be15e70f8b67652fd8d7b3f6'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -65,7 +65,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
+    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 80 -> 60 %; mark it as robot/vision, set 8f1e1103d755' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan ac6aa992f849 of application robot, for the host itself.
+    rarms apply script: plan 30a5a24ea326 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'ac6aa992f849'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '30a5a24ea326'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '528cece0bc973b1ed1e7a0d78f9008004725a14ed67426f41628da7998c69681'
+        UndoDigest = '4c3d5374d1956a652f2211136b437fcd9f34ae04a78354fc1fceb1220d85c97e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 324c387599d8 of application robot, for the host itself.
+    rarms apply script: plan ae384fcc391c of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     2 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '324c387599d8'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'ae384fcc391c'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'c74ddc0247c3e19374da9354a7ead894148bc52741fd3b43d62ef0ca4fdad806'
+        UndoDigest = '5a72872739977f823dce7f9cfc942271599d0d8627167845409ff9fac01d788d'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 49f91833d775 of application robot, for the host itself.
+    rarms apply script: plan 7d64d8aeab4d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '49f91833d775'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '7d64d8aeab4d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '36d8eb294afef53d1e68b1e5b5e4c105ff3ac5b7bb9a6b5d74a0cdc5df4f8bc8'
+        UndoDigest = '09af2799a7189d4fe718797c0f4f2b104ae69cd432339b6c39430ef0ece0fd88'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -65,7 +65,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: memory (rarms.yaml:19:3) ==========================================
+    # === speech: the host differs from the manifest in memory (rarms.yaml:19:3) ===================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set 2c6d7af35b8b' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
         dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'

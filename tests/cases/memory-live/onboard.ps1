@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 0c6c0c93c945 of application robot, for the host itself.
+    rarms apply script: plan 8fb1349ddd55 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '0c6c0c93c945'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '8fb1349ddd55'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '3d7417314679dc51d752a6e3a75478c76ff0727f9239fac97c2a7f57191ced00'
+        UndoDigest = '8946f7978be2491a1c03b59438326aad5cc1eed4d9c0fbf57095e5dd0b6e5680'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -65,7 +65,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: memory (rarms.yaml:13:3) ==========================================
+    # === speech: the host differs from the manifest in memory (rarms.yaml:13:3) ===================
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'memory 512 MiB -> 1 GiB; mark it as robot/speech, set 2c6d7af35b8b' -Fits { Test-Capacity -Processors 1 -Reserve 40 -Memory 1073741824 } -Before @{
         dynamic_memory = $false; mark = 'robot/speech'; memory = 536870912; set = '9318451c660e'

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 084aeb61523c of application robot, for the host itself.
+    rarms apply script: plan 2740745f47f6 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '084aeb61523c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '2740745f47f6'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0e0bdd9437e61f07e4a32cc97b5f34c05f1133c4c045388f5a1716fb11cb2594'
+        UndoDigest = '557914250bde16583ae0e57672bdb9b39df543b03b1b9555382338b162803c77'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: memory; it has to stop for that (memory: it is dynamic, or was) (rarms.yaml:13:3)
+    # === speech: the host differs from the manifest in memory; it is stopped to change that (memory: it is dynamic, or was) (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

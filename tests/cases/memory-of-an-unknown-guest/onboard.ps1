@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7742adafd918 of application robot, for the host itself.
+    rarms apply script: plan 68a9254ec348 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7742adafd918'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '68a9254ec348'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ab9a9d3a1c30fa526fd6d0d73c88522d4a7ee446683be859bff0440845df1b17'
+        UndoDigest = '34f6617597a653b03403ea7c1f56878a6ed03337a7e9f669f51152131b1e24d2'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:13:3)
+    # === speech: the host differs from the manifest in memory; it is stopped to change that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

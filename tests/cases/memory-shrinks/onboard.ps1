@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 7e7bd753963c of application robot, for the host itself.
+    rarms apply script: plan de67b9bb76e4 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '7e7bd753963c'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'de67b9bb76e4'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a78d41ecef29f5769548091bfe6533389b8929397e456b6c1eb62ef3488d5369'
+        UndoDigest = 'aed64c0ce4a7688c6e67e8e02ff7560b62c4c8932219d641157a295e2ced78dd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: memory; it has to stop for that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:12:3)
+    # === vision: the host differs from the manifest in memory; it is stopped to change that (memory: its guest tells no build of Windows, and `guest.windows_build` says none) (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 6c7782052eec of application robot, for the host itself.
+    rarms apply script: plan 80921da2439b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '6c7782052eec'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '80921da2439b'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'd51a0ba5d1d0ed5ccdb8a47121f6bddeb0049312b840536e8b02c2dbb3479660'
+        UndoDigest = 'abe6c35de186227d899baa8541c7a19ef3df424b0fc527977b43795a98c7e9b5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: processors, reserve, limit or weight; it has to stop for that (rarms.yaml:13:3)
+    # === speech: the host differs from the manifest in processors and reserve, limit or weight; it is stopped to change that (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan f3d93436f6a1 of application robot, for the host itself.
+    rarms apply script: plan 8ff339eff08a of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'f3d93436f6a1'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '8ff339eff08a'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '4b6826b24b3cfa14493b10e3661ce833562fc104bda3896fce9b6e1a76489032'
+        UndoDigest = 'b741c907b3cfb47b1f084743b8f1f7e81e95493d71a221c9ed65a80b810e4549'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -65,7 +65,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === voice: not as wanted: name (rarms.yaml:13:3) =============================================
+    # === voice: the host differs from the manifest in name (rarms.yaml:13:3) ======================
     Use-Target -Address 'partition/voice' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'mark it as robot/voice, set 9318451c660e; name speech -> voice; mark it as robot/voice, set f1e28b778d77' -Before @{
         mark = 'robot/speech'; name = 'speech'; set = '9318451c660e'

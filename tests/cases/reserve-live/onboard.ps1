@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan dc5023f005a7 of application robot, for the host itself.
+    rarms apply script: plan e939132d1329 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'dc5023f005a7'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'e939132d1329'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '2439a2ad22fff48d77972ddd32919f888b82c51efc7c37c5a71c6e9dd7bd1c4a'
+        UndoDigest = 'db1e538cb8d87aa62b780f23766ca13bcbd3c9f62c6786e34856d7758c3ad049'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -65,7 +65,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
+    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 80 -> 40 %, weight 100 -> 200; mark it as robot/vision, set d38b532de154' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 11120b26fb05 of application robot, for the host itself.
+    rarms apply script: plan f50a6779bb97 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '11120b26fb05'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f50a6779bb97'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0903dc0a13fafe404e6392395d31d35418fa0bb19e256fb41dae5c22b663f1a0'
+        UndoDigest = '938622253c2d9861509de77f5d171d2015a74ac88703e0a6a4871f3723e6e7af'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight (rarms.yaml:12:3) ========================
+    # === vision: the host differs from the manifest in reserve, limit or weight (rarms.yaml:12:3) =
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'reserve 60 -> 20 %; mark it as robot/vision, set 2a25f044217c' -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100
@@ -77,7 +77,7 @@ function Add-Plan {
         Write-Mark
     }
 
-    # === speech: not as wanted: reserve, limit or weight (rarms.yaml:13:3) ========================
+    # === speech: the host differs from the manifest in reserve, limit or weight (rarms.yaml:13:3) =
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
     Add-Step -Action 'reserve 20 -> 60 %; mark it as robot/speech, set c959e400da4b' -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 536870912 } -Before @{
         limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100

@@ -5,8 +5,8 @@
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 2 changed, 0 stopped, 0 removed; nothing deleted.
     Calls that change something: Set-VMProcessor 2, Write-Mark 2.
-    speech: changed (of each VP reserve 20 % and limit 100 %, weight 100)
-    vision: changed (of each VP reserve 60 % and limit 100 %, weight 100)
+    speech: changed (reserve 20 % of each VP, limit 100 % of each VP, weight 100)
+    vision: changed (reserve 60 % of each VP, limit 100 % of each VP, weight 100)
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
 .PARAMETER LockTimeout
@@ -68,7 +68,7 @@ function Add-Plan {
 
     # === speech: takes back what the apply script did to it, the last step first (rarms.yaml:13:3)
     Use-Target -Address 'partition/speech' -Read { Get-PartitionReading -Machine '00000001-5ade-4000-8000-000000000001' }
-    Add-Step -Action 'mark it as robot/speech; of each VP reserve 20 % and limit 100 %, weight 100' -Undoes 1 -Before @{
+    Add-Step -Action 'mark it as robot/speech; reserve 20 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/speech'; reserve = 60; set = 'c959e400da4b'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/speech'; reserve = 20; set = '9a283df8dc93'; weight = 100
@@ -79,7 +79,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision; of each VP reserve 60 % and limit 100 %, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
+    Add-Step -Action 'mark it as robot/vision; reserve 60 % of each VP, limit 100 % of each VP, weight 100' -Undoes 0 -Fits { Test-Capacity -Processors 4 -Reserve 60 -Memory 1073741824 } -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 20; set = '2a25f044217c'; weight = 100
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 60; set = 'a68c426474c6'; weight = 100

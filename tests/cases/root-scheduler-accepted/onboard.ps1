@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 33c3cf7cfd71 of application robot, for the host itself.
+    rarms apply script: plan 9c1517b13f63 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '33c3cf7cfd71'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '9c1517b13f63'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '27af2076f9af71dfe5761590b00de3cfd67ac2c8a757dccaf7ca52494be74eeb'
+        UndoDigest = 'f63b9d797453f1e40005bf41d892e8370886682464272f0accb75233fe63102c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan af94a736b8ce of application robot, for the host itself.
+    rarms apply script: plan 84a85b67bd24 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'af94a736b8ce'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '84a85b67bd24'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '57a1d689f3f89bfe21e22f1a19fd33979a2ed19c0a9e4ca28c2a569511a2016d'
+        UndoDigest = 'e23ed2eebf8f6dddadb823f21e0eca9fdb690ead220ac0b3f04a982f2e2cb3c5'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight, whether it runs (rarms.yaml:12:3) =======
+    # === vision: the host differs from the manifest in reserve, limit or weight and whether it runs (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     Add-Step -Action 'start it' -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{ running = $false } -After @{
         running = $true; state = 'running'

@@ -5,7 +5,7 @@
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     Calls that change something: Set-VMProcessor 1, Stop-Partition 1, Write-Mark 1.
-    vision: changed, stopped (of each VP reserve 80 % and limit 100 %, weight 100). It is off after 120 s at the latest, and stays off
+    vision: changed, stopped (reserve 80 % of each VP, limit 100 % of each VP, weight 100). It is off after 120 s at the latest, and stays off
     Not undone: it is turned off, not saved again
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -68,7 +68,7 @@ function Add-Plan {
 
     # === vision: takes back what the apply script did to it, the last step first (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
-    Add-Step -Action 'mark it as robot/vision; of each VP reserve 80 % and limit 100 %, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
+    Add-Step -Action 'mark it as robot/vision; reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Fits { Test-Capacity -Processors 2 -Reserve 80 -Memory 1073741824 } -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; weight = 200
     } -After @{
         limit = 100; mark = 'robot/vision'; reserve = 80; set = '28cc232b41a1'; weight = 100

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 68bea484bd10 of application robot, for the host itself.
+    rarms apply script: plan 51ca10e9ec16 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '68bea484bd10'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '51ca10e9ec16'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '534501b196a2b1a80574649e3599eac1f6d99cc7d1d234c4386423ce579d9e7d'
+        UndoDigest = 'fb06e46cd0b06b4f26a63b026ca71a87c71de934491fd5beae405e91f5c265b9'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === speech: not as wanted: secure boot; it has to stop for that (rarms.yaml:19:3) ============
+    # === speech: the host differs from the manifest in secure boot; it is stopped to change that (rarms.yaml:19:3)
     Use-Target -Address 'partition/speech' -Read { Get-DeviceReading -Machine '00000001-5ade-4000-8000-000000000001' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

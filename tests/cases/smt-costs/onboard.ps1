@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 41839428b79f of application robot, for the host itself.
+    rarms apply script: plan 35bac80dfef2 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -56,9 +56,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '41839428b79f'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '35bac80dfef2'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'a3e072fc2cd7d0bfd51116bd3bce3a65420cd6e6b4eb6199ea401b71488613d0'
+        UndoDigest = '3bca1b43e92db040167a25571d3e9ae11a348f8ec0fd5dc4cb70b446c01f92e8'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 8

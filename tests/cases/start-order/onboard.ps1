@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 485f30ffdd1c of application robot, for the host itself.
+    rarms apply script: plan 527b60899aef of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     3 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -56,9 +56,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '485f30ffdd1c'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '527b60899aef'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'ea90630d874ab8891d5d68d2a793f367e573c249f7799e90b4678c909796322a'
+        UndoDigest = '86cf0f74bffad866a2dbc6887c46d7d5356f653c1a8ed569fee4a862b63c508e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan e60bd813db26 of application robot, for the host itself.
+    rarms apply script: plan a05efddeae9d of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'e60bd813db26'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'a05efddeae9d'; Application = 'robot'; Serial = 1
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '1f23d7b06849ebed1e01b3043fae806f891126d9ec23c41379d330421194e8ce'
+        UndoDigest = '0c528cde9b4ab40a6430979b4b7779ed15459f247cb260150b652b07daed79ed'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -66,7 +66,7 @@ function Add-Plan {
         Guard = { Assert-VmHost }
     }
 
-    # === vision: not as wanted: reserve, limit or weight, start, stop or checkpoint action; it has to stop for that (rarms.yaml:12:3)
+    # === vision: the host differs from the manifest in reserve, limit or weight and start, stop or checkpoint action; it is stopped to change that (rarms.yaml:12:3)
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it (asked, after 60 s forced, after 120 s turned off)' -Before @{ state = 'running' } -After @{

@@ -5,7 +5,7 @@
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
     Calls that change something: Set-VM 1, Set-VMProcessor 1, Start-VM 1, Stop-Partition 1, Write-Mark 1.
-    vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; of each VP reserve 80 % and limit 100 %, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
+    vision: changed, stopped, started (when the host starts: start if running; when the host stops: save; reserve 80 % of each VP, limit 100 % of each VP, weight 100). It is down for at least as long as it takes to start, and at most 120 s longer
     Not undone: it starts anew: what its programs had in memory is lost
 .PARAMETER AsJson
     One JSON object a line on standard output, for a program to read.
@@ -70,7 +70,7 @@ function Add-Plan {
     Use-Target -Address 'partition/vision' -Read { Get-PartitionReading -Machine '00000002-5ade-4000-8000-000000000002' }
     # Asks the guest to shut down, forces it after 60 s, and turns it off after 120 s: takes at least 0 s, at most 120 s.
     Add-Step -Action 'stop it' -Undoes 2 -Before @{ state = 'running' } -After @{ state = 'off' } -Set { Stop-Partition -GraceMs 120000 }
-    Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; of each VP reserve 80 % and limit 100 %, weight 100' -Undoes 1 -Before @{
+    Add-Step -Action 'mark it as robot/vision; when the host starts: start if running; when the host stops: save; reserve 80 % of each VP, limit 100 % of each VP, weight 100' -Undoes 1 -Before @{
         limit = 100; mark = 'robot/vision'; reserve = 40; set = 'd38b532de154'; start_action = 'start'; state = 'off'
         stop_action = 'shut_down'; weight = 200
     } -After @{

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1ff48afa2878 of application robot, for the host itself.
+    rarms apply script: plan 6bcf1a2ac52b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1ff48afa2878'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '6bcf1a2ac52b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0f895bd8e9b24108e8168cdc5dfc5712aeab6d38b4d9b5fd5e10e055a95e643f'
+        UndoDigest = 'fde994189198bcb9790e392240dd5af2d89d3480ac9f74775d9c82675f83e49a'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

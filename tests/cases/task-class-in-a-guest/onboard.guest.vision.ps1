@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1209cde1eccc of application robot, for the guest of partition vision.
+    rarms apply script: plan 66522d239bb0 of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1209cde1eccc'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '66522d239bb0'; Application = 'robot'; Serial = 0
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = '25da8b41b530e0a26e0ba540a5227cb533a2d2d1125aa0d35abcf5c427ac222b'
+        UndoDigest = 'b3ace60695226cfd3a51e2fd766c0281bff593e50ff398a1792e0bba463c23cd'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

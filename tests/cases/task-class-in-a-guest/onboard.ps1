@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 1209cde1eccc of application robot, for the host itself.
+    rarms apply script: plan 66522d239bb0 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '1209cde1eccc'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '66522d239bb0'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '9210bf9cb3eb63d653063ab57adf6da828a2b33f92b13cca1898a9fcbb98592a'
+        UndoDigest = 'cd2280c4576fdc4a30f04cb191f4d1b86eed420abc26ff5f1fb7b24f1f172c91'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

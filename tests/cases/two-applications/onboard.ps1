@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 89ee7de1c40a of application robot, for the host itself.
+    rarms apply script: plan 753149e5be7b of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '89ee7de1c40a'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '753149e5be7b'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f7f17ff1eaef39dd121a2950e2c930042ea0966bfbb4290d0362f96e513c4967'
+        UndoDigest = 'aa12c5d148d91f3303839bd810487781ef16582d1e301ffc10f0026e85dec5a3'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4

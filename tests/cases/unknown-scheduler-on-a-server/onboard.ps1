@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan b7dab8d419aa of application robot, for the host itself.
+    rarms apply script: plan 3b8e41fe19f5 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,9 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'b7dab8d419aa'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '3b8e41fe19f5'; Application = 'robot'; Serial = 0
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '141c0e55a9026936d7b7f1b5ff996c287aceda788ff5e3c89e23a9195f6e0e75'
+        UndoDigest = 'eef6ef3dc1bedf1659dcfd2711d23eac55ada45ce81f42f8abaee2b19e05aed4'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
