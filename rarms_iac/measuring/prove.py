@@ -47,10 +47,14 @@ from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionShape, PartitionWork, Work
 from rarms_iac.statistics.error_probability import ERROR, samples_needed
 from rarms_iac.statistics.overload import describe_overload
+from rarms_iac.statistics.samples import response_times, starts_differ
 from rarms_iac.statistics.verdicts import judge_early, judge_look, samples_to_clear
 
 STARTS = 8
 """So often the components of a layout begin anew at least."""
+
+NOT_GIVEN_UP = 1e-3
+"""The part that counts as done where nothing is to end for what the rest would hardly show (`judge_early`)."""
 
 SEEDS_APART = 1009
 """More than there are starts, so that no two of them share a seed."""
@@ -308,19 +312,34 @@ class _Proof:
         return join_series((self.series[name], part)) if name in self.series else part
 
     def _until(self, component: Component) -> SampleCount | Elapsed:
-        """How much of a component a start takes: a part of what its thresholds need, then of what was seen."""
+        """How much of a component a start takes: a part of what its thresholds need, then of what was seen.
+
+        Where the starts differ they are the samples: then there are more of them, as long as the first ones.
+        """
         if self.starts >= STARTS:
-            seen = len(self.series[component.name].samples)
-            return SampleCount(samples=ceil(seen / STARTS) if self._undecided(component) else 1)
+            series = self.series[component.name]
+            if not self._undecided(component):
+                return SampleCount(samples=1)
+            if not self._starts_differ(component):
+                return SampleCount(samples=ceil(len(series.samples) / STARTS))
         until = run_of(component).until
         if isinstance(until, Elapsed):
             return Elapsed(time=Milliseconds(until.time / STARTS))
         return SampleCount(samples=ceil(least_samples(component) / STARTS))
 
+    def _starts_differ(self, component: Component) -> bool:
+        series = self.series[component.name]
+        return starts_differ(response_times(series.samples), series.runs)
+
     def _undecided(self, component: Component) -> bool:
-        """Whether more starts may show that a threshold is met or missed."""
+        """Whether more starts may show that a threshold is met or missed.
+
+        NOTE: of starts that differ, few show little of how surely many will tell: they are not given up before the end.
+        """
         series = self.series[component.name]
         done = min(1.0, max(self.spent_ms / self.conditions.budget_ms, len(series.samples) / MOST_SAMPLES))
+        if done < 1.0 and self._starts_differ(component):
+            done = NOT_GIVEN_UP
         return any(
             judge_early(series, {index: threshold}, run_of(component), done=done, members=self.conditions.statements)
             is None

@@ -298,8 +298,9 @@ class HypervMeasuringHost(LiveHypervHost):
                 raise HostRefused(self.name, "what runs on the host itself cannot be measured", "Give it a partition.")
             credential = self._credentials.get(part.partition) or self._settings.credential or ""
             loads = () if part.load is None else (part.load,)
+            is_test_partition = part.partition in {shape.name for shape in shapes}
             for subject in (*part.components, *loads):
-                if obstacle := self.obstacle(subject) if shapes else self._obstacle_in_guest(subject):
+                if obstacle := self.obstacle(subject) if is_test_partition else self._obstacle_in_guest(subject):
                     name = subject.name if isinstance(subject, Component) else "the load"
                     raise HostRefused(self.name, f"{name} cannot run: {obstacle.reason}", obstacle.advice)
             works += (self._component_work(part.partition, credential, component) for component in part.components)

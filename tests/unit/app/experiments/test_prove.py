@@ -343,3 +343,40 @@ def test_without_a_threshold_nothing_is_said_to_be_met(here: Path) -> None:
     assert ran.code == 0, ran.err
     assert "nothing is proven" in ran.out
     assert "met" not in ran.out
+
+
+PHASES = """\
+schema: rarms/v1
+application: { name: phases }
+policy: { interference: busy-loop }
+hosts:
+  onboard: { logical_processors: 1, memory: 4 GiB }
+components:
+  short:
+    criticality: 2
+    memory: 512 MiB
+    apt: { mean_response_time: { at_most: 6 ms } }
+    run: { command: [short], arrival: { every: 50 ms } }
+    cpu: { reserve: 11 % }
+    simulation: { work: 5 ms, varies: 1 % }
+  long:
+    criticality: 1
+    memory: 512 MiB
+    run: { command: [long], arrival: { every: 300 ms } }
+    cpu: { reserve: 51 % }
+    simulation: { work: 100 ms, varies: 1 % }
+"""
+
+
+def test_where_starts_differ_there_are_more_of_them_and_none_is_longer(tmp_path: Path) -> None:
+    """Each start keeps the phase in which the two began, and only few of them are bad for the short one."""
+    write(tmp_path, PHASES)
+    with chdir(tmp_path):
+        assert rarms("apply", "--auto-approve").code == 0
+        (proof,) = json.loads(prove("--json").out)["proofs"]
+    (verdict,) = proof["verdicts"]
+    estimate = verdict["measured"]["estimate"]
+
+    assert verdict["verdict"] == "missed", "its mean is 5.1 ms in most phases, and up to 15 in some"
+    assert proof["starts"] > 100
+    assert estimate["samples"] / proof["starts"] < 10, "starts of an eighth of all would become longer and longer"
