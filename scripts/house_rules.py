@@ -106,6 +106,7 @@ def breaches_elsewhere() -> Iterator[str]:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         names = EMPTY_NAMES if any(path.is_relative_to(TESTS / room) for room in TESTED_ROOMS) else frozenset({"one"})
         yield from _names_that_say_nothing(path, tree, names)
+        yield from _names_of_pronouns(path, tree)
         if not path.is_relative_to(LABORATORY):
             yield from _imports_of_the_laboratory(path, tree)
 
@@ -125,6 +126,12 @@ def _names_that_say_nothing(path: Path, tree: ast.Module, names: frozenset[str] 
     for line, name in _bound_names(tree):
         if name.lower() in names:
             yield f"{path.as_posix()}:{line}: `{name}` does not say what it holds: use the noun"
+
+
+def _names_of_pronouns(path: Path, tree: ast.Module) -> Iterator[str]:
+    for line, name in _bound_names(tree):
+        if name != "NOBODY" and PRONOUNS.search(name.replace("_", " ")):  # the user of Unix that owns nothing
+            yield f"{path.as_posix()}:{line}: `{name}`: say who or what it is"
 
 
 def _bound_names(tree: ast.Module) -> Iterator[tuple[int, str]]:

@@ -21,7 +21,7 @@ from tests.builders import ORIGIN, PathPlaces
 from tests.strategies import Strangers
 
 TODAY = date(2026, 11, 21)
-SOMEBODY = Scope(application="somebody", plan="by-hand")
+ANOTHER_TOOL = Scope(application="somebody", plan="by-hand")
 
 
 def never() -> bool:
@@ -89,12 +89,12 @@ class Lab:
         for partition in others.partitions:
             settings, name = partition.settings, partition.settings.name
             create = CreatePartition(partition=name, generation=settings.generation, memory=settings.memory)
-            host.execute(create, SOMEBODY)
+            host.execute(create, ANOTHER_TOOL)
             cpu = SetCpu(partition=name, reserve=settings.reserve, limit=settings.limit, weight=settings.weight)
-            host.execute(cpu, SOMEBODY)
+            host.execute(cpu, ANOTHER_TOOL)
             if settings.running:
-                host.execute(StartPartition(partition=name), SOMEBODY)
-            host.execute(RenamePartition(partition=name, name=name), SOMEBODY)
+                host.execute(StartPartition(partition=name), ANOTHER_TOOL)
+            host.execute(RenamePartition(partition=name, name=name), ANOTHER_TOOL)
 
 
 @contextmanager

@@ -59,7 +59,7 @@ def test_with_two_modes_verdicts_are_not_given_before_slow_jobs_may_have_been_se
 
 
 @pytest.mark.parametrize("data", BEFORE)
-def test_a_clear_setting_ends_early_whatever_its_data(data: str) -> None:
+def test_a_clear_setting_ends_early_with_any_data(data: str) -> None:
     series, _ = effort(data, 1)
     samples, verdict = sequential_in(series, {"mean_response_time": limit_at(10 * MEAN)}, RUN)
 

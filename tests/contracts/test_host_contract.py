@@ -428,7 +428,7 @@ def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
     assert host.read(replace(VISION, machine=stranger.id), SCOPE)["mark"] == ""
 
 
-def test_two_machines_under_one_mark_are_nobodys(room: Room) -> None:
+def test_two_machines_under_one_mark_are_of_no_partition(room: Room) -> None:
     host = room.host()
     do(host, *making("vision"), *making("speech"))
     speech = next(partition for partition in host.observe().partitions if partition.settings.name == "speech")

@@ -68,7 +68,7 @@ def by_hand(folder: Path, file: str, text: str) -> None:
         ("memory.limit_in_bytes", "-1", {"memory": 0}),
     ],
 )
-def test_a_value_that_somebody_wrote_is_seen(
+def test_a_value_that_another_tool_wrote_is_seen(
     host: LinuxHostProvider, tmp_path: Path, file: str, text: str, expected: dict[str, int]
 ) -> None:
     if groups_of(tmp_path).version != "v1":
@@ -97,7 +97,7 @@ def test_after_a_restart_of_the_machine_every_partition_is_off_and_starts_again(
     assert restarted.read(VISION, SCOPE)["reserve"] == 40
 
 
-def test_a_group_that_somebody_made_is_unmanaged_until_it_is_taken_over(
+def test_a_group_that_another_tool_made_is_unmanaged_until_it_is_taken_over(
     host: LinuxHostProvider, tmp_path: Path
 ) -> None:
     groups_of(tmp_path).make("logging")
@@ -188,7 +188,7 @@ def test_what_the_machine_lacks_is_named_before_anything_is_changed(tmp_path: Pa
         LinuxHostProvider(described, tmp_path).observe()
 
 
-def test_a_definition_that_nobody_wrote_is_read_or_refused(host: LinuxHostProvider, tmp_path: Path) -> None:
+def test_a_definition_that_was_never_written_is_read_or_refused(host: LinuxHostProvider, tmp_path: Path) -> None:
     (file,) = (tmp_path / "rarms").glob("*.json")
     document = json.loads(file.read_bytes())
     for path in paths_in(document):

@@ -151,7 +151,7 @@ def test_what_counts_begins_when_it_is_said_and_lasts_as_long_as_it_must(host: M
         assert running.elapsed_ms() >= began + 5 * host.scheduler_memory_ms > began > 0
 
 
-def test_whoever_has_seen_enough_stops_asking(host: MeasuringHost) -> None:
+def test_a_listener_that_has_seen_enough_stops_asking(host: MeasuringHost) -> None:
     with ready(host):
         with host.run(some_work(EYES, eyes=SampleCount(samples=10_000))) as running:
             first = list(islice(running.samples(), 5))
@@ -187,7 +187,7 @@ def test_beside_bursts_who_asks_for_more_gets_what_they_leave(host: MeasuringHos
 
 
 @pytest.mark.parametrize(("reserve", "threads"), [(10, 1), (10, 2), (60, 1), (60, 2)])
-def test_whoever_asks_for_more_in_p1_gets_exactly_cr_on_each_processor_that_it_uses(
+def test_a_component_that_asks_for_more_in_p1_gets_exactly_cr_on_each_processor_that_it_uses(
     tmp_path: Path, reserve: int, threads: int
 ) -> None:
     host = simulated(tmp_path)

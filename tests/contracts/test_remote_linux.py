@@ -262,7 +262,7 @@ def test_a_folder_that_others_may_write_to_is_not_trusted(host: LinuxHostProvide
     assert definition.parent.stat().st_mode & 0o777 == 0o777
 
 
-def test_the_doctor_names_processes_that_nobody_ends(host: LinuxHostProvider, tmp_path: Path) -> None:
+def test_the_doctor_names_processes_that_no_rarms_ends(host: LinuxHostProvider, tmp_path: Path) -> None:
     with subprocess.Popen(["sleep", "60"]) as sleep:
         for file in groups_of(tmp_path).place("vision").join:
             file.write_text(str(sleep.pid), encoding="ascii")
@@ -506,7 +506,7 @@ def test_a_run_whose_process_on_this_computer_ended_is_taken_over_at_once(
         assert not (folder / "lease").exists()
 
 
-def test_of_a_run_in_another_container_or_off_linux_nobody_can_tell_that_it_ended(
+def test_of_a_run_in_another_container_or_off_linux_no_other_run_can_tell_that_it_ended(
     host: LinuxHostProvider, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder,) = {path.parent for path in tmp_path.rglob("*.json")}

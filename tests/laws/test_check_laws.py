@@ -59,7 +59,7 @@ systems = st.builds(
 
 
 @given(systems)
-def test_the_checks_answer_whatever_is_asked_and_always_the_same(system: System) -> None:
+def test_the_checks_answer_for_every_question_and_always_the_same(system: System) -> None:
     told = run_checks(system, PathPlaces(), TODAY)
 
     assert told == in_order(told) == run_checks(system, PathPlaces(), TODAY)

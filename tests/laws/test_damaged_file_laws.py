@@ -152,7 +152,7 @@ RAW = set("\x1b\x9b\u202e")
 
 @settings(max_examples=examples(60))
 @given(data=st.data(), file=st.sampled_from(sorted(READERS)), new=st.sampled_from(ODD_VALUES))
-def test_a_value_that_nobody_wrote_is_a_finding(
+def test_a_value_that_was_never_written_is_a_finding(
     cell: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, file: str, new: Any
 ) -> None:
     folder = tmp_path_factory.mktemp("damaged") / "files"

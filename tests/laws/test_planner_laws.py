@@ -17,7 +17,7 @@ from tests.planning import PLACES
 
 
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))
-def test_a_layout_fits_and_loses_nobody_and_a_misfit_says_why(wanted: list[tuple[int, int]], number: int) -> None:
+def test_a_layout_fits_and_loses_none_and_a_misfit_says_why(wanted: list[tuple[int, int]], number: int) -> None:
     hosts = [a_host(f"host{at}", memory="2 GiB") for at in range(number)]
     components = [
         a_component(f"part{at}", reserve=f"{share} %", memory=f"{64 * memory} MiB")

@@ -181,7 +181,7 @@ def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
 
 @given(machines(interrupts=False), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
-def test_no_lp_idles_while_somebody_could_use_it(machine: ModelMachine, weight: int) -> None:
+def test_no_lp_idles_while_a_thread_could_use_it(machine: ModelMachine, weight: int) -> None:
     greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoops(),))
     pieces = run(ModelMachine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
 

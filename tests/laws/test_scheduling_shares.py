@@ -83,7 +83,7 @@ def busy_hosts(draw: st.DrawFn) -> ModelMachine:
 
 @given(busy_hosts())
 @settings(max_examples=examples(8), deadline=None)
-def test_whoever_always_demands_gets_its_weighted_share(machine: ModelMachine) -> None:
+def test_a_machine_that_always_demands_gets_its_weighted_share(machine: ModelMachine) -> None:
     assert_shared(machine)
 
 

@@ -56,7 +56,7 @@ class Robot:
         assert isinstance(host, SimulatedHostProvider)
         return host
 
-    def somebody_sets_a_reserve(self, name: str, reserve: int) -> None:
+    def another_tool_sets_a_reserve(self, name: str, reserve: int) -> None:
         """Change the host behind rarms' back."""
         host = self.host()
         content = host.load()
@@ -237,7 +237,7 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
     still = robot.run("drift")
     robot.edit("reserve: 30 %", "reserve: 35 %")
     not_applied = robot.run("drift")
-    robot.somebody_sets_a_reserve("display", 11)
+    robot.another_tool_sets_a_reserve("display", 11)
     changed = robot.run("drift")
 
     assert (still.code, not_applied.code, changed.code) == (0, 5, 2)
@@ -246,7 +246,7 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
     assert "  display, 0.4 LP wanted: changed on the host" in changed.out
 
 
-def test_drift_tells_what_somebody_removed_from_what_rarms_took_away(robot: Robot) -> None:
+def test_drift_tells_what_another_tool_removed_from_what_rarms_took_away(robot: Robot) -> None:
     never = robot.run("drift")
     robot.applied()
     host = robot.host()
@@ -345,7 +345,7 @@ def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
     robot.applied()
     snapshot = robot.folder / "onboard.json"
     assert robot.run("snapshot", "--out", str(snapshot)).code == 0
-    robot.somebody_sets_a_reserve("display", 11)
+    robot.another_tool_sets_a_reserve("display", 11)
 
     assert robot.run("plan", "--snapshot", str(snapshot)).code == 0
     assert robot.run("plan", "--snapshot", f"onboard={snapshot}").code == 0

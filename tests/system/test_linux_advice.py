@@ -79,7 +79,9 @@ def test_after_a_restart_of_the_machine_an_apply_or_its_line_starts_what_is_off(
 
 
 @pytest.mark.alone  # other tests' deadlines take from what the kernel admits
-def test_processors_that_somebody_took_from_a_deadline_are_shown_by_plan_and_given_back_by_apply(folder: Path) -> None:
+def test_processors_that_another_tool_took_from_a_deadline_are_shown_and_given_back(
+    folder: Path,
+) -> None:
     groups = groups_of(folder)
     groups.write("eyes", replace(groups.read("eyes"), processors=(0,)))
 

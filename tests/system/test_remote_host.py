@@ -293,7 +293,7 @@ def test_what_powershell_says_instead_of_running_a_script_is_told(remote: Remote
 
 
 @pytest.mark.thorough
-def test_a_run_that_is_left_as_it_is_stands_in_nobodys_way(remote: Remote) -> None:
+def test_a_run_that_is_left_as_it_is_stands_in_no_way(remote: Remote) -> None:
     remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 2)
@@ -309,7 +309,7 @@ def test_a_run_that_is_left_as_it_is_stands_in_nobodys_way(remote: Remote) -> No
     assert remote.rarms("plan").code == 0
 
 
-def test_a_host_that_nobody_reaches_is_told_with_sshs_words(remote: Remote) -> None:
+def test_a_host_that_is_not_reached_is_told_with_sshs_words(remote: Remote) -> None:
     manifest = remote.folder / "rarms.yaml"
     manifest.write_text(MANIFEST.replace("ssh: cell", "ssh: nobody@127.0.0.1"), encoding="utf-8", newline="\n")
 

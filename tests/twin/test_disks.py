@@ -159,7 +159,7 @@ def test_a_file_of_another_kind_is_not_taken_for_the_disk_that_is_to_be_made(con
     assert not any(path in vm.disks for vm in host.vms.values())
 
 
-def test_a_child_that_a_killed_run_made_is_taken_whatever_the_case_of_its_parents_path() -> None:
+def test_a_child_that_a_killed_run_made_is_taken_in_any_case_of_its_parents_path() -> None:
     prepared = fresh()
     made = next(at for at, effect in enumerate(_effects(prepared)) if effect.startswith("New-VHD"))
     host = prepared.copy(kill_after=made)

@@ -107,7 +107,7 @@ def test_values_that_an_earlier_run_wrote_do_not_become_what_was_there_before() 
     assert record.before == before["Games"].values
 
 
-def test_a_class_that_is_somebody_elses_is_left_alone() -> None:
+def test_a_class_that_is_another_tools_is_left_alone() -> None:
     guest = a_guest()
     guest.add_key(f"{PROFILE}\\Tasks\\MotionControl").values["priority"] = Entry(name="Priority", kind="DWord", data=3)
 

@@ -300,7 +300,7 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
         ("    Add-TestPartition", "    Hyper-V\\Remove-VM -Name '*'\r\n    Add-TestPartition"),
     ],
 )
-def test_a_script_that_somebody_edited_must_not_run(
+def test_a_script_that_another_tool_edited_must_not_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str
 ) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")

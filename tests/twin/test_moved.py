@@ -36,7 +36,7 @@ def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
     assert "begun" not in {event["status"] for event in ran.events}
 
 
-def test_what_a_killed_run_did_and_somebody_changed_since_is_refused_before_it_goes_on() -> None:
+def test_what_a_killed_run_did_and_another_tool_changed_since_is_refused_before_it_goes_on() -> None:
     prepared = everything()
     host = prepared.copy()
     assert apply(host, prepared.plan).code == 0
@@ -90,7 +90,7 @@ def test_two_machines_under_the_pending_name_are_refused() -> None:
     assert "2 machines" in ran.says
 
 
-def test_two_marks_in_the_notes_of_one_machine_count_for_nobody() -> None:
+def test_two_marks_in_the_notes_of_one_machine_count_for_no_partition() -> None:
     prepared = everything()
     host = prepared.copy()
     vm = ours(host, "vision")

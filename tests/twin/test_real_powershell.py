@@ -79,7 +79,7 @@ def given_since(host: WindowsHost, what: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["disk", "name", "checkpoint"])
-def test_an_undo_does_not_remove_a_machine_with_what_somebody_gave_it_since(what: str) -> None:
+def test_an_undo_does_not_remove_a_machine_with_what_another_tool_gave_it_since(what: str) -> None:
     prepared = fresh()
     host = prepared.copy()
     apply(host, prepared.plan)

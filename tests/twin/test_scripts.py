@@ -182,7 +182,7 @@ KEPT = {FOLDER.lower(), JOURNAL.lower(), JOURNAL.lower() + ".old"}
 
 @cells
 @pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
-def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: Make, fault: str) -> None:
+def test_undo_brings_back_what_was_observed_from_each_point_that_the_run_got_to(cell: Make, fault: str) -> None:
     prepared = cell()
     for number in [*numbers(prepared, fault, 6), 10**9]:
         host = prepared.copy(**{fault: number})
@@ -236,7 +236,7 @@ MOVES: dict[str, tuple[str, Callable[[Vm], object]]] = {
 
 
 @pytest.mark.parametrize("move", MOVES)
-def test_a_host_that_somebody_moved_is_not_touched_by_the_step_that_it_concerns(move: str) -> None:
+def test_a_host_that_another_tool_moved_is_not_touched_by_the_step_that_it_concerns(move: str) -> None:
     prepared = everything()
     host = prepared.copy()
     name, change = MOVES[move]
@@ -253,7 +253,7 @@ def test_a_host_that_somebody_moved_is_not_touched_by_the_step_that_it_concerns(
     assert seen(host) == before
 
 
-def test_a_task_class_that_somebody_moved_is_not_touched() -> None:
+def test_a_task_class_that_another_tool_moved_is_not_touched() -> None:
     prepared = everything()
     host = prepared.copy()
     games = host.registry[f"{PROFILE}\\Tasks\\Games".lower()]
@@ -586,7 +586,7 @@ LOOKALIKES = [
 
 
 @pytest.mark.parametrize("name", LOOKALIKES)
-def test_somebody_elses_machine_is_never_taken_for_the_half_made_one(name: str) -> None:
+def test_another_tools_machine_is_never_taken_for_the_half_made_one(name: str) -> None:
     prepared = fresh()
     host = prepared.copy(kill_after=20)
     lookalike = a_stranger(name.format(prepared.plan.id), 7, state="Off", start_action="Nothing")

@@ -58,7 +58,7 @@ def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: i
 
 
 @pytest.mark.parametrize(("grace_s", "needs_s", "stops_s"), [(1200, 700, 700), (600, 30, 30), (200, 150, 150)])
-def test_no_guest_is_cut_off_within_its_grace_whatever_the_cmdlet_does_after_five_minutes(
+def test_no_guest_is_cut_off_within_its_grace_in_spite_of_the_cmdlet_after_five_minutes(
     grace_s: int, needs_s: int, stops_s: int
 ) -> None:
     host = running()

@@ -96,7 +96,7 @@ def test_a_plan_for_a_machine_of_a_cluster_needs_the_partitions_word_and_tells_t
     assert apply(host, plan).code == 0
 
 
-def test_a_machine_of_a_cluster_is_not_removed_whatever_its_partition_says() -> None:
+def test_a_machine_of_a_cluster_is_not_removed_also_where_its_partition_says_otherwise() -> None:
     host = made()
     the_machine(host).clustered = "True"
 

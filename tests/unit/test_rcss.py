@@ -85,7 +85,7 @@ def test_on_linux_rarms_gives_the_classes_of_a_partition_to_what_it_starts(monke
 
 
 @on_linux
-def test_on_linux_it_leaves_the_class_whatever_happens_and_what_the_kernel_refuses_changes_nothing(
+def test_on_linux_it_leaves_the_class_in_every_case_and_what_the_kernel_refuses_changes_nothing(
     classes: None,
 ) -> None:
     before = scheduling()

@@ -122,7 +122,7 @@ def test_drift_and_graph_look_the_same_logs_up(here: Path) -> None:
     assert rarms("drift", "-f", str(here)).code == 5
 
 
-def test_bench_facts_that_nobody_looked_at_are_not_compared() -> None:
+def test_bench_facts_that_were_not_looked_at_are_not_compared() -> None:
     now = observed_platform(a_host())
 
     assert (now.smt, now.scheduler, now.processor, now.os_build) == (None, None, None, None)

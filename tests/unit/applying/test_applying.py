@@ -34,7 +34,7 @@ def with_reserve(lab: Lab, reserve: str) -> Lab:
     return lab.wanting(a_system(hosts=[a_host("onboard")], components=[vision, SPEECH]))
 
 
-def somebody_sets_the_reserve(lab: Lab, reserve: int) -> None:
+def another_tool_sets_the_reserve(lab: Lab, reserve: int) -> None:
     lab.hosts["onboard"].execute(SetCpu(partition="vision", reserve=reserve, limit=100, weight=100), OURS)
 
 
@@ -75,7 +75,7 @@ def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
     lab.apply(lab.plan())
     plan = with_reserve(lab, "20 %").plan()
     lab.apply(plan, Countdown(0))
-    somebody_sets_the_reserve(lab, 25)
+    another_tool_sets_the_reserve(lab, 25)
 
     report = lab.finish()
 

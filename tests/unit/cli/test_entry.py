@@ -46,7 +46,7 @@ def test_every_exception_becomes_an_exit_code_without_a_trace(error: BaseExcepti
     assert "Traceback" not in said
 
 
-def test_what_nobody_foresaw_is_a_bug_and_says_how_to_get_the_trace() -> None:
+def test_what_was_not_foreseen_is_a_bug_and_says_how_to_get_the_trace() -> None:
     _, said = run_with(ZeroDivisionError("division by zero"))
 
     assert said.startswith("error[RARMS199] This is a bug in rarms\n")

@@ -175,7 +175,7 @@ def test_a_plan_of_another_version_is_refused_as_that(sealed: bytes, tmp_path: P
     assert 'rarms "0.0.9" made it' in " ".join(ran.err.split())
 
 
-def test_a_plan_that_nobody_forged_is_shown_also_when_git_changed_its_line_ends(sealed: bytes, tmp_path: Path) -> None:
+def test_a_plan_that_was_not_forged_is_shown_also_when_git_changed_its_line_ends(sealed: bytes, tmp_path: Path) -> None:
     plan = tmp_path / "good.plan"
     plan.write_bytes(forged(sealed, lambda _: None).replace(b"\n", b"\r\n"))
 

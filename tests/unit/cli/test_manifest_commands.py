@@ -163,7 +163,7 @@ def test_schema_prints_what_is_shipped(name: str) -> None:
     assert json.loads(rarms("schema", name).out)["$schema"].startswith("https://json-schema.org/")
 
 
-def test_explain_shows_a_findings_page_whatever_its_case() -> None:
+def test_explain_shows_a_findings_page_in_any_case() -> None:
     answer = rarms("explain", "rarms199")
 
     assert answer.lines[0] == "RARMS199: This is a bug in rarms"

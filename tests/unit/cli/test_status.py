@@ -84,7 +84,7 @@ def test_a_damaged_host_of_an_applied_manifest_is_unknown_and_nothing_is_next() 
     assert json.loads(rarms("status", "--json").out)["unknown"] == ["onboard"]
 
 
-def test_a_host_without_rights_keeps_nobody_from_the_others() -> None:
+def test_a_host_without_rights_keeps_no_command_from_the_others() -> None:
     hidden = (
         "  hidden: { provider: simulated, logical_processors: 2, memory: 4 GiB, simulated: { administrator: false } }"
     )
@@ -170,7 +170,7 @@ def test_drift_compares_a_manifest_whose_findings_are_accepted() -> None:
     assert "not compared" not in drift.out
 
 
-def test_a_proof_of_a_partition_that_somebody_changed_is_outdated() -> None:
+def test_a_proof_of_a_partition_that_another_tool_changed_is_outdated() -> None:
     (alone, _, _) = MANIFEST.partition("  vision:")
     Path("rarms.yaml").write_text(alone + MEASURED, encoding="utf-8")
     for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"]):

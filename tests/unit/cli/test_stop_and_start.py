@@ -101,7 +101,7 @@ def test_a_partition_that_is_started_by_hand_is_started_where_it_is_named() -> N
     assert (rarms("plan").code, rarms("drift").code) == (0, 0)
 
 
-def test_what_somebody_started_on_the_host_although_it_was_stopped_is_stopped_again() -> None:
+def test_what_another_tool_started_on_the_host_although_it_was_stopped_is_stopped_again() -> None:
     assert rarms("stop", "vision", "--auto-approve").code == 0
     started_on_the_host("vision")
     assert running() == ["speech", "vision"]

@@ -22,7 +22,7 @@ def test_a_machine_that_is_merely_called_so_is_not_ours() -> None:
     assert readings(State(facts=FACTS, partitions=(STRANGER,)), VISION, SCOPE) == NOTHING
 
 
-def test_a_marked_machine_is_found_whatever_it_is_called() -> None:
+def test_a_marked_machine_is_found_under_any_name() -> None:
     renamed = replace(MANAGED, settings=replace(SETTINGS, name="eyes"))
 
     found = readings(State(facts=FACTS, partitions=(STRANGER, renamed)), VISION, SCOPE)

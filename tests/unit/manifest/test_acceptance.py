@@ -72,7 +72,7 @@ def test_only_known_warnings_can_be_accepted(code: str, told: list[str]) -> None
     assert codes(check_acceptances(policy(code, "partition/vision"), PLACES, LAST_DAY)) == told
 
 
-def test_an_error_is_kept_whatever_the_policy_says() -> None:
+def test_an_error_is_kept_under_every_policy() -> None:
     error = case("component/vision", Finding(code="RARMS060", severity=Severity.ERROR, summary="x"))
 
     assert apply_acceptances([error], policy("RARMS060", "component/vision"), PLACES, LAST_DAY) == ((error,), ())

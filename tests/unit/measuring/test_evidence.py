@@ -25,7 +25,7 @@ def test_a_load_that_does_not_get_its_reserve_disturbs() -> None:
     assert disturbance(SHORT_LOAD, 2, load_takes=None) == "", "browsers may rest"
 
 
-def test_what_p1_had_beyond_its_reserve_disturbs_nobody() -> None:
+def test_what_p1_had_beyond_its_reserve_disturbs_no_other() -> None:
     """Three threads that sleep and wake got 0.31 LP of a group that reserves 0.2."""
     woken = replace(QUIET, cpu_ms={P1: 3_100.0, P2: 16_800.0})
 

@@ -103,7 +103,7 @@ def test_a_setting_that_is_disturbed_three_times_has_no_verdict(bench: Bench, mo
     assert setting.series[0].unsettled.startswith("disturbed in each of 3 tries: the load in P2 got 0.40 LP")
 
 
-def test_the_papers_walk_is_its_own_whatever_else_was_measured(bench: Bench) -> None:
+def test_the_papers_walk_is_its_own_beside_all_else_that_was_measured(bench: Bench) -> None:
     bench.measure(Sweep(reserves=(20, 45, 90)))
     bench.ran.clear()
     ended = bench.measure(bench.search("paper"))

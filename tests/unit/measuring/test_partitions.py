@@ -96,7 +96,7 @@ def test_they_go_when_only_one_can_be_made(tmp_path: Path) -> None:
     assert names(host) == []
 
 
-def test_what_a_kill_left_behind_goes_with_the_next_run_wherever_it_struck(tmp_path: Path) -> None:
+def test_what_a_kill_left_behind_goes_with_the_next_run_at_whichever_effect_it_struck(tmp_path: Path) -> None:
     stranger = CreatePartition(partition="theirs", generation=2, memory=2**29)
     the_host(tmp_path).execute(stranger, Scope(application="somebody", plan="1"))
 
@@ -188,7 +188,7 @@ def test_p2_of_a_linux_host_takes_all_the_memory_that_is_left() -> None:
     assert memory_for_load(budget, a_setup(ram="1 GiB")) == budget.capacity.memory - 1024 * MIB
 
 
-def test_whatever_runs_is_in_the_way_and_test_partitions_are_not() -> None:
+def test_each_machine_that_runs_is_in_the_way_and_test_partitions_are_not() -> None:
     ours = partition(settings("vision", running=True))
     strangers = partition(settings("a-game", running=True), application=None)
     off = partition(settings("speech", running=False))

@@ -34,7 +34,7 @@ def test_a_slip_finds_the_name_and_another_word_does_not(word: str, meant: str |
     assert did_you_mean(word, ["speech", "vision"]) == meant
 
 
-def test_ties_go_by_name_whatever_the_order_of_the_candidates() -> None:
+def test_ties_go_by_name_in_any_order_of_the_candidates() -> None:
     assert did_you_mean("arm-3", ["arm-2", "arm-1"]) == did_you_mean("arm-3", ["arm-1", "arm-2"]) == "arm-1"
 
 

@@ -40,7 +40,7 @@ def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
     assert "100 times the criticality 30" in found["vision"].why_weight
 
 
-def test_what_one_needs_moves_nobody_elses_share() -> None:
+def test_what_one_needs_moves_no_other_share() -> None:
     before, after = placed(a_robot()), placed(a_robot("45 %"))
 
     assert before["vision"] != after["vision"]

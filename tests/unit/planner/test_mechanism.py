@@ -40,7 +40,7 @@ def placed(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPart
     return next(partition for partition in answer.partitions if partition.name == "vision")
 
 
-def test_a_share_caps_nothing_and_nobody_has_a_weight_on_linux() -> None:
+def test_a_share_caps_nothing_and_no_partition_has_a_weight_on_linux() -> None:
     found = placed(Mechanism.AUTOMATIC)
 
     settings = found.settings
@@ -73,7 +73,7 @@ def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
     assert quota_period_us(apt_ms, quota_percent) == period_us
 
 
-def test_a_deadline_gives_a_thread_all_of_the_reservation_and_caps_nobody_else() -> None:
+def test_a_deadline_gives_a_thread_all_of_the_reservation_and_caps_no_other() -> None:
     found = placed(Mechanism.DEADLINE)
 
     assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 100, None)

@@ -181,7 +181,7 @@ def test_the_less_critical_are_kept_to_the_last_processors_each_with_its_own_bes
     }
 
 
-def test_the_most_critical_may_use_what_nobody_above_wants() -> None:
+def test_the_most_critical_may_use_what_none_above_wants() -> None:
     x, y = a_class("x", 90, 1), a_class("y", 10, 2)
 
     assert masks_of([[x], [y]], 4) == {"y": 0b1100}
@@ -300,7 +300,7 @@ def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own
                 assert sum(wanted for wanted, _ in some) <= together.bit_count(), "Hall's condition: each finds its own"
 
 
-def test_who_says_how_many_is_kept_wherever_there_is_room_beside_those_below() -> None:
+def test_who_says_how_many_is_kept_where_there_is_room_beside_those_below() -> None:
     for components, masks in systems(4):
         narrowed = {component.name: mask for component, mask in zip(components, masks, strict=True) if mask != 0b1111}
         assert narrowed == {
@@ -312,7 +312,7 @@ def test_who_says_how_many_is_kept_wherever_there_is_room_beside_those_below() -
         }
 
 
-def test_masks_are_found_whatever_order_the_classes_come_in() -> None:
+def test_masks_are_found_in_any_order_of_the_classes() -> None:
     classes = [[a_class("arm", 30)], [a_class("log", 10, 1)], [a_class("map", 20, 1)]]
     wanted: Mapping[str, int] = {"log": 0b1000, "map": 0b1100}
 

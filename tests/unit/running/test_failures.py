@@ -130,7 +130,7 @@ def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -
     assert failures(all_of(run, tmp_path)) == ["more than 16 MiB without a sample"]
 
 
-def test_output_that_nobody_reads_does_no_harm(tmp_path: Path) -> None:
+def test_output_that_is_not_read_does_no_harm(tmp_path: Path) -> None:
     program = "for _ in range(300):\n    os.write(1, b'x' * 65536)\n    os.write(2, b'y' * 65536)\nos.write(2, b'end')"
 
     with component(a_run(program, samples=PER_RUN, until=1), tmp_path) as component_run:

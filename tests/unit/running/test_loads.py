@@ -143,7 +143,7 @@ def test_stress_workers_run_until_they_are_ended_and_nothing_of_them_stays(tmp_p
 
 
 @pytest.mark.needs("linux", "stress-ng")
-def test_a_stressor_that_nobody_knows_is_told(tmp_path: Path) -> None:
+def test_a_stressor_that_is_not_known_is_told(tmp_path: Path) -> None:
     with pytest.raises(CannotStart, match="unrecognized option"):
         InterferingLoad("stress", Stress(stressor="nosuch"), StartContext(base=tmp_path)).close()
 

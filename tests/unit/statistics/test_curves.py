@@ -66,7 +66,7 @@ def test_who_is_named_at_a_setting_stays_the_same_when_more_is_measured() -> Non
     assert components_not_shown([(fast, at_most(200))], 60) == ()
 
 
-def test_who_misses_only_on_the_curve_is_named_where_nobody_misses_alone() -> None:
+def test_who_misses_only_on_the_curve_is_named_where_none_misses_alone() -> None:
     rising = measured({40: 190.0, 60: 260.0})
 
     assert components_not_shown([(rising, at_most(200))], 40) == ("coi",)

@@ -133,7 +133,7 @@ def test_samples_that_are_worth_few_give_no_mean_but_the_reason() -> None:
     assert "depend on one another" in answer.reason
 
 
-def test_without_jobs_that_nobody_saw_it_is_the_guess_of_the_samples_alone() -> None:
+def test_without_jobs_that_were_not_seen_it_is_the_guess_of_the_samples_alone() -> None:
     alike = estimate("mean_response_time", a_series([100.0] * 40), RUN, unseen=False)
 
     assert isinstance(alike, Estimate)

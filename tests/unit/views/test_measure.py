@@ -105,7 +105,7 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
     assert "wrong in" not in text([stopped])
 
 
-def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
+def test_of_a_maximum_no_error_is_told_that_is_not_known() -> None:
     longest = {"maximum_response_time": at_most(500)}
     system = a_system(components=[a_component("vision", criticality=9, apt=longest, run=RUN, simulation=DEMAND)])
     outcome = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))

@@ -36,7 +36,7 @@ def test_a_windows_pipe_gets_utf_8_and_line_feeds() -> None:
     assert written(stream, "≥\n") == "≥\n".encode()
 
 
-def test_nobody_looking_means_80_columns_and_a_terminal_its_own_within_reason() -> None:
+def test_no_reader_means_80_columns_and_a_terminal_its_own_within_reason() -> None:
     assert width_of(io.StringIO(), {}) == DEFAULT_WIDTH
     assert NARROWEST <= width_of(FakeTerminal(), {}) <= WIDEST
 

@@ -79,7 +79,7 @@ def test_at_a_terminal_it_asks_before_it_writes_and_measures_again(
     assert ran.code == code
 
 
-def test_where_a_program_reads_the_answer_nobody_is_asked(tmp_path: Path) -> None:
+def test_where_a_program_reads_the_answer_no_question_is_asked(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     with chdir(tmp_path):
         ran = rarms("measure", "eyes", "--json", stdin="y\n", at_a_terminal=True)

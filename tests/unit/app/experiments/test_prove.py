@@ -105,7 +105,7 @@ def row_of(text: str, component: str) -> list[str]:
     return re.split(r"\s{2,}", next(line for line in text.splitlines() if line.startswith(component)))
 
 
-def test_every_verdict_says_how_likely_it_is_wrong_wherever_it_is_told(here: Path) -> None:
+def test_every_verdict_says_how_likely_it_is_wrong_in_each_place_where_it_is_told(here: Path) -> None:
     code, indexes, found = proven()
     text = prove().out
 

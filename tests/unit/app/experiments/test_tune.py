@@ -145,7 +145,7 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     assert chosen.reserve == compound["reserve"]
 
 
-def test_a_log_that_nobody_asked_for_may_void_the_proof(here: Path) -> None:
+def test_a_log_that_was_not_asked_for_may_void_the_proof(here: Path) -> None:
     """Vision and paths together are seen to do with less than vision was shown to miss with."""
     together = [replace(steady(name, 10.0), elapsed_ms=1000.0) for name in ("paths", "vision")]
     leave_log(here, ("paths", "vision"), [a_setting(5, *together)])
@@ -234,7 +234,7 @@ def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:
     assert json.loads(yes.out)["run"]["ending"] == "successful"
 
 
-def test_without_a_terminal_nobody_can_be_asked(here: Path) -> None:
+def test_without_a_terminal_no_user_can_be_asked(here: Path) -> None:
     ran = rarms("tune", "--interactive")
 
     assert ran.code == 64

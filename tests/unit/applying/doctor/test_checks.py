@@ -31,7 +31,7 @@ def responsive(data: int | str) -> HostCondition:
 
 VISION = partition(settings("vision"))
 OFF = replace(VISION, state=RunState.OFF)
-NOBODY = replace(facts(), rights=Rights.UNKNOWN)
+WITHOUT_RIGHTS = replace(facts(), rights=Rights.UNKNOWN)
 DYNAMIC = replace(VISION, settings=replace(VISION.settings, dynamic_memory=True))
 POLICY = PolicyScope
 HEALTHY = HostCondition(
@@ -112,7 +112,7 @@ CASES = {
         "machine/id-of-copy",
         examination(machines=(replace(partition(settings("copy"), application=None), foreign_mark="it was copied"),)),
     ),
-    "no role": ("RARMS318", "host/onboard", examination(of=NOBODY, how=HostCondition(role=False))),
+    "no role": ("RARMS318", "host/onboard", examination(of=WITHOUT_RIGHTS, how=HostCondition(role=False))),
     "no hypervisor": ("RARMS318", "host/onboard", examination(how=HostCondition(role=True, hypervisor_running=False))),
     "not elevated": (
         "RARMS319",

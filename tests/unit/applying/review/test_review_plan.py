@@ -98,7 +98,7 @@ def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], ex
 
 
 class TestUnmanaged:
-    def test_a_partition_that_is_made_takes_what_nobody_had_reserved(self) -> None:
+    def test_a_partition_that_is_made_takes_what_was_not_reserved(self) -> None:
         (finding,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
 
         assert (finding.code, finding.address) == ("RARMS223", "host/onboard")
@@ -134,7 +134,7 @@ class TestUnmanaged:
 
         assert findings(build.create(partition()), machines=[off]) == []
 
-    def test_taking_in_and_letting_go_change_nobodys_share(self) -> None:
+    def test_taking_in_and_letting_go_change_no_share(self) -> None:
         ours, other = partition(), partition(application=None)
         because = build.because()
         adopt = Adopt(address=build.address_of(other), before=other, after=ours, reason=because)

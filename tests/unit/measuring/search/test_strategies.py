@@ -190,7 +190,7 @@ def test_after_the_first_setting_nothing_below_the_demand_is_asked_for(strategy:
     assert below_demand(history, goal) == 64
 
 
-def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
+def test_a_member_that_misses_fails_a_setting_with_any_others() -> None:
     goal = Goal(
         members=tuple(Member(name=name, apt={"mean_response_time": at_most(100)}, run=RUN) for name in ("a", "b")),
         processors=2,

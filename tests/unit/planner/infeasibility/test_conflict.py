@@ -61,7 +61,7 @@ def names_of(items: list[Item], bins: list[Bin]) -> list[str]:
     return [item.name for item in conflict.items]
 
 
-def test_who_is_told_conflicts_and_nobody_without_need() -> None:
+def test_who_is_told_conflicts_and_none_without_need() -> None:
     """Up to six partitions on up to three hosts, by virtual processors, sums and memory."""
     looked_at = 0
     for seed in range(examples(120)):
@@ -111,7 +111,7 @@ def test_where_processors_and_memory_are_both_too_little_each_is_told() -> None:
 
 
 @pytest.mark.parametrize("seed", range(examples(3)))
-def test_of_thirty_nobody_is_named_without_need(seed: int) -> None:
+def test_of_thirty_none_is_named_without_need(seed: int) -> None:
     """Sizes near a third on nine hosts, one more than there is room for; and some small ones."""
     random = Random(seed)
     bins = [a_bin(f"host{at}") for at in range(9)]

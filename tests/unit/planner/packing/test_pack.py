@@ -109,7 +109,7 @@ def test_tight_packings_are_found(seed: int) -> None:
 
 
 @pytest.mark.needs("highspy")
-def test_a_few_hosts_at_a_time_are_packed_anew_until_nobody_is_left_over() -> None:
+def test_a_few_hosts_at_a_time_are_packed_anew_until_none_is_left_over() -> None:
     items, bins = a_tight_fleet(1, hosts=4)
     items.sort(key=lambda item: item.name)
 

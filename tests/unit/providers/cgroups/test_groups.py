@@ -130,7 +130,7 @@ def test_a_group_that_goes_after_its_file_was_opened_is_one_that_is_gone(tree: G
     os.close(opened)
 
 
-def test_removing_ends_what_somebody_put_into_a_group_below(tree: GroupTree) -> None:
+def test_removing_ends_what_another_tool_put_into_a_group_below(tree: GroupTree) -> None:
     tree.make("vision")
     tree.make("vision/inner")
     process = _sleeper_in(tree, "vision/inner")

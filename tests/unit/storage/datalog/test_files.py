@@ -48,7 +48,7 @@ def test_what_is_written_reads_back(tmp_path: Path) -> None:
     assert log.settings[1].series[0].samples[0].response_ms == 88.1235
 
 
-def test_a_log_that_somebody_has_is_read_again_only_when_it_was_written_to(tmp_path: Path) -> None:
+def test_a_log_that_is_in_use_is_read_again_only_when_it_was_written_to(tmp_path: Path) -> None:
     path = a_file(tmp_path, 10)
     log = read_log(path)
 

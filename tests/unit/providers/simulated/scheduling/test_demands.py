@@ -30,7 +30,7 @@ def test_a_periodic_component_keeps_its_period() -> None:
     assert demand_of(video).arrival == Every(period_ms=33.0)
 
 
-def test_without_a_simulation_nobody_knows_the_demand() -> None:
+def test_without_a_simulation_the_demand_is_not_known() -> None:
     with pytest.raises(NoDemand, match="vision has no `simulation`"):
         demand_of(a_component("vision"))
 
