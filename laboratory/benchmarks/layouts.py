@@ -112,7 +112,7 @@ def draw(seed: int) -> DrawnLayout:
     kept = chance.choice((0, 0, 10, 20))
     count = chance.randint(2, 4 if processors == 1 else 6)
     parts = [chance.uniform(0.3, 1.0) for _ in range(count)]
-    total = processors * (1.0 - kept / 100.0) * chance.uniform(0.45, 0.9)
+    total = processors * (1.0 - kept / 100.0) * chance.uniform(0.3, 0.65)
     has_tails = chance.random() < 0.4
     shares = [total * part / sum(parts) for part in parts]
     components = tuple(

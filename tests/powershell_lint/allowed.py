@@ -108,7 +108,7 @@ MEMBERS = READING_MEMBERS | words(
     Partition PercentGuestRunTime PercentHypervisorRunTime PercentTotalRunTime
     ReadLineAsync RedirectStandardOutput Result StandardOutput Start StartNew
     Ticks Told Type UseShellExecute Values Wait WaitForExit Weight WorkingDirectory WriteAllBytes
-    Credential arguments child environment exists files folder instances period_ticks program timeout_ms used
+    Credential arguments child environment exists files folder instances period_ticks program reserve timeout_ms used
     Arguments Close CreateTempSubdirectory Error FileName GetCurrentProcess IsCompleted MainModule NewGuid
     OpenStandardInput Out ReadAsync RedirectStandardInput StandardInput User WriteLine
     """

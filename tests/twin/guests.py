@@ -302,7 +302,9 @@ class Started(Thing):
         if program is None:
             raise ScriptError("The system cannot find the file specified.", error_id="Win32Exception")
         self.runner, self.program = runner, program
-        self.process = Process(name, info.arguments, runner.process, runner.vm.id)
+        variables = info.get("EnvironmentVariables")
+        reserve = next((text(value) for key, value in variables.items() if text(key) == "RARMS_RESERVE"), "")
+        self.process = Process(name, info.arguments, runner.process, runner.vm.id, reserve=reserve)
         host.processes.append(self.process)
         self.closes = runner.clock + self.takes() if program.work_ms and not program.line else float("inf")
         self.ends = float("inf") if program.stays else self.closes

@@ -101,6 +101,7 @@ class Process:
     parent: int
     vm: str  # id
     alive: bool = True
+    reserve: str = ""  # what RARMS_RESERVE tells it
 
 
 @dataclass(slots=True, kw_only=True)

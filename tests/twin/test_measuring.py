@@ -354,3 +354,21 @@ def test_what_was_measured_is_applied_and_proven(
     assert "80 ms     met" in capsys.readouterr().out  # 20 ms of work on 25 % of a processor
     assert [(vm.name, vm.reserve) for vm in host.vms.values()] == [("vision", 25)]
     assert not any(process.alive for process in host.processes)
+
+
+BURSTS = MANIFEST + "policy: { interference: [bursts-50] }\n"
+
+
+def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Measured) -> None:
+    host = a_measurable_windows()
+
+    (result,) = measured(host, BURSTS, reserves=(40, 70)).experiments
+    loads = [process for process in host.processes if "bursts.ps1" in process.arguments]
+
+    beside = [setting.beside for setting in result.settings]
+    assert {process.arguments for process in loads} == {
+        "-NoProfile -ExecutionPolicy Bypass -File bursts.ps1 4 50000 0"
+    }
+    assert [int(process.reserve) for process in loads] == beside
+    assert beside[0] > beside[1] > 0
+    assert leftovers(host) == []

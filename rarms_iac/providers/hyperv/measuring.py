@@ -57,6 +57,7 @@ EDGE = "C:\\Program Files (x86)\\Microsoft\\Edge\\Application\\msedge.exe"
 """The browser that every Windows has."""
 
 BUSY_LOOP = ("powershell.exe", "-NoProfile", "-Command", "while ($true) { }")
+POWERSHELL_FILE = ("powershell.exe", "-NoProfile", "-ExecutionPolicy", "Bypass", "-File")
 
 
 class HypervMeasuringHost(LiveHypervHost):
@@ -124,8 +125,6 @@ class HypervMeasuringHost(LiveHypervHost):
         """Say why it cannot run in a guest that has its task class."""
         if isinstance(subject, Stress):
             return Obstacle("stress-ng is no program of Windows", "Name another load as its `interference`.")
-        if isinstance(subject, Bursts):
-            return Obstacle("bursts run in no guest yet", "Name another load as its `interference`.")
         if not isinstance(subject, Component):
             return None
         return NO_RUN if subject.run is None else self._obstacle_of_run(subject.run)
@@ -359,7 +358,11 @@ def load_works(partition: str, credential: str, load: Interference, processors: 
             page = {"stream.html": _base64(HERE / "stream.html")}
             for number in range(instances):
                 yield program((EDGE, *FLAGS, f"--user-data-dir=profile-{number}", "stream.html"), files=page)
-        case Stress() | Bursts():
+        case Bursts(every=every, duty=duty, threads=threads):
+            numbers = (str(threads or processors), str(round(1000 * every)), str(round(10 * duty) if duty else 0))
+            words = (*POWERSHELL_FILE, "bursts.ps1", *numbers)
+            yield program(words, files={"bursts.ps1": _base64(HERE / "bursts.ps1")})
+        case Stress():
             raise ValueError("an obstacle says that it cannot run there")
         case _:
             assert_never(load)

@@ -116,6 +116,9 @@ function Use-Setting {
     $script:Due = [long] 0
     foreach ($work in $script:Works) {
         $session = $script:Sessions[[string] $work.number]
+        for ($at = 0; $at -lt $script:Tests.Count; $at++) {
+            if ($script:Tests[$at].Name -ceq $work.Partition) { $work.Told.reserve = [long] $words[$at + 2] }
+        }
         $told = ConvertTo-AsciiJson -Value $work.Told
         $job = Invoke-Command -Session $session -ScriptBlock (Get-GuestRunner) -ArgumentList $told -AsJob
         $script:Jobs += @{ Name = $work.Told.Name; Job = $job }

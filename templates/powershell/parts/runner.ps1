@@ -15,7 +15,7 @@ function Add-GuestWork {
         number = $script:Works.Count; Partition = $Partition; Credential = $Credential; Told = [ordered] @{
             Name = $Name; kind = $Kind; program = $Program; arguments = $Arguments; folder = $Folder
             environment = $Environment; files = $Files; period_ticks = $PeriodTicks; timeout_ms = $TimeoutMs
-            instances = $Instances
+            instances = $Instances; reserve = [long] 0
         }
     }
 }
@@ -103,6 +103,7 @@ function Get-GuestRunner {
             foreach ($one in (ConvertFrom-Json -InputObject $work.environment).PSObject.Properties) {
                 $start.EnvironmentVariables[$one.Name] = [string] $one.Value
             }
+            $start.EnvironmentVariables['RARMS_RESERVE'] = [string] $work.reserve
             if ($work.kind -ceq 'load') {
                 for ($number = 0; $number -lt $work.instances; $number++) {
                     $running += [System.Diagnostics.Process]::Start($start)
