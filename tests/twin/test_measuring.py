@@ -366,9 +366,7 @@ def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Meas
     loads = [process for process in host.processes if "bursts.ps1" in process.arguments]
 
     beside = [setting.beside for setting in result.settings]
-    assert {process.arguments for process in loads} == {
-        "-NoProfile -ExecutionPolicy Bypass -File bursts.ps1 4 50000 0"
-    }
+    assert {process.arguments for process in loads} == {"-NoProfile -ExecutionPolicy Bypass -File bursts.ps1 4 50000 0"}
     assert [int(process.reserve) for process in loads] == beside
     assert beside[0] > beside[1] > 0
     assert leftovers(host) == []
