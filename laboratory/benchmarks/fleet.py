@@ -1,10 +1,12 @@
 """What Ansible's walk over many simulated robots takes with rarms, beside its own `debug` and beside the library.
 
-`python -m laboratory.benchmarks.fleet [ROBOTS ...]`: 10, 100 and 1,000 without arguments.
+`python -m laboratory.benchmarks.fleet [ROBOTS ...]`: 10, 100 and 1,000 without arguments. As root with control groups
+and an sshd, slices of this machine are applied over ssh on the loopback interface, too, 100 without arguments.
 """
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -13,9 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from laboratory.benchmarks.timing import Figure, report
+from rarms_iac.providers.cgroups.run import STATE_FOLDER
+from tests.needs import NEEDS
+from tests.standin.remote import a_server
 
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 FORKS = 4
+OVER_SSH = 100
+SSH_GOAL_S = 20.0
 LARGEST = 1_000
 GOAL = 2.5  # times Ansible's own debug, at 1,000 robots
 MEMORY_GOAL_MIB = 200.0  # of Ansible's own process
@@ -88,7 +95,56 @@ def main(counts: Sequence[int]) -> int:
                 at_most=MEMORY_GOAL_MIB if is_judged else None,
             ),
         ]
+    figures += over_ssh(min(OVER_SSH, max(counts)))
     return report(figures)
+
+
+LINUX = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: linux, logical_processors: 2, memory: 4 GiB, connect: { ssh: cell } }
+components:
+  vision: { criticality: 20, memory: 64 MiB, processors: 1, cpu: { reserve: 0.2 LP } }
+"""
+
+
+def over_ssh(count: int) -> list[Figure]:
+    """Apply to so many slices of this machine over its own sshd, and remove them.
+
+    Args:
+        count: slices.
+
+    Returns:
+        The wall time; nothing where this machine offers no control groups, or no sshd.
+    """
+    if NEEDS["ssh"].missing() or NEEDS["control-groups"].missing():
+        print("No slices over ssh: they need root, control groups and sshd.")
+        return []
+    with tempfile.TemporaryDirectory() as name, a_server(Path(name)) as remote:
+        folder = Path(name)
+        make_fleet(folder, count)
+        (folder / "rarms.yaml").write_text(LINUX, encoding="utf-8")
+        for path in (folder / "robots").iterdir():
+            path.write_text(f"hosts: {{ onboard: {{ linux: {{ slice: fleet-{path.stem} }} }} }}\n", encoding="utf-8")
+        absent = [{"hosts": "all", "gather_facts": False, "tasks": [{"rarms.fleet.apply": {"state": "absent"}}]}]
+        (folder / "absent.yml").write_text(json.dumps(absent), encoding="utf-8")
+        words = ("ansible-playbook", "-i", "robots.fleet.yml", "-f", str(FORKS))
+        try:
+            taken = walk(folder, (*words, "site.yml"), remote.environment["PATH"])
+        finally:
+            walk(folder, (*words, "absent.yml"), remote.environment["PATH"])
+            for slices in STATE_FOLDER.glob("fleet-r-*"):
+                shutil.rmtree(slices)
+    print(f"{count:5} slices over ssh applied     {taken}", flush=True)
+    return [
+        Figure(
+            name=f"{count} slices applied over ssh",
+            value=taken.wall_s,
+            unit="s",
+            at_most=SSH_GOAL_S if count == OVER_SSH else None,
+        )
+    ]
 
 
 PROGRAMS = {
@@ -119,12 +175,13 @@ def make_fleet(folder: Path, count: int) -> None:
         (folder / f"{name}.yml").write_text(json.dumps(play), encoding="utf-8")
 
 
-def walk(folder: Path, words: Sequence[str]) -> Walk:
+def walk(folder: Path, words: Sequence[str], path: str = os.environ["PATH"]) -> Walk:
     """Run a program to its end.
 
     Args:
         folder: of the fleet.
         words: the program, in this environment, and its arguments.
+        path: where programs are looked for.
 
     Returns:
         What it took.
@@ -134,7 +191,7 @@ def walk(folder: Path, words: Sequence[str]) -> Walk:
     """
     environment = {
         **os.environ,
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{path}",
         "PYTHONPATH": str(CHECKOUT),
         "ANSIBLE_COLLECTIONS_PATH": str(CHECKOUT / "ansible"),
         "ANSIBLE_HOME": str(folder / ".ansible"),
