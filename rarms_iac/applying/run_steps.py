@@ -4,9 +4,10 @@ The same walk serves a fresh run and one that was killed: the journal says where
 step looks before it acts, so that a step which was begun and did its work is found done.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from itertools import groupby
 
 from rarms_iac.applying import refusals
 from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter
@@ -15,7 +16,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
-from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, StepwiseHost
+from rarms_iac.providers.interface import BatchingHost, HostError, HostLocked, LiveHost, StepwiseHost
 
 ShouldStop = Callable[[], bool]
 """Asked before every step: whether the user wants the run to end after the last one."""
@@ -56,22 +57,77 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
         return RunReport(ending=ending, hosts=(host_report,), findings=problems)
 
     total = len(started.steps)
-    for number, step in enumerate(started.steps):
-        if number in done:
-            continue
+    for numbers in _batches(host, [number for number in range(total) if number not in done], started.steps):
         if should_stop():
             return report(RunEnding.INTERRUPTED)
-        reporter.step_started(host.name, number + 1, total, step)
-        outcome = _perform(host, scope, number, step, was_begun=number in begun)
-        if isinstance(outcome, Diagnostic):
-            refused = outcome.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
-            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
-        done[number] = outcome
-        reporter.step_ended(host.name, number + 1, total, step, outcome)
+        for number in numbers:
+            reporter.step_started(host.name, number + 1, total, started.steps[number])
+        outcomes, problem = _perform_batch(host, scope, {number: started.steps[number] for number in numbers}, begun)
+        for number, status in outcomes.items():
+            done[number] = status
+            reporter.step_ended(host.name, number + 1, total, started.steps[number], status)
+        if problem is not None:
+            refused = problem.code in {refusals.STEP_MOVED.code, refusals.LOCKED.code}
+            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, problem)
 
     host.record(RunClosed(closing=Closing.DONE))
     deviations = tuple(_deviations(host, started, scope))
     return report(RunEnding.FAILED if deviations else RunEnding.DONE, *deviations)
+
+
+def _batches(host: StepwiseHost, numbers: Sequence[int], steps: Sequence[Step]) -> Iterator[tuple[int, ...]]:
+    """Yield the steps that go to the host together: neighbours of one partition where it can, else each alone."""
+    if not (isinstance(host, BatchingHost) and host.is_distant):
+        yield from ((number,) for number in numbers)
+        return
+    for _, batch in groupby(numbers, key=lambda number: steps[number].address.partition or str(steps[number].address)):
+        yield tuple(batch)
+
+
+def _perform_batch(
+    host: StepwiseHost, scope: Scope, steps: Mapping[int, Step], begun: Set[int]
+) -> tuple[Mapping[int, StepStatus], Diagnostic | None]:
+    """Do these steps, in order.
+
+    Returns:
+        The status of each that is done; what kept the next from it, if anything did.
+    """
+    outcomes: dict[int, StepStatus] = {}
+    try:
+        with host.in_one_batch() if isinstance(host, BatchingHost) and len(steps) > 1 else nullcontext():
+            for number, step in steps.items():
+                outcome = _perform(host, scope, number, step, was_begun=number in begun)
+                if isinstance(outcome, Diagnostic):
+                    return outcomes, outcome
+                outcomes[number] = outcome
+    except HostLocked as error:
+        return {}, refusals.locked(error)
+    except HostError as error:
+        done = _recorded(host, steps)
+        failed = next(number for number in steps if number not in done)
+        return done, refusals.step_failed(host.name, steps[failed], error)
+    return outcomes, _missed(host, scope, steps) if len(steps) > 1 else None
+
+
+def _recorded(host: StepwiseHost, steps: Mapping[int, Step]) -> Mapping[int, StepStatus]:
+    """Those of these steps that the host's journal says are done; none where it cannot be asked."""
+    try:
+        journal = host.unfinished()
+    except HostError:
+        return {}
+    records = () if journal is None else journal.steps
+    ended = {record.number: record.status for record in records if record.status is not StepStatus.BEGUN}
+    return {number: ended[number] for number in steps if number in ended}
+
+
+def _missed(host: StepwiseHost, scope: Scope, steps: Mapping[int, Step]) -> Diagnostic | None:
+    """Look again after a batch: the first address that does not show what its steps made."""
+    for address, wanted in _expected(steps.values()).items():
+        live = host.read(address, scope)
+        if not matches(live, wanted):
+            last = next(step for step in reversed(steps.values()) if step.address == address)
+            return refusals.step_missed(host.name, last, live)
+    return None
 
 
 def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
@@ -105,15 +161,20 @@ def matches(live: Readings, expected: Readings) -> bool:
 def _deviations(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[Diagnostic]:
     """Looking again: every address against the last reading that a step of the run expects of it."""
     state = host.observe()
-    expected: dict[Address, dict[str, Reading]] = {}
-    for step in started.steps:
-        # A machine that is made anew has the address of the one that went, but not its id: the last address counts.
-        before = expected.pop(step.address, {})
-        expected[step.address] = {**({} if step.after.get("exists") is False else before), **step.after}
-    for address, wanted in sorted(expected.items()):
+    for address, wanted in sorted(_expected(started.steps).items()):
         live = readings(state, address, scope)
         if not matches(live, wanted):
             yield refusals.not_reached(host.name, str(address), refusals.differences(live, wanted))
+
+
+def _expected(steps: Iterable[Step]) -> Mapping[Address, Readings]:
+    """What each address shows once these steps are done, in their order."""
+    expected: dict[Address, dict[str, Reading]] = {}
+    for step in steps:
+        # A machine that is made anew has the address of the one that went, but not its id: the last address counts.
+        before = expected.pop(step.address, {})
+        expected[step.address] = {**({} if step.after.get("exists") is False else before), **step.after}
+    return expected
 
 
 @contextmanager

@@ -323,6 +323,29 @@ class DistantHost(Protocol):
         ...
 
 
+@runtime_checkable
+class BatchingHost(Protocol):
+    """A host that can be told several steps at once, with the journal between them."""
+
+    @property
+    def is_distant(self) -> bool:
+        """Whether each batch is a way of its own, so that fewer are quicker."""
+        ...
+
+    def in_one_batch(self) -> AbstractContextManager[None]:
+        """Inside, what is executed and recorded goes to the host together, in order, when the context ends.
+
+        What is read meanwhile is what the steps so far will have made; after it, what the host shows.
+
+        Returns:
+            A context to enter on a held host.
+
+        Raises:
+            HostError: when it ends: an operation failed. What came before it is done, and the journal says so.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedHost:
     """One observation of a host: its State, its condition, and the findings of its provider."""

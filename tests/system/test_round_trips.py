@@ -1,4 +1,4 @@
-"""How often a distant host is gone to: a plan, drift and status look once, and an apply needs a batch a step."""
+"""How often a distant host is gone to: a plan, drift and status look once, and an apply has a batch a partition."""
 
 import shutil
 from collections.abc import Iterator
@@ -56,10 +56,21 @@ def test_a_distant_host_is_looked_at_once(robot: Hosts, channel: Counter) -> Non
     assert channel.taken() == 1
 
     assert apply(made, channels=robot.channels).ending is RunEnding.DONE
-    assert channel.taken() <= len(made.hosts[0].steps) + 8
+    channel.taken()
 
     look_for_drift(robot)
     assert channel.taken() == 1
     overview_of(robot)
     assert channel.taken() == 1
     assert not plan(robot).has_changes, "a new look sees what was applied"
+
+
+def test_the_steps_of_one_partition_go_in_one_round_trip(robot: Hosts, channel: Counter) -> None:
+    made = plan(robot)
+    partitions = {step.address.partition for step in made.hosts[0].steps}
+    channel.taken()
+
+    apply(made, channels=robot.channels)
+
+    assert len(made.hosts[0].steps) > 2 * len(partitions)
+    assert channel.taken() <= len(partitions) + 6, "one a partition; six take, tidy, begin, close, look and let go"

@@ -11,7 +11,7 @@ import subprocess
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -107,6 +107,9 @@ class LinuxEffects(Protocol):
 
     def commit(self) -> None:
         """Return when all is done that was asked for. Raises OSError: what came before the failure is done."""
+
+    def in_one_batch(self) -> AbstractContextManager[None]:
+        """Inside, `commit` waits for the end of the context, where it is done once and may raise."""
 
 
 class LocalEffects(LocalFiles):
@@ -244,6 +247,9 @@ class LocalEffects(LocalFiles):
 
     def commit(self) -> None:
         pass
+
+    def in_one_batch(self) -> AbstractContextManager[None]:
+        return nullcontext()
 
 
 def below_first(effects: LinuxEffects, group: Path) -> Iterator[Path]:

@@ -73,6 +73,7 @@ class RemoteEffects:
         self._view = _View()
         self._calls: list[str] = []
         self._seconds = 0.0  # that these calls may wait
+        self._is_gathering = False  # effects of several steps, for one batch
         self._lease: tuple[str, str] | None = None  # while this run holds the host: its owner and token
 
     def look(self) -> None:
@@ -206,8 +207,22 @@ class RemoteEffects:
         self._forget(group)
         self._do("await_removal", group, seconds=10)
 
+    @contextmanager
+    def in_one_batch(self) -> Iterator[None]:
+        self._is_gathering = True
+        try:
+            yield
+            self._is_gathering = False
+            self.commit()
+        except BaseException:
+            self._calls.clear()
+            self._view = _View()  # it shows what was asked for, and how much of that was done is not known
+            raise
+        finally:
+            self._is_gathering = False
+
     def commit(self) -> None:
-        if self._calls:
+        if self._calls and not self._is_gathering:
             calls, seconds = tuple(self._calls), self._seconds
             self._calls.clear()
             self._seconds = 0.0

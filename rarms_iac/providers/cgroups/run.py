@@ -138,6 +138,21 @@ class LinuxHostProvider(JournaledHost):
             finally:
                 self._is_held = False
 
+    @property
+    def is_distant(self) -> bool:
+        return not isinstance(self._effects, LocalEffects)
+
+    @contextmanager
+    def in_one_batch(self) -> Iterator[None]:
+        """See `BatchingHost`. On this machine each effect is done at once."""
+        with self._kernel_errors(self._settings.slice):
+            try:
+                with self._effects.in_one_batch():
+                    yield
+            except OSError:
+                self._effects.look()  # what was asked for and not done is forgotten
+                raise
+
     def journal(self) -> Journal | None:
         self._look_unless_held()
         self._definitions.refuse_writable_folder()
