@@ -1,4 +1,6 @@
-"""Writes a file as a comment of a pull request: the comment that begins with the same first line is updated.
+"""Writes a file as a comment of a pull request: AUTHOR's comment that begins with the same first line is updated.
+
+A comment of another account is left alone, also one with that line: its author could change it after the plan is shown.
 
 Asks GitHub's API as the steps of `action.yml` find it: GITHUB_API_URL, GITHUB_REPOSITORY, NUMBER and TOKEN. A token
 that may not write, as pull requests from forks have, is told and no failure: the summary of the run has the same text.
@@ -38,11 +40,13 @@ def main(file: str) -> int:
 
 
 def _earlier(comments: str, marker: str) -> int | None:
-    """The id of the first comment with this marker."""
+    """The id of the author's first comment with this marker."""
+    author = os.environ["AUTHOR"]
     page = 1
     while found := _ask("GET", f"{comments}?per_page={PAGE}&page={page}"):
         for comment in found:
-            if (comment["body"] or "").splitlines()[:1] == [marker]:
+            is_own = (comment.get("user") or {}).get("login") == author
+            if is_own and (comment["body"] or "").splitlines()[:1] == [marker]:
                 return int(comment["id"])
         page += 1
     return None

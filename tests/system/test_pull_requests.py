@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import yaml
 
+from scripts.pull_request_comment import main as write_comment
 from tests.needs import CHECKOUT
 
 MANIFEST = """schema: rarms/v1
@@ -102,10 +103,20 @@ class Comments(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         first = self.path.endswith("&page=1")
-        self._answer(200, [{"id": 1, "body": "Nice."}, *self.kept] if first else [])
+        stranger = {
+            "id": 1,
+            "body": "<!-- rarms plan: cell/rarms.yaml -->\nAll is well.",
+            "user": {"login": "stranger"},
+        }
+        self._answer(200, [stranger, *self.kept] if first else [])
 
     def do_POST(self) -> None:
-        comment = {"id": 2 + len(self.kept), **self._body(), "html_url": "https://example.org/new"}
+        comment = {
+            "id": 2 + len(self.kept),
+            **self._body(),
+            "html_url": "https://example.org/new",
+            "user": {"login": "github-actions[bot]"},
+        }
         if self.read_only:
             self._answer(403, {})
             return
@@ -170,6 +181,19 @@ def run_action(folder: Path, temporary: Path, api: str, base: str, *, installed:
         (temporary / f"{step['name']}.log").write_text(done.stdout + done.stderr, encoding="utf-8")
         codes[step["name"]] = done.returncode
     return codes
+
+
+def test_a_strangers_comment_with_the_marker_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = tmp_path / "rarms.md"
+    with github() as (api, comments):
+        settings = {"GITHUB_API_URL": api, "GITHUB_REPOSITORY": "team/cell", "NUMBER": "7", "TOKEN": "t0ken"}
+        for name, value in {**settings, "AUTHOR": "github-actions[bot]"}.items():
+            monkeypatch.setenv(name, value)
+        for text in ("first", "second"):
+            body.write_text(f"<!-- rarms plan: cell/rarms.yaml -->\n{text}\n", encoding="utf-8")
+            assert write_comment(str(body)) == 0
+
+    assert [(comment["id"], comment["body"].splitlines()[1]) for comment in comments] == [(2, "second")]
 
 
 @pytest.mark.needs("posix", "bash", "git", "network", "venv")
