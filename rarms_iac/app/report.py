@@ -178,7 +178,13 @@ def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[Component
 
 
 def _standing(entries: Sequence[Proven]) -> list[Proven]:
-    """The last entry of each load. One without a load is weaker: it stands until one beside a load follows."""
+    """The last entry of each load, on each machine."""
+    machines = sorted({entry.machine for entry in entries})
+    return [own for machine in machines for own in _standing_of([each for each in entries if each.machine == machine])]
+
+
+def _standing_of(entries: Sequence[Proven]) -> list[Proven]:
+    """Those of one machine. One without a load is weaker: it stands until one beside a load follows."""
     last = {entry.interference: at for at, entry in enumerate(entries)}
     without = last.pop(None, -1)
     numbers = [*last.values(), *([without] if without > max(last.values(), default=-1) else [])]
@@ -238,6 +244,7 @@ def _proof(entry: Proven, proven: ProvenIndex, outdated: tuple[str, ...]) -> Com
         interference=entry.interference,
         samples_needed=proven.samples_needed,
         outdated=outdated,
+        machine=entry.machine,
     )
 
 

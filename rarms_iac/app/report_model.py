@@ -193,6 +193,7 @@ class ComponentProof:
     interference: str | None  # the load beside all of them; None: there was none
     samples_needed: int | None  # that would show it, where it is not shown yet; None: nothing tells
     outdated: tuple[str, ...]  # what is no longer as it was when this was proven
+    machine: Internal[str] = ""  # the identity of the host that it was made on; empty: not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

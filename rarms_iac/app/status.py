@@ -59,6 +59,7 @@ class HostOverview:
     other_drift: tuple[ResourceDrift, ...] = ()  # of what is no partition there: task classes, what is not made yet
     last_run: PastRun | None = None
     problems: tuple[Diagnostic, ...] = ()  # why it could not be looked at; then nothing else is known
+    machine: Internal[str] = ""  # its own identity
 
     @property
     @output
@@ -194,7 +195,12 @@ def _report(hosts: Hosts) -> Report | None:
 def _beside_what_is_there(
     proofs: Sequence[ComponentProof], hosts: Sequence[HostOverview]
 ) -> tuple[ComponentProof, ...]:
-    """The proofs, with those outdated whose partition is not on its host as it was applied."""
+    """The proofs that were made on these hosts, with those outdated whose partition is not there as it was applied.
+
+    Robots share the names of hosts, and the log: a proof that another machine gave says nothing of this one.
+    """
+    machines = {host.name: host.machine for host in hosts if host.machine}
+    own = [proof for proof in proofs if not proof.machine or machines.get(proof.host) in {None, proof.machine}]
     changed = {
         component
         for host in hosts
@@ -212,7 +218,7 @@ def _beside_what_is_there(
         if proof.host in undone and _moment(proof.when) < _moment(undone[proof.host]):
             yield f"what was applied to {proof.host} was taken back"
 
-    return tuple(replace(proof, outdated=(*proof.outdated, *outdated(proof))) for proof in proofs)
+    return tuple(replace(proof, outdated=(*proof.outdated, *outdated(proof))) for proof in own)
 
 
 def _moment(text: str) -> str:
@@ -264,6 +270,7 @@ def _host_overview(
     names = {partition.mark.name for partition in own if partition.mark}
     return HostOverview(
         name=name,
+        machine=state.facts.id,
         totals=host_totals(
             system.hosts[name],
             state.facts,

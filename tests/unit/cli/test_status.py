@@ -236,3 +236,19 @@ def test_the_status_says_when_thresholds_were_proven_last() -> None:
     )
     missed = "missed (2026-02-02T12:00:00Z, on onboard with 40 % of its VPs beside busy-loop)."
     assert f"logger, mean_response_time at most 100 ms: {missed}" in shown
+
+
+def test_a_robot_that_was_never_proven_does_not_show_another_robots_proof() -> None:
+    Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED, encoding="utf-8")
+    for robot in ("robot-12", "robot-13"):
+        Path(f"{robot}.yaml").write_text(f"application: {{ description: {robot} }}\n", encoding="utf-8")
+    first = ("--overlay", "robot-12.yaml")
+    assert rarms("measure", *first, "--samples", "60").code == 0
+    assert rarms("apply", *first, "--auto-approve").code == 0
+    assert rarms("prove", "--without-load", *first).code in {0, 4}
+
+    own = rarms("status", *first)
+    other = rarms("status", "--overlay", "robot-13.yaml")
+
+    assert "of 1 threshold" in own.out
+    assert "of 1 threshold" not in other.out
