@@ -38,35 +38,9 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
     if isinstance(wanted, NotMeasured):
         return unmeasured(wanted, host)
     processors = _processors(group, host)
-    reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
-    if reserve > 100:
-        message = (
-            f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
-            f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
-        )
-        advice = "Give the partition or the component more `processors`, or lower the reserve."
-        return Cause(
-            address=f"partition/{group.name}",
-            message=message,
-            code=planning_findings.PARALLELISM.code,
-            advice=advice,
-            values={"partition": group.name, "needs_lp": float(wanted), "processors": processors},
-        )
-    if reserve and processors > host.logical_processors:
-        message = f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}."
-        advice = "Lower `processors`, or name a larger host."
-        return Cause(
-            address=f"partition/{group.name}",
-            message=message,
-            code=planning_findings.TOO_WIDE.code,
-            advice=advice,
-            values={
-                "partition": group.name,
-                "host": host.name,
-                "processors": processors,
-                "has_lp": host.logical_processors,
-            },
-        )
+    reserve = per_virtual_processor(wanted, processors)
+    if cause := _cannot_be_alone(group, host, wanted, processors):
+        return cause
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group, host)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory
@@ -96,6 +70,36 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         why_weight=why_weight,
         mechanism=mechanism_of(group, host)[1] if reserve else "",
     )
+
+
+def _cannot_be_alone(group: Group, host: Host, wanted: LogicalProcessors, processors: int) -> Cause | None:
+    """Why a partition that wants so many LPs, with so many virtual processors, does not fit an empty host."""
+    reserve, width = per_virtual_processor(wanted, processors), counted(processors, host.processor_word)
+    if reserve > 100:
+        return Cause(
+            address=f"partition/{group.name}",
+            message=(
+                f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
+                f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
+            ),
+            code=planning_findings.PARALLELISM.code,
+            advice="Give the partition or the component more `processors`, or lower the reserve.",
+            values={"partition": group.name, "needs_lp": float(wanted), "processors": processors},
+        )
+    if reserve and processors > host.logical_processors:
+        return Cause(
+            address=f"partition/{group.name}",
+            message=f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}.",
+            code=planning_findings.TOO_WIDE.code,
+            advice="Lower `processors`, or name a larger host.",
+            values={
+                "partition": group.name,
+                "host": host.name,
+                "processors": processors,
+                "has_lp": host.logical_processors,
+            },
+        )
+    return None
 
 
 def unmeasured(answer: NotMeasured, host: Host) -> Cause:
