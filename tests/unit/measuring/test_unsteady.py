@@ -106,7 +106,7 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     found = findings_of(experiment, end, ended.settings, FirstLine(""))
     (told,) = [finding for finding in found if finding.code == "RARMS267"]
     assert f"coi: {end.reserve} % of its VPs is enough" in told.detail
-    assert f"coi at {end.inconclusive[-1]} %: its response times still changed within" in told.detail
+    assert f"coi at {end.inconclusive[-1]} % of its VPs: its response times still changed within" in told.detail
     assert str(told.advice) == "Look for what grows in coi while it runs. Or leave it."
 
 
