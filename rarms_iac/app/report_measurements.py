@@ -96,7 +96,7 @@ def report_of(
     """
     current = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = sorted(_resting(system, [_measurement(system, logged) for logged in current]), key=_order)
-    rested = {measurement.components for measurement in measurements if measurement.rests}
+    rested = {measurement.components for measurement in measurements if measurement.decides}
     planned = planned or planned_totals(system, _shown(measurements), {})
     return Report(
         application=system.application.name,
@@ -116,7 +116,7 @@ def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Me
     """Those beside the load that asks for most: nothing rests on the others, or where the log of a load is missing."""
     logs: dict[tuple[str, Names], list[Measurement]] = {}
     for measurement in measurements:
-        if measurement.rests:
+        if measurement.decides:
             logs.setdefault((measurement.platform, measurement.components), []).append(measurement)
     decisive = [
         beside[hardest([each.reserve for each in beside])]
@@ -124,13 +124,13 @@ def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Me
         if {each.interference for each in beside} == {*system.loads_of(names)}
     ]
     for measurement in measurements:
-        yield replace(measurement, rests=any(measurement is each for each in decisive))
+        yield replace(measurement, decides=any(measurement is each for each in decisive))
 
 
 def _order(measurement: Measurement) -> tuple[str, bool, int, str, str]:
     return (
         measurement.platform,
-        not measurement.rests,
+        not measurement.decides,
         -measurement.criticality,
         measurement.name,
         measurement.interference,
@@ -152,7 +152,7 @@ def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
         log=logged.path,
         processors=processors,
         criticality=max(member.criticality for member in members),
-        rests=logged.is_expected and not logged.stale and group is not None and depends_on_a_log(group),
+        decides=logged.is_expected and not logged.stale and group is not None and depends_on_a_log(group),
         fixed=names
         if group is not None and not to_be_measured(members) and all(member.cpu.reserve for member in members)
         else (),
@@ -185,7 +185,7 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
 def _capacity(
     system: System, platform: str, planned: PlannedTotals, measurements: Sequence[Measurement]
 ) -> PlatformCapacity:
-    rested = [measurement for measurement in measurements if measurement.rests and measurement.platform == platform]
+    rested = [measurement for measurement in measurements if measurement.decides and measurement.platform == platform]
     hosts = tuple(sorted(host.name for host in _platforms(system)[platform]))
     total = sum_of(planned.hosts[name] for name in hosts)
     return PlatformCapacity(
@@ -232,7 +232,7 @@ def _shown(measurements: Sequence[Measurement]) -> ReservationSource:
         amounts={
             (measurement.platform, measurement.components): measurement.reserved_lp
             for measurement in measurements
-            if measurement.rests and measurement.reserved_lp is not None
+            if measurement.decides and measurement.reserved_lp is not None
         }
     )
 

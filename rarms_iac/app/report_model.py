@@ -100,7 +100,7 @@ class Measurement:
     log: str  # path of the data log, below the manifest's folder
     processors: int  # VPs of the partition
     criticality: int  # the highest of its members'
-    rests: bool  # reservations rest on it; otherwise it is there to compare
+    decides: bool  # reservations rest on it; otherwise it is there to compare
     fixed: tuple[str, ...] = ()  # its components, if the manifest says what they reserve
     floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
     stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log

@@ -136,7 +136,7 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
 
 
 def _without_place(diagnostic: Diagnostic) -> Diagnostic:
-    """The same without a line of its own, so that it comes first: findings are in the order of their lines."""
+    """The finding without a line of its own, so that it comes first: findings are in the order of their lines."""
     if diagnostic.place is None:
         return diagnostic
     related = (*diagnostic.related, Related(place=diagnostic.place, message="wanted here"))

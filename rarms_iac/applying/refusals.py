@@ -232,7 +232,7 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
 
 
 def undo_script_partial(host: str, lost: str) -> Diagnostic:
-    """The same, as an undo script says it of itself."""
+    """What an undo script could not take back, as it says of itself."""
     detail = f"{host}: {lost.rstrip('.')}."
     advice = prose("Look at it with ", DRIFT, " afterwards.")
     return UNDO_PARTIAL.at(None, detail, advice, address=f"host/{host}", values={"host": host, "reason": lost})

@@ -98,7 +98,7 @@ def _fits(path: YamlPath, patterns: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
-    """The same tree with its paths relative to another folder."""
+    """A tree with its paths relative to another folder."""
     if isinstance(node, Collection):
         entries = [
             replace(entry, value=_relative(entry.value, written_in, to, (*path, entry.key.value if entry.key else at)))

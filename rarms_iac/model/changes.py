@@ -44,7 +44,7 @@ class Address(OutputText):
 
     @property
     def in_short(self) -> str:
-        """The same without the word `partition`, for lists of partitions."""
+        """The address without the word `partition`, for lists of partitions."""
         if self.responsiveness:
             return "mmcss/responsiveness"
         parts = [self.partition] if self.partition else []

@@ -84,7 +84,7 @@ class Load:
 
     @property
     def processors(self) -> LogicalProcessors:
-        """The same promise in logical processors."""
+        """`percent` in logical processors."""
         return LogicalProcessors(Fraction(self.percent, WHOLE))
 
     @property

@@ -128,7 +128,7 @@ class Diagnostic:
 
 
 def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
-    """The same findings, by place, then code, then text; those without a place come first.
+    """Findings sorted by place, then code, then text; those without a place come first.
 
     Args:
         diagnostics: in any order.

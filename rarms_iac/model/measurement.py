@@ -21,7 +21,7 @@ CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
 """How P1 is held to CR while it is measured: a condition of a data log (docs/data-logs.md)."""
 
 GROUP_CONFINEMENT = "control groups P1 and P2 weigh what they reserve, and P2 reserves all the rest"
-"""The same on Linux, where weight beside a reserve has no meaning."""
+"""How P1 is held to CR on Linux, where weight beside a reserve has no meaning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

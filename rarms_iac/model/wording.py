@@ -94,7 +94,7 @@ def suggested(meant: str | None) -> str:
 
 
 def question(meant: str | None) -> str:
-    """The same as advice of its own: `Did you mean 512 MiB?`, or nothing."""
+    """What was meant, as advice of its own: `Did you mean 512 MiB?`, or nothing."""
     return f"Did you mean {meant}?" if meant else ""
 
 

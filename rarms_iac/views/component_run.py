@@ -81,7 +81,7 @@ class Screen(Protocol):
         """Write what was asked for."""
 
     def show(self, content: "RenderableType") -> None:
-        """The same, laid out."""
+        """Write what was asked for, laid out."""
 
     def talk(self, content: "RenderableType") -> None:
         """Write what is said beside it."""
@@ -109,7 +109,7 @@ class FailureReporter(SampleReporter):
 
 
 class LiveSampleReporter(FailureReporter):
-    """The same, and every sample as it happens."""
+    """Shows how a run ends, and every sample as it happens."""
 
     def sample(self, component: str, number: int, sample: Sample) -> None:
         """Show it now."""

@@ -117,7 +117,7 @@ def curves_text(result: ExperimentResult, report: Report, *, ascii_only: bool) -
 
     parts: list[RenderableType] = ["", settings_text(result)]
     for measurement in report.measurements:
-        if measurement.rests and measurement.components == result.experiment.setup.members:
+        if measurement.decides and measurement.components == result.experiment.setup.members:
             for index in measurement.indexes:
                 parts += ["", TerminalPlot(curve=index, ascii_only=ascii_only)]
             parts.append(legend(ascii_only=ascii_only))

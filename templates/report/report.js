@@ -34,7 +34,7 @@
     return typeof least === "number" ? Math.max(least, card.floor) : least;
   };
 
-  const counts = (card) => card.rests || (card.fixed.length > 0 && plotsOf(card).some((plot) => plot.moved));
+  const counts = (card) => card.decides || (card.fixed.length > 0 && plotsOf(card).some((plot) => plot.moved));
 
   // In hundredths of a logical processor.
   const totalOf = (capacity) => {

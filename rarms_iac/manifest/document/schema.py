@@ -66,7 +66,7 @@ def _overlaid(key: str, schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _renamed(schema: Any) -> Any:
-    """The same with references to the blocks of a whole manifest."""
+    """The schema of an overlay, which refers to the blocks of a whole manifest."""
     if isinstance(schema, list):
         return [_renamed(item) for item in schema]
     if not isinstance(schema, dict):

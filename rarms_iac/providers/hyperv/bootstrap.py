@@ -31,7 +31,7 @@ def render_bootstrap() -> bytes:
 
 @cache
 def command() -> str:
-    """The same without remarks and indentation: what really travels, before it is encoded."""
+    """A script without remarks and indentation: what really travels, before it is encoded."""
     lines = [line.strip() for line in read("bootstrap.ps1").splitlines()]
     return "\n".join(line for line in lines if line and not line.startswith("#"))
 

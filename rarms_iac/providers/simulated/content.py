@@ -75,7 +75,7 @@ class SimulatedMachine:
     notes: str = ""
 
     def now(self, state: RunState) -> "SimulatedMachine":
-        """The same machine in this state."""
+        """Return the machine in this state."""
         running = state is RunState.RUNNING
         return replace(self, state=state, settings=replace(self.settings, running=running))
 

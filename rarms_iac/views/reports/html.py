@@ -137,7 +137,7 @@ def _script_json(data: object) -> str:
 
 
 def _visible_in(data: object) -> object:
-    """The same data with every text as `visible` shows it."""
+    """Data with every text as `visible` shows it."""
     if isinstance(data, str):
         return visible(data)
     if isinstance(data, dict):

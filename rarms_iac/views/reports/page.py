@@ -82,7 +82,7 @@ class Card:
             return "; stale, nothing rests on it"
         if self.measurement.fixed:
             return "; the manifest fixes the reserve"
-        return "" if self.measurement.rests else "; to compare, no reservation rests on it"
+        return "" if self.measurement.decides else "; to compare, no reservation rests on it"
 
 
 def on_page(table: Table) -> Table:
@@ -209,7 +209,7 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
                 "name": card.measurement.name,
                 "platform": card.measurement.platform,
                 "processors": card.measurement.processors,
-                "rests": card.measurement in counted,
+                "decides": card.measurement in counted,
                 "fixed": list(card.measurement.fixed),
                 "floor": card.measurement.floor,
                 "plots": [_plot_data(plot) for plot in card.plots],
@@ -225,7 +225,7 @@ def _counted(report: Report) -> tuple[Measurement, ...]:
     return tuple(
         measurement
         for measurement in report.measurements
-        if measurement.rests and (measurement.platform, measurement.partition) in placed
+        if measurement.decides and (measurement.platform, measurement.partition) in placed
     )
 
 

@@ -66,7 +66,7 @@ def levels_table(report: Report) -> Table:
 
 def _levels(report: Report) -> Iterator[Row]:
     for measurement in report.measurements:
-        if measurement.rests:
+        if measurement.decides:
             yield from (_level(measurement, curve) for curve in measurement.indexes if curve.threshold is not None)
     for capacity in report.capacities:
         yield from (_without_curve(part.name, part.reserved_lp, "fixed by the manifest") for part in capacity.fixed)

@@ -121,7 +121,7 @@ def _table(whole: Table) -> "RenderableType":
 def _remark(measurement: Measurement) -> str:
     if measurement.stale:
         return f" (stale: {'; '.join(measurement.stale)})"
-    return "" if measurement.rests else " (to compare: no reservation rests on it)"
+    return "" if measurement.decides else " (to compare: no reservation rests on it)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

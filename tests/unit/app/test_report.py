@@ -77,7 +77,7 @@ def test_the_page_is_written_and_says_the_reserve_of_the_plan(robot: Path) -> No
     assert "Wrote" in ran.err
     reported = json.loads(rarms("report", "-f", str(robot), "--json").out)
     [measurement] = reported["measurements"]
-    assert measurement["rests"]
+    assert measurement["decides"]
     reserves = [
         attribute["after"]
         for host in json.loads(planned.out)["hosts"]

@@ -101,7 +101,7 @@ def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
 
     report = report_of(system, [stale])
 
-    assert [(measurement.rests, measurement.stale) for measurement in report.measurements] == [(False, stale.stale)]
+    assert [(measurement.decides, measurement.stale) for measurement in report.measurements] == [(False, stale.stale)]
     assert report.unmeasured == (("vision",),)
 
 
@@ -116,7 +116,7 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
         [LogBesideManifest(path="browsers.jsonl", log=replace(logged.log, header=other), is_expected=False), logged],
     )
 
-    assert [(measurement.interference, measurement.rests) for measurement in report.measurements] == [
+    assert [(measurement.interference, measurement.decides) for measurement in report.measurements] == [
         ("busy-loop", True),
         ("browsers", False),
     ]
@@ -128,7 +128,7 @@ def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None
     report = report_of(system, the_logs(system))
 
     shown = next(measurement for measurement in report.measurements if measurement.name == "face-detection")
-    assert (shown.rests, shown.fixed) == (False, ("face-detection",))
+    assert (shown.decides, shown.fixed) == (False, ("face-detection",))
     assert [part.name for part in report.capacities[0].fixed] == ["face-detection", "video-streaming"]
 
 
@@ -149,12 +149,14 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
         ],
     )
 
-    assert {measurement.name: measurement.rests for measurement in report.measurements} == {
+    assert {measurement.name: measurement.decides for measurement in report.measurements} == {
         "planning+vision": True,
         "vision": False,
         "planning": False,
     }
-    assert [measurement.least for measurement in report.measurements if measurement.rests and measurement.least] == [50]
+    assert [measurement.least for measurement in report.measurements if measurement.decides and measurement.least] == [
+        50
+    ]
 
 
 def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:
