@@ -9,8 +9,11 @@ from rarms_iac.planner.packing.highs import Nodes
 from rarms_iac.planner.packing.pack import can_pack, without_hopeless_claims
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
-NODES_TO_EXPLAIN = 500
+NODES_TO_EXPLAIN = 150
 """Nodes of the solver in which a smallest set is looked for: a count, so that equal inputs have equal answers."""
+
+ITERATIONS_OF_A_NODE = 100
+"""Iterations of the simplex method that count as one of these."""
 
 PACKINGS_TRIED = 80
 """The same in sets that are packed, as most take no node."""
@@ -115,7 +118,7 @@ def _fewest_beyond(
 
 def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Conflict:
     """Leave out the small ones first, by halves, quarters and so on, as long as those that stay still conflict."""
-    tried, nodes, smallest = 0, Nodes(NODES_TO_EXPLAIN), True
+    tried, nodes, smallest = 0, Nodes(NODES_TO_EXPLAIN, ITERATIONS_OF_A_NODE), True
 
     def conflict(remaining: Sequence[Item]) -> bool:
         nonlocal tried, smallest

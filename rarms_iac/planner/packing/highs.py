@@ -35,6 +35,9 @@ class Nodes:
     """Nodes that several searches may look at in all: a count, never a time."""
 
     remaining: int
+    # Iterations of the simplex method that count as a node, since a search may spend thousands before its second node;
+    # 0: only nodes count.
+    iterations_each: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +96,8 @@ def minimise(
     solver.run()
     info = solver.getInfo()
     if budget is not None:
-        budget.remaining -= max(1, info.mip_node_count)
+        by_iterations = info.simplex_iteration_count // budget.iterations_each if budget.iterations_each else 0
+        budget.remaining -= max(1, info.mip_node_count, by_iterations)
     if solver.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
         return SolverAnswer(ones=None, bound=None)
     bound = max(0, math.ceil(info.mip_dual_bound - _NEARLY)) if math.isfinite(info.mip_dual_bound) else 0

@@ -13,7 +13,8 @@ from rarms_iac.model.capacity import Capacity, fits, packed
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing import pack as packing_module
-from rarms_iac.planner.packing.highs import Nodes
+from rarms_iac.planner.packing.assignment import Assignment
+from rarms_iac.planner.packing.highs import Nodes, minimise
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.repair import find_by_repacking
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
@@ -106,6 +107,16 @@ def test_tight_packings_are_found(seed: int) -> None:
     assert packing.proven
     assert hosts_can_hold(items, bins, packing.host_of)
     assert packing == pack(items[::-1], bins[::-1]), "order does not matter"
+
+
+@pytest.mark.needs("highspy")
+def test_a_budget_may_count_iterations_too() -> None:
+    items, bins = a_tight_fleet(0, hosts=12)
+    program, budget = Assignment(sorted(items, key=lambda item: item.name), bins), Nodes(1_000, iterations_each=100)
+
+    minimise([0] * len(program.pairs), program.rows, nodes=1, budget=budget)
+
+    assert budget.remaining < 980, "one node, and thousands of iterations"
 
 
 @pytest.mark.needs("highspy")
