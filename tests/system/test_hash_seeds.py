@@ -39,7 +39,6 @@ TUNE = """\
 export before.xlsx
 explain path-following
 tune --json
-export trail.csv --trail
 validate --json
 plan --out first.plan --today 2026-11-21
 explain path-following

@@ -96,6 +96,7 @@ def test_pages_and_schemas_are_found_in_the_installed_wheel(installed: Path, tmp
 @pytest.mark.needs("network", "venv")
 def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
     travelling = zipfile.ZipFile(wheel)
+    assert "rarms_iac/py.typed" in travelling.namelist(), "a program that imports it is checked against its types"
     held = {name: travelling.read(name) for name in travelling.namelist() if "/shipped/" in name}
 
     for folder in TRAVELS:

@@ -97,7 +97,6 @@ class ExportOptions:
     file: str = argument("FILE")
     components: tuple[str, ...] = argument("[COMPONENT]...", default=())
     samples: bool = flag("--samples", help="Every sample too: a row each.")
-    trail: bool = flag("--trail", help="Only what the last `rarms tune` asked for, in order, as CSV.")
 
 
 @rarms_command("export", json=False)
@@ -109,20 +108,16 @@ def export_command(session: Session, options: ExportOptions, source: ManifestSou
     numbers; their units stand in the headers.
     """
     from rarms_iac.views.reports.spreadsheet import csv_text
-    from rarms_iac.views.reports.tables import samples_table, settings_table, trail_table
+    from rarms_iac.views.reports.tables import samples_table, settings_table
 
     samples = options.samples
     ending = Path(options.file).suffix.lower()
     if ending not in {".csv", ".xlsx"}:
         raise RequestError(f"{quoted(options.file)} ends with neither .csv nor .xlsx.")
-    if options.trail and (samples or ending != ".csv"):
-        raise RequestError("--trail goes into a .csv file, without --samples.")
     report = report_of_manifest(load_manifest(source), options.components)
     if ending == ".csv":
         measured = samples_table(report) if samples else settings_table(report)
-        data = csv_text((trail_table(report.tunings) if options.trail else measured).for_files()).encode(
-            "utf-8", "replace"
-        )
+        data = csv_text(measured.for_files()).encode("utf-8", "replace")
     else:
         from rarms_iac.views.reports.spreadsheet import TooManyRows, workbook
 

@@ -50,6 +50,7 @@ CHECKS: Mapping[Finding, Check] = {
     processors.DIFFERENT_CPU: of_partitions(processors.different_cpu),
     processors.HELD_BACK: processors.held_back,
     processors.WEIGHT_ON_LINUX: processors.weight_on_linux,
+    processors.RESERVE_ROUNDED_UP: processors.reserve_rounded_up,
     processors.CRITICALITIES_ALIKE: processors.criticalities_alike,
     partitions.BELOW_MEMBERS: of_partitions(partitions.partition_memory_below_members),
     partitions.MEMORY_OVER_HOST: partitions.memory_over_host,

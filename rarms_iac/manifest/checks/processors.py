@@ -18,9 +18,12 @@ from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.host import Host, ProviderKind
 from rarms_iac.model.quantities import (
     CpuAmount,
+    LogicalProcessors,
     ProcessorTime,
     ShareOfHost,
+    guaranteed,
     in_processors,
+    per_virtual_processor,
     show_amount,
     show_processors,
 )
@@ -28,6 +31,7 @@ from rarms_iac.model.system import (
     MOST_WEIGHT,
     USUAL_WEIGHT,
     Component,
+    CpuRequest,
     Headroom,
     Measured,
     PartitionRequest,
@@ -45,6 +49,7 @@ RESERVE_OVER_PROCESSORS = Finding.error("RARMS078", "The reserve is larger than 
 DIFFERENT_CPU = Finding.error("RARMS094", "A partition and its only component have different CPU settings")
 HELD_BACK = Finding.note("RARMS130", "A fixed limit or weight slows a component with an APT")
 WEIGHT_ON_LINUX = Finding.warning("RARMS315", "A weight has no effect on a Linux host")
+RESERVE_ROUNDED_UP = Finding.warning("RARMS367", "Rounding raises a fixed reserve by more than a tenth")
 CRITICALITIES_ALIKE = Finding.warning("RARMS330", "Different criticalities give the same weight")
 
 
@@ -275,3 +280,35 @@ def criticalities_alike(system: System) -> Iterator[Violation]:
         related=tuple((("components", other.name, "criticality"), False, "alike") for other in others),
         values={"components": tuple(component.name for component in (first, *others)), "weight": MOST_WEIGHT},
     )
+
+
+def reserve_rounded_up(system: System) -> Iterator[Violation]:
+    """Reserves of wide components that whole per cent of each virtual processor make much larger, on every host."""
+    for section, name, cpu, hosts in cpu_settings(system):
+        inside, fixed = _users(system, section, name)
+        given = [_rounded(cpu, host, fixed, inside) for host in hosts]
+        if not given or not all(much for *_, much in given):
+            continue
+        host, (wanted, rounded, _) = hosts[0], given[0]
+        yield Violation(
+            path=(section, name, "cpu", "reserve"),
+            detail=f'"{name}" reserves {show_processors(wanted)}, and gets {show_processors(rounded)} on '
+            f'"{host.name}": a host gives whole per cent of each virtual processor.',
+            advice="Give it fewer `processors`: what is rounded up is less then.",
+            values={
+                "name": name,
+                "reserve": show_processors(wanted),
+                "given": show_processors(rounded),
+                "host": host.name,
+            },
+        )
+
+
+def _rounded(
+    cpu: CpuRequest, host: Host, fixed: int | None, inside: Sequence[Component]
+) -> tuple[LogicalProcessors, LogicalProcessors, bool]:
+    """What is reserved there, what is given, and whether that is more than a tenth above."""
+    wanted = fixed_reserve(cpu, host) or LogicalProcessors(Fraction(0))
+    processors = fixed or max((member.processors or host.logical_processors for member in inside), default=1)
+    given = guaranteed(per_virtual_processor(wanted, processors), processors)
+    return wanted, given, given > wanted * Fraction(11, 10)
