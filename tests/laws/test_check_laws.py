@@ -33,7 +33,7 @@ components = st.builds(
     task=st.none() | tasks,
     hosts=st.none() | st.lists(st.sampled_from(["onboard", "second", "gone"]), max_size=2),
     runs_on=st.sampled_from(RunsOn),
-    interference=st.none() | st.sampled_from(["busy-loop", "gone"]),
+    interference=st.lists(st.sampled_from(["busy-loop", "gone"]), max_size=2),
     simulation=st.none() | st.builds(a_simulation, threads=st.integers(1, 4)),
 )
 partitions = st.builds(
