@@ -11,6 +11,7 @@ from typing import Self
 from rarms_iac.model.run import Call, Run
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
+from rarms_iac.running.secrets import hide_secrets
 from rarms_iac.running.start import StartContext, order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
 
@@ -33,7 +34,8 @@ class ComponentRun:
     def __init__(self, component: str, run: Run, context: StartContext) -> None:
         self.component = component
         self._order = order_of(component, run, context)
-        self._record = SampleRecord(run)
+        self._hide = hide_secrets(run, context.environment)
+        self._record = SampleRecord(run, self._hide)
         self._supervisor: Supervisor | None = None
         self._interrupted = False
         self._samples = self._begin()
@@ -91,7 +93,7 @@ class ComponentRun:
     @property
     def tail(self) -> str:
         """The last that the component wrote to standard error: at most 4 KiB."""
-        return self._supervisor.tail if self._supervisor else ""
+        return self._hide(self._supervisor.tail) if self._supervisor else ""
 
     def _begin(self) -> Generator[Sample, None, None]:
         supervisor = self._supervisor = Supervisor(self._order)

@@ -1,8 +1,8 @@
 """Makes samples of what a component does: a line a job, or a process a job; and says when there are enough."""
 
 import time
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from rarms_iac.model.quantities import show_milliseconds
@@ -40,8 +40,10 @@ class SamplingEnd(StrEnum):
 class SampleRecord:
     """The samples of one run and its times, which are those of `time.perf_counter` in seconds."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, hide: Callable[[str], str] = str) -> None:
+        """`hide` takes out of the reason of a failed sample what must not be recorded."""
         self.run = run
+        self._hide = hide
         self.samples: list[Sample] = []
         self.failed = 0
         self.ending = SamplingEnd.RUNNING
@@ -61,6 +63,8 @@ class SampleRecord:
 
     def take(self, sample: Sample, at: float) -> Sample:
         """Count a sample in that came at this time."""
+        if sample.failure:
+            sample = replace(sample, failure=self._hide(sample.failure))
         self.samples.append(sample)
         self.failed += bool(sample.failure)
         self._last = at

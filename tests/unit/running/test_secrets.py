@@ -1,0 +1,44 @@
+"""What a component got from rarms' own environment is in no reason and in no tail that is shown or recorded."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+
+from rarms_iac.model.run import FromEnvironment
+from rarms_iac.running.component import ComponentRun
+from rarms_iac.running.secrets import hide_secrets
+from rarms_iac.running.start import StartContext
+from tests.unit.running.programs import a_run
+
+SECRET = 'hunter2 "&\u00e9'
+
+
+@pytest.mark.parametrize(
+    "form", [SECRET, json.dumps(SECRET)[1:-1], json.dumps(SECRET, ensure_ascii=False)[1:-1], quote(SECRET)]
+)
+def test_a_value_is_hidden_in_each_form(form: str) -> None:
+    hide = hide_secrets(replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE")}), {"MINE": SECRET})
+
+    assert hide(f"login {form} failed") == "login <MINE> failed"
+
+
+def test_a_short_value_and_one_of_another_variable_stay() -> None:
+    run = replace(a_run(""), environment={"TOKEN": FromEnvironment(name="MINE"), "OTHER": "visible text"})
+
+    assert hide_secrets(run, {"MINE": "short"})("a short, visible text") == "a short, visible text"
+
+
+def test_what_a_component_prints_of_it_is_neither_recorded_nor_shown(tmp_path: Path) -> None:
+    program = "import os\nsys.stderr.write(os.environ['TOKEN'])\nsys.stderr.flush()\nsay('x' + os.environ['TOKEN'])\n"
+    run = a_run(f"{program}time.sleep(60)", until=1, failures=1)
+    run = replace(run, environment={**run.environment, "TOKEN": FromEnvironment(name="MINE")})
+    context = StartContext(base=tmp_path, environment={"MINE": "s3cr3t-value", "PATH": ""})
+
+    with ComponentRun("vision", run, context) as running:
+        (sample,) = list(running)
+
+    assert "s3cr3t-value" not in sample.failure + running.tail
+    assert "<MINE>" in sample.failure
