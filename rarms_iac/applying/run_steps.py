@@ -125,7 +125,7 @@ def _missed(host: StepwiseHost, scope: Scope, steps: Mapping[int, Step]) -> Diag
     for address, wanted in _expected(steps.values()).items():
         live = host.read(address, scope)
         if not matches(live, wanted):
-            last = next(step for step in reversed(steps.values()) if step.address == address)
+            last = next(step for step in reversed(tuple(steps.values())) if step.address == address)
             return refusals.step_missed(host.name, last, live)
     return None
 
