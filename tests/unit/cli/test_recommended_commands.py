@@ -594,7 +594,7 @@ SITUATIONS = {
         (write(MANIFEST),), "status", ("shows what is not applied yet",), ("rarms plan",), printed=True
     ),
     "nothing is proven, and the status says so": Situation(
-        (write(MANIFEST), APPLY), "status", ("beside their thresholds",), ("rarms prove",), printed=True
+        (write(MANIFEST), APPLY), "status", ("compares them with their thresholds",), ("rarms prove",), printed=True
     ),
     "a pair might be combined": Situation(
         (write(PAIR), logs(vision=40, speech=45)),
