@@ -14,7 +14,7 @@ from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.planner.planning_findings import UNREADABLE
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
-from rarms_iac.storage.disk import PRIVATE, make_room
+from rarms_iac.storage.disk import PRIVATE, make_folder_for
 from rarms_iac.storage.lock import Locked, hold
 from rarms_iac.storage.replace import remove_leftovers
 
@@ -64,7 +64,7 @@ def hold_configuration_logs(folder: Path) -> Iterator[None]:
 @contextmanager
 def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
     lock = folder / PRIVATE / LOCKS / f"{name}.lock"
-    make_room(lock)
+    make_folder_for(lock)
     with ExitStack() as held:
         try:
             held.enter_context(hold(lock, owner(), timeout_ms))

@@ -14,7 +14,7 @@ from rarms_iac.app.report_model import (
     PlatformCapacity,
     Report,
 )
-from rarms_iac.app.totals import placed_without_log
+from rarms_iac.app.totals import partitions_without_log
 from rarms_iac.model.host import Host
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.layout import Cause
@@ -197,7 +197,7 @@ def _capacity(
             FixedReservation(
                 name=partition.name, components=tuple(sorted(partition.components)), reserved_lp=partition.reserved
             )
-            for partition in placed_without_log(system, planned, hosts)
+            for partition in partitions_without_log(system, planned, hosts)
         ),
         reserved_lp=total.reserved_lp,
         unmanaged_lp=total.unmanaged_lp,

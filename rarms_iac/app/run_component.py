@@ -109,7 +109,7 @@ class RunRequest:
 class SampleReporter:
     """Hears what components show while they run; must not raise. This one drops what it is told."""
 
-    def placed(self, message: str) -> None:
+    def place_chosen(self, message: str) -> None:
         """Take note of where a component is about to run.
 
         Args:
@@ -162,7 +162,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
     base = Path(manifest.folder).resolve()
     results: list[ComponentRunResult] = []
     listener = reporter or SampleReporter()
-    places = {component.name: place_of(manifest, component, listener.placed) for component, _ in chosen}
+    places = {component.name: place_of(manifest, component, listener.place_chosen) for component, _ in chosen}
     try:
         with _load(system, request, base) as load:
             for group in [chosen] if request.together else [[component] for component in chosen]:
@@ -200,7 +200,9 @@ def become_component(manifest: Manifest, name: str, reporter: SampleReporter) ->
     ((component, run),) = _chosen(manifest, RunRequest(components=(name,)))
     if sys.platform == "win32" or isinstance(run.start, Call):
         raise RequestError(f"--exec is for commands on Linux and the like: run {name} without it.")
-    context = StartContext(base=Path(manifest.folder).resolve(), inside=place_of(manifest, component, reporter.placed))
+    context = StartContext(
+        base=Path(manifest.folder).resolve(), inside=place_of(manifest, component, reporter.place_chosen)
+    )
     try:
         become(order_of(name, run, context))
     except CannotStart as problem:

@@ -51,7 +51,7 @@ def totals_at_hand(manifest: Manifest) -> PlannedTotals:
     return planned_totals(manifest.system, reservations, views)
 
 
-def placed_without_log(system: System, planned: PlannedTotals, hosts: Collection[str]) -> Iterator[PlacedPartition]:
+def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collection[str]) -> Iterator[PlacedPartition]:
     """Yield the partitions on these hosts whose reservation the manifest itself says, by name.
 
     Args:

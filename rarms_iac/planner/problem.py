@@ -74,7 +74,7 @@ class Problem:
     current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
     views: Mapping[str, HostView]
 
-    def placed(self, partition: str, host: str) -> PlacedPartition:
+    def partition_on(self, partition: str, host: str) -> PlacedPartition:
         """Return the partition on this host, on which it may run.
 
         Args:
@@ -262,7 +262,7 @@ def _causes(problem: Problem) -> Iterator[Cause]:
 
 
 def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
-    placed = [problem.placed(name, host) for name, host in packing.host_of.items()]
+    placed = [problem.partition_on(name, host) for name, host in packing.host_of.items()]
     return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
 
 

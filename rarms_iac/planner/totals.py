@@ -61,4 +61,6 @@ def _placement_of(problem: Problem) -> tuple[PlacedPartition, ...]:
     if isinstance(answer, Layout):
         return answer.partitions
     chosen = ((name, problem.current_hosts.get(name, ""), sizes) for name, sizes in problem.sizes.items() if sizes)
-    return tuple(problem.placed(name, host if host in sizes else min(sizes)) for name, host, sizes in sorted(chosen))
+    return tuple(
+        problem.partition_on(name, host if host in sizes else min(sizes)) for name, host, sizes in sorted(chosen)
+    )

@@ -11,7 +11,7 @@ from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked
 from rarms_iac.storage.append import Damaged, Record, append, first_in, last_in, line_of, records_in
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
-from rarms_iac.storage.disk import make_room
+from rarms_iac.storage.disk import make_folder_for
 from rarms_iac.storage.lock import Locked, hold
 from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.replace import replace
@@ -43,17 +43,17 @@ class LocalFiles:
             return None
 
     def replace(self, path: Path, data: bytes) -> None:
-        make_room(path)
+        make_folder_for(path)
         replace(path, data)
 
     def append(self, path: Path, record: Record) -> None:
-        make_room(path)
+        make_folder_for(path)
         append(path, record)
 
     @contextmanager
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:
         """See `HostFiles.hold`: until this process ends at the latest."""
-        make_room(lock)
+        make_folder_for(lock)
         with hold(lock, owner, timeout_ms):
             yield
 

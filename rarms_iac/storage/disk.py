@@ -242,7 +242,7 @@ def make_folders(folder: Path) -> None:
 PRIVATE = ".rarms"
 
 
-def make_room(path: Path) -> None:
+def make_folder_for(path: Path) -> None:
     """Make the folder that the file is to lie in; if that is below a `.rarms`, have git ignore all of it.
 
     Args:

@@ -96,7 +96,7 @@ class FailureReporter(SampleReporter):
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
 
-    def placed(self, message: str) -> None:
+    def place_chosen(self, message: str) -> None:
         """Say it beside the samples."""
         self._screen.talk(message)
 

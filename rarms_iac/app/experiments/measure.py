@@ -26,12 +26,12 @@ from rarms_iac.app.experiments.measure_request import (
     method_of,
     weak_answer,
 )
-from rarms_iac.app.experiments.run_experiment import make_room, run_experiment
+from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
-from rarms_iac.app.totals import placed_without_log, totals_at_hand
+from rarms_iac.app.totals import partitions_without_log, totals_at_hand
 from rarms_iac.measuring.loop import shapes_for, work_in_test_partitions
 from rarms_iac.measuring.measuring_findings import findings_of
 from rarms_iac.measuring.methods import Method
@@ -161,7 +161,7 @@ def _measure_all(
         not_begun=tuple(first for first, *_ in groups[begun:]),
         totals={name: planned.hosts[name] for name in names},
         fixed_lp={
-            name: totals_of(each.claim for each in placed_without_log(hosts.system, planned, [name])).reserved_lp
+            name: totals_of(each.claim for each in partitions_without_log(hosts.system, planned, [name])).reserved_lp
             for name in names
         },
         ended=ended,
@@ -204,7 +204,7 @@ def _remeasurements(
         return {}
 
     def refuse(experiment: Experiment) -> None:
-        make_room(session, experiment, method_of(request))
+        stop_what_is_in_the_way(session, experiment, method_of(request))
 
     return remeasurements_for(session, experiments, describe_request(request), refuse)
 

@@ -61,13 +61,13 @@ def run_experiment(session: MeasuringSession, experiment: Experiment, method: Me
         return _run_held(session, experiment, method)
 
 
-def make_room(session: MeasuringSession, experiment: Experiment, method: Method) -> None:
+def stop_what_is_in_the_way(session: MeasuringSession, experiment: Experiment, method: Method) -> None:
     """Refuse what cannot be measured, then stop what is in the way; nothing is run.
 
     Raises:
         UseCaseError: As `run_experiment`.
     """
-    _make_room(session, experiment, method, _availability(session, experiment))
+    _stop_what_is_in_the_way(session, experiment, method, _availability(session, experiment))
 
 
 def _run_held(session: MeasuringSession, experiment: Experiment, method: Method) -> ExperimentResult:
@@ -78,7 +78,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
         session.control.reporter.message(_describe_stale(log))
 
     def prepare_host() -> MeasuringBudget:
-        _make_room(session, experiment, method, available)
+        _stop_what_is_in_the_way(session, experiment, method, available)
         if not isinstance(method, ThresholdCheck):  # tuning reports its own questions
             session.control.reporter.message(_describe_duration(experiment, method, available, settings_log))
         return available.budget
@@ -171,7 +171,9 @@ def _refuse_what_cannot_run(session: MeasuringSession, experiment: Experiment) -
     refuse_what_cannot_run(session, session.host_of(experiment), components=members, loads=loads)
 
 
-def _make_room(session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability) -> None:
+def _stop_what_is_in_the_way(
+    session: MeasuringSession, experiment: Experiment, method: Method, available: _Availability
+) -> None:
     """Refuse what cannot be measured, then stop what is in the way.
 
     `run_experiment` calls it only where the data log does not hold every setting already.

@@ -116,7 +116,7 @@ class TuningSubject:
             criticalities={name: self.system.components[name].criticality for coi in self.cois for name in coi.members},
         )
 
-    def placed(self, layout: Sequence[Coi]) -> Packing | NoPacking:
+    def packed(self, layout: Sequence[Coi]) -> Packing | NoPacking:
         """Place these components on the hosts, beside what is not tuned.
 
         Args:
@@ -163,7 +163,7 @@ class LayoutFit:
         Returns:
             True only where a placement was found.
         """
-        packing = self.subject.placed(layout)
+        packing = self.subject.packed(layout)
         self.unsure = self.unsure or (isinstance(packing, NoPacking) and not packing.proven)
         return isinstance(packing, Packing)
 

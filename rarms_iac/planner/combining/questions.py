@@ -28,7 +28,7 @@ out the most.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class NextSetting:
     """The next setting to measure: its answer could change the result."""
 
     members: Members
@@ -75,7 +75,7 @@ class NothingFits:
         return self.complete and not self.contradictions and not self.doubts
 
 
-Decision = Ask | Best | NothingFits
+Decision = NextSetting | Best | NothingFits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +127,7 @@ def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
         answers: all so far, in any order.
 
     Returns:
-        `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`.
+        `NextSetting` with the next setting to measure, `Best` with the best layout, or `NothingFits`.
     """
     known = informed(tuning.candidates, answers)
     best = best_layout(known, tuning.objective)
@@ -146,13 +146,13 @@ def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
     )
 
 
-def _next_question(candidate: Candidate, predict: Predict) -> Ask:
+def _next_question(candidate: Candidate, predict: Predict) -> NextSetting:
     """Ask half-way between the bounds; until a CR was enough, just below the prediction where that is higher."""
     reserve = (candidate.low + candidate.highest_open) // 2
     predicted = expected(candidate, predict)
     if predicted is not None and candidate.passed is None:
         reserve = max(reserve, min(predicted - BELOW, candidate.highest_open))
-    return Ask(members=candidate.coi.members, reserve=reserve, predicted=predicted)
+    return NextSetting(members=candidate.coi.members, reserve=reserve, predicted=predicted)
 
 
 def expected(candidate: Candidate, predict: Predict) -> int | None:
@@ -224,7 +224,7 @@ def _needs_no_other_coi(tuning: Tuning, best: LayoutChoice) -> bool:
 def search(
     tuning: Tuning, inquiry: Inquiry, answers: Sequence[Answer] = (), recorded: Sequence[Answer] = ()
 ) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
-    """Ask until the answer is there; what was answered before is not asked again.
+    """NextSetting until the answer is there; what was answered before is not asked again.
 
     A combination that a user declines is left out; since a layout with it may be better, nothing is proved then. A
     search that was stopped asks the same questions again, and no answer contradicts what is known.
@@ -246,7 +246,7 @@ def search(
     consented: set[Members] = {answer.members for answer in trail}
     while True:
         decision = next_decision(tuning, trail)
-        if not isinstance(decision, Ask):
+        if not isinstance(decision, NextSetting):
             not_counted = _not_counted(recorded, trail)
             if not not_counted:
                 return decision, tuple(trail)

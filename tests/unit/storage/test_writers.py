@@ -24,7 +24,7 @@ from rarms_iac.storage.append import (
     records_in,
     sound_size,
 )
-from rarms_iac.storage.disk import make_room
+from rarms_iac.storage.disk import make_folder_for
 from rarms_iac.storage.replace import remove_leftovers, remove_leftovers_of_ended, replace
 from tests.crashing import Crash, CrashingDisk, When
 
@@ -240,8 +240,8 @@ def test_a_crash_while_a_first_record_is_added_tears_nothing(tmp_path: Path, at:
 
 
 def test_the_private_folder_is_kept_out_of_git(tmp_path: Path) -> None:
-    make_room(tmp_path / ".rarms" / "hosts" / "onboard.json")
-    make_room(tmp_path / "elsewhere" / "onboard.json")
+    make_folder_for(tmp_path / ".rarms" / "hosts" / "onboard.json")
+    make_folder_for(tmp_path / "elsewhere" / "onboard.json")
 
     assert (tmp_path / ".rarms" / ".gitignore").read_bytes() == b"*\n"
     assert list((tmp_path / "elsewhere").iterdir()) == []
@@ -252,8 +252,8 @@ def test_a_kill_leaves_no_other_file_beside_the_one_that_git_is_told_by(tmp_path
         folder = tmp_path / str(at) / ".rarms"
         folder.parent.mkdir()
         with disk.use(CrashingDisk(at, When.HALF)), suppress(Crash):
-            make_room(folder / "hosts" / "onboard.json")
-        make_room(folder / "hosts" / "onboard.json")
+            make_folder_for(folder / "hosts" / "onboard.json")
+        make_folder_for(folder / "hosts" / "onboard.json")
 
         assert [path.name for path in folder.iterdir() if path.is_file()] == [".gitignore"]
         assert (folder / ".gitignore").read_bytes().startswith(b"*")

@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_decision, search, tuning_of
+from rarms_iac.planner.combining.questions import Best, NextSetting, Tuning, next_decision, search, tuning_of
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 
 SEEDS = range(8)
@@ -83,7 +83,7 @@ def test_what_is_expected_is_told_with_every_question() -> None:
     tuning, needs = problem(0)
     step = next_decision(guided(tuning, needs, 0.0), ())
 
-    assert isinstance(step, Ask)
+    assert isinstance(step, NextSetting)
     heard = Hearing()
     _, trail = search(guided(tuning, needs, 0.0), Inquiry(oracle=Needs(needs), reporter=heard))
     assert trail[0].predicted == step.predicted

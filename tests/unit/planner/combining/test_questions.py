@@ -12,7 +12,7 @@ from rarms_iac.planner.combining.candidates import candidates_of, graph_of, info
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_decision, search, tuning_of
+from rarms_iac.planner.combining.questions import Best, NextSetting, NothingFits, next_decision, search, tuning_of
 
 
 @dataclass
@@ -248,7 +248,7 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     ]
     step = next_decision(tuning, answers)
 
-    assert isinstance(step, Ask)
+    assert isinstance(step, NextSetting)
     assert step.reserve > 50, "the safe side: what failed counts"
     ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
@@ -264,7 +264,7 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
     ]
     step = next_decision(tuning_of(of, objective(of, 61), anyone), answers)
 
-    assert isinstance(step, Ask), "50 % was seen to be enough for all three: their least is still asked for"
+    assert isinstance(step, NextSetting), "50 % was seen to be enough for all three: their least is still asked for"
     assert step.members == ("a", "b", "c")
     done = [*answers, Answer(members=("a", "b", "c"), reserve=49, worse=("a",))]
     ended = next_decision(tuning_of(of, objective(of, 61), anyone), done)
