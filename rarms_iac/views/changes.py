@@ -16,7 +16,15 @@ from rarms_iac.model.quantities import (
     show_period,
     show_processors,
 )
-from rarms_iac.model.state import NO_GENERATION, HostFacts, Partition, PartitionSettings, Responsiveness, TaskClass
+from rarms_iac.model.state import (
+    NO_GENERATION,
+    HostFacts,
+    Partition,
+    PartitionSettings,
+    Responsiveness,
+    StartAction,
+    TaskClass,
+)
 from rarms_iac.model.system import Disruption
 
 SYMBOLS = {"create": "+", "update": "~", "replace": "-/+", "delete": "-", "adopt": ">", "release": "<"}
@@ -84,6 +92,12 @@ def _mark_of(change: Adopt | Release) -> AttributeText:
     return AttributeText(name="mark", before=shown(change.before), after=shown(change.after))
 
 
+_AUTOMATIC_START = {
+    StartAction.NOTHING: "no",
+    StartAction.START_IF_RUNNING: "if it ran",
+    StartAction.START: "yes",
+}
+
 _AttributeTexts = Mapping[str, tuple[str, str]]
 """By the attribute's name: its value and a note on it."""
 
@@ -110,7 +124,7 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _AttributeTexts:
         "memory": (show_bytes(settings.memory), ""),
         "dynamic memory": (_yes_or_no(settings.dynamic_memory), ""),
         "generation": (str(settings.generation), ""),
-        "start action": (settings.start_action.value.replace("_", " "), ""),
+        "automatic start": (_AUTOMATIC_START[settings.start_action], ""),
         "stop action": (settings.stop_action.value.replace("_", " "), ""),
         "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
         **({"secure boot": (settings.secure_boot, "")} if settings.secure_boot else {}),
@@ -127,7 +141,7 @@ def _settings_of_group(settings: PartitionSettings, facts: HostFacts) -> _Attrib
         "limit": ("none", "") if settings.limit == 100 else _amount(settings.limit, settings, facts),
         "period": (show_period(settings.quota_period_us), "how often the limit is counted anew"),
         "memory": (show_bytes(settings.memory) if settings.memory else "no limit", ""),
-        "start action": (settings.start_action.value.replace("_", " "), ""),
+        "automatic start": (_AUTOMATIC_START[settings.start_action], ""),
         "running": (_yes_or_no(settings.running), ""),
     }
 
