@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from rarms_iac.measuring.settling import MEMORY_FACTOR, PATIENCE_FACTOR, Contender, Settling, wants_all_processors
-from rarms_iac.model.loads import Browser, BusyLoop, Interference
+from rarms_iac.model.loads import LOADS_WITHOUT_ENTRY, Browser, BusyLoop, Interference
 from rarms_iac.model.series import Sample
 
 LEAST = 100.0 * MEMORY_FACTOR
@@ -106,7 +106,13 @@ def test_where_consumption_cannot_be_told_time_decides() -> None:
 
 @pytest.mark.parametrize(
     ("load", "contends"),
-    [(BusyLoop(), True), (BusyLoop(threads=2), True), (BusyLoop(threads=1), False), (Browser(instances=9), False)],
+    [
+        (BusyLoop(), True),
+        (BusyLoop(threads=2), True),
+        (BusyLoop(threads=1), False),
+        (Browser(instances=9), False),
+        (LOADS_WITHOUT_ENTRY["bursts-100"], False),
+    ],
 )
 def test_only_a_load_that_wants_all_makes_consumption_a_witness(load: Interference, contends: bool) -> None:
     assert wants_all_processors(load, 2) is contends
