@@ -8,7 +8,7 @@ from rarms_iac.storage.codec import encode_output
 if TYPE_CHECKING:
     from rarms_iac.app.answers import Answer
 
-FORMAT_VERSION = "rarms-output/3"
+FORMAT_VERSION = "rarms-output/4"
 
 
 def json_of(answer: "Answer", *, indent: int | None = 2) -> str:

@@ -49,7 +49,7 @@ SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.
 def test_json_is_versioned_and_whole() -> None:
     document = json.loads(json_of(Findings(findings=(ERROR, WARNING), accepted=(WARNING,))))
 
-    assert document["format_version"] == "rarms-output/3"
+    assert document["format_version"] == "rarms-output/4"
     assert document["counts"] == {"errors": 1, "warnings": 1, "notes": 0}
     assert document["findings"][0] == {
         "code": "RARMS014",

@@ -41,7 +41,7 @@ def test_a_plan_says_the_same_as_its_text() -> None:
 
     onboard = document["hosts"][0]
     speech = onboard["changes"][1]
-    assert document["format_version"] == "rarms-output/3"
+    assert document["format_version"] == "rarms-output/4"
     assert document["counts"] == {"add": 2, "change": 2, "remove": 1, "adopt": 0, "release": 0, "held_back": 1}
     assert speech["attributes"] == [{"name": "processors", "before": 1, "after": 2, "forces": "restart"}]
     assert speech["reason"]["place"]["line"] == 31
