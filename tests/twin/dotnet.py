@@ -246,6 +246,14 @@ def _delete(scope: Scope, path: Value) -> Value:
     return EMPTY
 
 
+def _delete_folder(scope: Scope, path: Value) -> Value:
+    host, where = scope.session.host, text(path).lower()
+    inside = [at for at in host.files if at.startswith(where + "\\")]
+    if inside or any(vm.folder.lower() == where for vm in host.vms.values()):
+        raise ScriptError("The directory is not empty.", error_id="IOException", kind="System.IO.IOException")
+    return _delete(scope, path)
+
+
 def _replace(scope: Scope, old: Value, new: Value, backup: Value) -> Value:
     host, source, target, kept = scope.session.host, text(old), text(new), text(backup)
     data, before = content(scope, source), content(scope, target)
@@ -311,7 +319,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.file", "move"): _move,
     ("io.file", "delete"): _delete,
     ("io.directory", "createdirectory"): _make_folder,
-    ("io.directory", "delete"): _delete,
+    ("io.directory", "delete"): _delete_folder,
     ("io.filestream", "new"): _new_stream,
     ("byte[]", "new"): lambda scope, size: [0] * number(size),
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),

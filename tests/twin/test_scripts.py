@@ -571,7 +571,7 @@ def test_a_profiles_own_function_never_makes_a_run_that_did_nothing_done(cell: M
     prepared = cell()
     undisturbed = prepared.copy()
     apply(undisturbed, prepared.plan)
-    own = f"function {name} {{\r\n    param($LiteralPath, $Path, $FilterScript)\r\n}}\r\n"
+    own = f"function {name} {{\r\n    param($LiteralPath, $Path, $FilterScript, [switch] $Force)\r\n}}\r\n"
     host = prepared.copy(profile=own)
 
     ran = apply(host, prepared.plan)
