@@ -42,6 +42,7 @@ COMMAND = re.compile(r"^ *\$ (.*?)(?:\s+# (?:ends with (\d+))?.*)?$", re.MULTILI
 RECOMMENDED = re.compile(r"`(rarms [a-z][^`]*)`")
 
 ELSEWHERE = {
+    "ansible-pull": "tests/system/test_ansible_collection.py",
     "make": "tests/system/test_make.py",
     "pipx": "tests/system/test_wheel.py",
     "Get-ChildItem .rarms\\signed": "tests/system/test_remote_host.py",
@@ -116,7 +117,7 @@ def test_every_page_with_commands_is_run() -> None:
     at_windows = [found["typed"] for page in PAGES for found in SHOWN.finditer(blocks(page))]
 
     assert with_commands == set(PREPARED)
-    assert {shlex.split(command)[0] for command in commands} == {"rarms", "cd", "mkdir", "make", "pipx"}
+    assert {shlex.split(command)[0] for command in commands} == {"rarms", "cd", "mkdir", "make", "pipx", "ansible-pull"}
     assert all(any(command.startswith(start) for command in at_windows) for start in ELSEWHERE)
     assert all((CHECKOUT / test).is_file() for test in ELSEWHERE.values())
 
