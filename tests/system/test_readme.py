@@ -22,7 +22,7 @@ def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
         Path("rarms.yaml").write_text(robot, encoding="utf-8", newline="\n")
         measured = rarms("measure")
         applied = rarms("apply", "--auto-approve")
-        selected = rarms("select", "face-detection", "--at", "120 ms")
+        selected = rarms("select", "face-detection", "--at", "170 ms")
         with patch.dict(os.environ, {"COLUMNS": "80"}):
             planned = rarms("plan")
 
