@@ -10,7 +10,7 @@ from tests.unit.cli.running import rarms
 
 ROOT = Path(__file__).parents[2]
 PLAN = re.compile(r"plan [0-9a-f]{12}")  # it holds the day
-FINDINGS = re.compile(r"(?:note|warning)\[.*?\n1 warning, 1 note\.\n\n", re.DOTALL)  # behind the totals
+FINDINGS = re.compile(r"(?:note|warning)\[.*?\n\n(?=Plan: )", re.DOTALL)  # behind the totals
 
 
 def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
@@ -26,5 +26,5 @@ def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
         with patch.dict(os.environ, {"COLUMNS": "80"}):
             planned = rarms("plan")
 
-    assert (measured.code, applied.code, selected.code, planned.code) == (0, 0, 0, 2)
+    assert (measured.code, applied.code, selected.code, planned.code) == (0, 0, 0, 0)
     assert PLAN.sub("plan", FINDINGS.sub("", planned.out)) == PLAN.sub("plan", shown)
