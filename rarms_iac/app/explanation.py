@@ -7,6 +7,7 @@ from rarms_iac.app.explained_partition import ExplainedPartition, ExplainedPlace
 from rarms_iac.model.commands import Prose, RecommendedCommand
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.host import Host, SchedulerType
+from rarms_iac.model.output import Internal
 from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.system import Component, Threshold
 from rarms_iac.statistics.curves import Curve
@@ -64,7 +65,7 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostExplanation:
-    """The same for a component that runs on the host itself: there is little to lead anywhere."""
+    """A component that runs on the host itself, and where it may: it has no reservation to explain."""
 
     component: Component
     hosts: tuple[Host, ...]  # that it may run on, by name
@@ -76,6 +77,7 @@ class ExplanationStep:
 
     topic: str
     sentences: tuple[Prose, ...]
+    repeats_findings: Internal[bool] = False  # says nothing but why there is no layout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

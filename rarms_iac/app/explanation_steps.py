@@ -1,6 +1,6 @@
 """The sentences of `rarms explain COMPONENT`, step by step; each says something, if only that there is nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 
@@ -42,9 +42,6 @@ from rarms_iac.planner.reservations import depends_on_a_log
 from rarms_iac.planner.totals import totals_by_host
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.error_probability import describe_error, describe_extreme
-
-NO_LAYOUT = "no layout"
-"""The topic of the step that says why not everything fits."""
 
 
 def verdicts(explanation: Explanation) -> Iterator[Wording]:
@@ -182,12 +179,11 @@ def explain(explanation: Explanation | HostExplanation, errors: tuple[Diagnostic
     Returns:
         Steps with at least one sentence each, and what they come to.
     """
-    topics = _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
-    steps = ((topic, tuple(map(prose, sentences))) for topic, sentences in topics)
+    steps = _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
     walk = ComponentExplanation(
         component=explanation.component.name,
         criticality=explanation.component.criticality,
-        steps=tuple(ExplanationStep(topic=topic, sentences=sentences) for topic, sentences in steps if sentences),
+        steps=tuple(step for step in steps if step.sentences),
         errors=errors,
     )
     if isinstance(explanation, HostExplanation):
@@ -209,21 +205,21 @@ def explain(explanation: Explanation | HostExplanation, errors: tuple[Diagnostic
     )
 
 
-def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[Wording]]]:
+def _in_a_partition(explanation: Explanation) -> Iterator[ExplanationStep]:
     previous = previous_tuning(explanation.partition.measurements, explanation.place.host)
-    yield "APT", _apt(explanation)
-    yield "data log", _data_log(explanation)
-    yield "setting and verdict", verdicts(explanation)
-    yield "reservation", _reservation(explanation)
-    yield "rounding", _rounding(explanation)
-    yield "partition", _partition(explanation, previous)
-    yield "host", _host(explanation)
-    yield "limit and weight", _limit_and_weight(explanation.place.placed)
-    yield "rejected", _rejected(explanation, previous)
-    yield NO_LAYOUT, _no_layout(explanation.partition)
+    yield _step("APT", _apt(explanation))
+    yield _step("data log", _data_log(explanation))
+    yield _step("setting and verdict", verdicts(explanation))
+    yield _step("reservation", _reservation(explanation))
+    yield _step("rounding", _rounding(explanation))
+    yield _step("partition", _partition(explanation, previous))
+    yield _step("host", _host(explanation))
+    yield _step("limit and weight", _limit_and_weight(explanation.place.placed))
+    yield _step("rejected", _rejected(explanation, previous))
+    yield _step("no layout", _no_layout(explanation.partition), repeats_findings=True)
 
 
-def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[Wording]]]:
+def _on_the_host(explanation: HostExplanation) -> Iterator[ExplanationStep]:
     component, name = explanation.component, explanation.component.name
     hosts = ", ".join(host.name for host in explanation.hosts) or "no host of the manifest"
     task = (
@@ -235,18 +231,22 @@ def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[W
         f"{host.name} keeps {show_processors(in_processors(host.keep_for_host.processor, host.logical_processors))}"
         for host in explanation.hosts
     ]
-    yield "APT", _thresholds(component, "")
-    yield "data log", iter(["none: rarms measures what runs in partitions"])
-    yield "setting and verdict", iter([f"not measured: {name} runs on the host itself (`runs_on: host`)"])
-    yield (
+    yield _step("APT", _thresholds(component, ""))
+    yield _step("data log", ["none: rarms measures what runs in partitions"])
+    yield _step("setting and verdict", [f"not measured: {name} runs on the host itself (`runs_on: host`)"])
+    yield _step(
         "reservation",
-        iter(["none: only partitions have one; `keep_for_host` is for all that runs outside", *kept_for_hosts]),
+        ["none: only partitions have one; `keep_for_host` is for all that runs outside", *kept_for_hosts],
     )
-    yield "rounding", iter(["none: nothing is reserved"])
-    yield "partition", iter(["none: it is combined with no other"])
-    yield "host", iter([f"where it is started: {hosts}"])
-    yield "limit and weight", iter(["none: both are of partitions", task])
-    yield "rejected", iter(["nothing: nothing is placed, combined or measured"])
+    yield _step("rounding", ["none: nothing is reserved"])
+    yield _step("partition", ["none: it is combined with no other"])
+    yield _step("host", [f"where it is started: {hosts}"])
+    yield _step("limit and weight", ["none: both are of partitions", task])
+    yield _step("rejected", ["nothing: nothing is placed, combined or measured"])
+
+
+def _step(topic: str, sentences: Iterable[Wording], *, repeats_findings: bool = False) -> ExplanationStep:
+    return ExplanationStep(topic=topic, sentences=tuple(map(prose, sentences)), repeats_findings=repeats_findings)
 
 
 def _apt(explanation: Explanation) -> Iterator[str]:

@@ -77,8 +77,8 @@ def load(
     if combined.diagnostics:
         return _loaded(texts, None, places, list(combined.diagnostics))
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
-    from rarms_iac.manifest.document.errors import NotAManifest, read_document
     from rarms_iac.manifest.document.messages import findings_of_structure
+    from rarms_iac.manifest.document.structure import NotAManifest, read_document
     from rarms_iac.manifest.to_system import to_system
 
     try:

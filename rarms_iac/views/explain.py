@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.explanation import ComponentExplanation
-from rarms_iac.app.explanation_steps import NO_LAYOUT
 from rarms_iac.views.console import STRONG, paragraph, stack, styled
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ def explanation_text(explanation: ComponentExplanation, *, without_errors: bool 
     """
     parts: list[RenderableType] = [paragraph(f"{explanation.component} (criticality {explanation.criticality})")]
     for step in explanation.steps:
-        if without_errors and step.topic == NO_LAYOUT:
+        if without_errors and step.repeats_findings:
             continue
         first, *others = step.sentences
         parts.append(paragraph(first, lead=styled((f"{step.topic}: ", STRONG)), more=2))

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.manifest.document.errors import NotAManifest, read_document
 from rarms_iac.manifest.document.messages import findings_of_structure
+from rarms_iac.manifest.document.structure import NotAManifest, read_document
 from rarms_iac.manifest.load import load
 from rarms_iac.manifest.text.positions import ManifestPlaces
 from rarms_iac.manifest.text.reading import read_text

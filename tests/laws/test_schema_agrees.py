@@ -8,8 +8,8 @@ import jsonschema
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
-from rarms_iac.manifest.document.errors import NotAManifest, read_document
 from rarms_iac.manifest.document.schema import manifest_schema
+from rarms_iac.manifest.document.structure import NotAManifest, read_document
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import read_text
 from tests.effort import examples

@@ -5,8 +5,8 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from rarms_iac.manifest.document.errors import NotAManifest, StructureError
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
+from rarms_iac.manifest.document.structure import NotAManifest, StructureError
 from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler,
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from rarms_iac.manifest.document.rules import Broken
+from rarms_iac.manifest.document.rules import BrokenRule
 from rarms_iac.model.indexes import (
     INDEXES,
     PERCENTILE_PATTERN,
@@ -195,7 +195,7 @@ def read_thresholds(value: Any) -> dict[str, Threshold]:
     return made
 
 
-def broken_thresholds(value: Mapping[str, Any]) -> Iterator[Broken]:
+def broken_thresholds(value: Mapping[str, Any]) -> Iterator[BrokenRule]:
     """Every wrong index, word and quantity of the thresholds, each with its own path in them."""
     for name, written in value.items():
         index = _index(name)
@@ -205,7 +205,7 @@ def broken_thresholds(value: Mapping[str, Any]) -> Iterator[Broken]:
             yield from _broken(index, written)
 
 
-def _broken(index: PerformanceIndex, written: Any) -> Iterator[Broken]:
+def _broken(index: PerformanceIndex, written: Any) -> Iterator[BrokenRule]:
     if type(written) is not dict:
         yield (index.name,), "rarms_map", {}
         return

@@ -9,13 +9,13 @@ from typing import Any
 
 from rarms_iac.model.host import ProviderKind
 
-Broken = tuple[tuple[str | int, ...], str, Mapping[str, Any]]
+BrokenRule = tuple[tuple[str | int, ...], str, Mapping[str, Any]]
 """Path, kind of error and its facts; `messages.py` puts them into words."""
 
 BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
 
 
-def broken_rules(document: Any) -> Iterator[Broken]:
+def broken_rules(document: Any) -> Iterator[BrokenRule]:
     """Yield every broken rule of a document besides the other errors it has."""
     yield from _hosts(document)
     yield from _components(document)
@@ -26,7 +26,7 @@ def _mapping(value: Any, key: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _hosts(document: Any) -> Iterator[Broken]:
+def _hosts(document: Any) -> Iterator[BrokenRule]:
     for name, host in _mapping(document, "hosts").items():
         if not isinstance(host, dict):
             continue
@@ -36,7 +36,7 @@ def _hosts(document: Any) -> Iterator[Broken]:
                 yield ("hosts", name, block), "rarms_foreign_block", {"block": block, "provider": provider}
 
 
-def _components(document: Any) -> Iterator[Broken]:
+def _components(document: Any) -> Iterator[BrokenRule]:
     for name, component in _mapping(document, "components").items():
         run = component.get("run") if isinstance(component, dict) else None
         if not isinstance(run, dict):
@@ -47,14 +47,14 @@ def _components(document: Any) -> Iterator[Broken]:
         yield from _pattern((*path, "samples"), run.get("samples"))
 
 
-def _exactly_one(path: tuple[str, ...], block: Any, *names: str) -> Iterator[Broken]:
+def _exactly_one(path: tuple[str, ...], block: Any, *names: str) -> Iterator[BrokenRule]:
     if isinstance(block, dict):
         written = tuple(name for name in names if name in block)
         if len(written) != 1:
             yield path, "rarms_exactly_one", {"names": names, "written": written}
 
 
-def _pattern(path: tuple[str, ...], samples: Any) -> Iterator[Broken]:
+def _pattern(path: tuple[str, ...], samples: Any) -> Iterator[BrokenRule]:
     if isinstance(samples, dict) and (samples.get("from") == "pattern") != ("pattern" in samples):
         missing = "pattern" not in samples
         yield path, "rarms_together", {"key": "pattern", "needs": "from: pattern", "missing": missing}

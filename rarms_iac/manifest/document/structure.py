@@ -1,4 +1,4 @@
-"""Plain values -> the document, or its errors with path and value in the manifest; `messages.py` has their words."""
+"""Plain values -> the document, or what breaks its structure, with path and value; `messages.py` has the words."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from rarms_iac.manifest.document.manifest import ManifestDocument
 from rarms_iac.manifest.document.quantities import broken_thresholds
-from rarms_iac.manifest.document.rules import Broken, broken_rules
+from rarms_iac.manifest.document.rules import BrokenRule, broken_rules
 from rarms_iac.manifest.document.schema import Path, manifest_schema
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Place, Places
@@ -82,7 +82,7 @@ def read_document(document: Any, places: Places) -> ManifestDocument:
     raise NotAManifest([_structure_error(case, document, places) for case in shown], total - len(shown))
 
 
-def _cases(error: Any, document: Any) -> Iterator[Broken]:
+def _cases(error: Any, document: Any) -> Iterator[BrokenRule]:
     if error["type"] == "rarms_thresholds":
         for path, kind, facts in broken_thresholds(_value(document, error["loc"])):
             yield (*error["loc"], *path), kind, facts
@@ -120,7 +120,7 @@ def _field_names() -> frozenset[str]:
     return frozenset(name for block in blocks for name in block.get("properties", {}))
 
 
-def _structure_error(case: Broken, document: Any, places: Places) -> StructureError:
+def _structure_error(case: BrokenRule, document: Any, places: Places) -> StructureError:
     location, kind, facts = case
     path, is_key = _path(location)
     return StructureError(
