@@ -6,7 +6,7 @@ Nothing of it is a simulation. It is there for tests of reports, plots and expor
 from collections.abc import Callable, Sequence
 from random import Random
 
-from rarms_iac.app.report_measurements import LogBesideManifest
+from rarms_iac.app.report_measurements import ReportedLog
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.series import Sample, Series
 from rarms_iac.model.system import Component, System
@@ -46,10 +46,10 @@ def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 
     return Setting(reserve=reserve, series=(series,), beside=100 - reserve, seed=7)
 
 
-def a_log_of(component: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> LogBesideManifest:
+def a_log_of(component: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> ReportedLog:
     """The component's log against busy loops."""
     settings = [a_measured_setting(component.name, reserve, shape) for reserve in reserves]
-    return LogBesideManifest(
+    return ReportedLog(
         path=f"measurements/onboard/{component.name}/busy-loop.jsonl", log=a_log(settings, a_subject(component))
     )
 
@@ -73,7 +73,7 @@ def a_robot() -> System:
     return a_system(hosts=[a_host("onboard", platform="onboard")], components=components)
 
 
-def the_logs(system: System) -> tuple[LogBesideManifest, ...]:
+def the_logs(system: System) -> tuple[ReportedLog, ...]:
     """A log of each component that is measured."""
     return (
         a_log_of(system.components["face-detection"], face_detection),

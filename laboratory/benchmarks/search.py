@@ -71,7 +71,7 @@ def results(task: tuple[str, int, float]) -> list[Result]:
 
 def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:
     answer = done.end.reserve if isinstance(done.end, Sufficient) else 0
-    passed, failed = _told_apart(goal, done, strict=strategy != PAPER)
+    passed, failed = _passed_and_failed(goal, done, strict=strategy != PAPER)
     return Result(
         shape=truth.shape,
         strategy=strategy,
@@ -86,7 +86,7 @@ def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:
     )
 
 
-def _told_apart(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[int]]:
+def _passed_and_failed(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[int]]:
     """The settings that were measured as passing, and as failing: by the curve that a plan rests on, or by verdicts.
 
     One without a steady state is neither.

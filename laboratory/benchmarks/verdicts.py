@@ -333,18 +333,18 @@ def error_figures(count: int) -> list[Figure]:
     for kind in KINDS:
         for way, judged in WAYS.items():
             given, false = wrong(kind, count, judged)
-            figures += _beside(f"{kind}, {way}: wrong, a series", false, count)
+            figures += _wrong_verdicts(f"{kind}, {way}: wrong, a series", false, count)
             # NOTE: no goal at the threshold: what is declared is of series, and few get a verdict there, by luck.
             figures.append(Figure(name=f"  a verdict, of {given}", value=100 * false / max(1, given), unit="%"))
             given, false = wrong(kind, count, judged, FAR)
-            figures += _beside(f"  a verdict, of {given} further from the threshold", false, given)
+            figures += _wrong_verdicts(f"  a verdict, of {given} further from the threshold", false, given)
     for name, longest in (("maximum", True), ("minimum", False)):
         false = too_much_beyond(count, longest=longest)
-        figures += _beside(f"{name}: more jobs beyond it than granted", false, count)
+        figures += _wrong_verdicts(f"{name}: more jobs beyond it than granted", false, count)
     return figures
 
 
-def _beside(name: str, false: int, count: int) -> list[Figure]:
+def _wrong_verdicts(name: str, false: int, count: int) -> list[Figure]:
     sure = 100 * (1.0 - as_likely(false, count, ERROR))
     unlikely = Figure(name="    unlikely at the declared error", value=sure, unit="%", at_most=99)
     return [Figure(name=name, value=100 * false / max(1, count), unit="%"), unlikely]
@@ -454,11 +454,11 @@ def _growing(series: Series, chance: random.Random) -> Iterator[Series]:
 def sequence_figures(count: int) -> list[Figure]:
     """How often any look at a growing series is wrong, and a search along a flat curve."""
     left = beyond_boundary(count)
-    figures = _beside("normal means beyond the boundary at any of 40 to 40,000 samples", left, count)
+    figures = _wrong_verdicts("normal means beyond the boundary at any of 40 to 40,000 samples", left, count)
     for kind in FLAT:
         settings, curves = flat_curves(kind, count // FLAT_SETTINGS)
-        figures += _beside(f"{kind}, flat, runs of random lengths: wrong, a setting", settings, count)
-        figures += _beside(f"  of {FLAT_SETTINGS} such settings, any", curves, count // FLAT_SETTINGS)
+        figures += _wrong_verdicts(f"{kind}, flat, runs of random lengths: wrong, a setting", settings, count)
+        figures += _wrong_verdicts(f"  of {FLAT_SETTINGS} such settings, any", curves, count // FLAT_SETTINGS)
     return figures
 
 

@@ -131,7 +131,7 @@ class Laboratory:
             case "class":
                 return self._at_load(component, experiment.setting, priority)
             case "browsers":
-                return self._beside_browsers(component, experiment.setting)
+                return self._with_browsers(component, experiment.setting)
             case _:
                 raise ValueError(experiment.kind)
 
@@ -236,7 +236,7 @@ class Laboratory:
         with self.load(load):
             return self.run(component, place, SECONDS)
 
-    def _beside_browsers(self, component: Component, browsers: int) -> Record:
+    def _with_browsers(self, component: Component, browsers: int) -> Record:
         """Run a component beside browsers in P2, with each pair of reservations."""
         series = []
         self.split(50, 50)

@@ -131,7 +131,7 @@ def main() -> None:
     components = components_of(robot, datetime.now(UTC).date())
     found = [_findings(record, component, len(components)) for component in components.values()]
     by_name = {findings.component.name: findings for findings in found}
-    browsers = beside_browsers(record)
+    browsers = times_with_browsers(record)
     verdicts = count_verdicts(record, components)
     _write(DOCS / "figures" / "linux-figure-1.svg", draw(_chart_1(by_name[FDP])))
     if all(findings.loaded for findings in found):
@@ -216,7 +216,7 @@ def _foretold(record: Log, component: Component) -> int | None:
     return foretold(demand, limit, _processors(), in_class=component.task is not None)
 
 
-def beside_browsers(record: Log) -> Mapping[tuple[int, int], Sequence[float]]:
+def times_with_browsers(record: Log) -> Mapping[tuple[int, int], Sequence[float]]:
     """By pair of reservations, FDP's mean response time for each number of browsers; nothing where some is missing."""
     if any(Experiment(kind="browsers", component=FDP, setting=count) not in record.records for count in BROWSERS):
         return {}
@@ -345,9 +345,9 @@ def _reservations(found: Sequence[Findings]) -> list[str]:
                 ),
                 _needed(findings),
                 "none" if findings.measured is None else f"{findings.measured} %",
-                _apart(findings.measured, findings),
+                _distance(findings.measured, findings),
                 "none" if findings.foretold is None else f"{findings.foretold} %",
-                _apart(findings.foretold, findings),
+                _distance(findings.foretold, findings),
             )
             for findings in found
         ),
@@ -369,7 +369,7 @@ def _speeds(findings: Findings) -> Iterator[str]:
         yield ", ".join(map(_number, findings.work.get(reserve or 0, []))) or "none"
 
 
-def _apart(reserve: int | None, findings: Findings) -> str:
+def _distance(reserve: int | None, findings: Findings) -> str:
     """By how many points a reservation is outside of what the sweep found."""
     if reserve is None or findings.needed is None:
         return ""

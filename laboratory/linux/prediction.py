@@ -72,7 +72,7 @@ SECONDS, FEWEST = 2.0, 12
 SEARCHED = 6
 """So many points around what is foretold are searched on Linux: more than may be between the two."""
 
-NEAR, MOST_APART = 5, 1
+NEAR, MOST_DISTANT = 5, 1
 """At most so many of the ten may be more than so many points away."""
 
 TICK_MS = 4.0
@@ -153,9 +153,9 @@ def foretold(demand: Demand, limit: float, processors: int, *, in_class: bool = 
     )
 
     def is_enough(reserve: int) -> bool:
-        beside = (100 * processors - reserve * threads) / processors
+        p2_reserve = (100 * processors - reserve * threads) / processors
         p1 = VirtualMachine(name="P1", vps=threads, reserve=reserve, components=(job,))
-        p2 = VirtualMachine(name="P2", vps=processors, reserve=beside, weight=P2_WEIGHT, loads=(BusyLoops(),))
+        p2 = VirtualMachine(name="P2", vps=processors, reserve=p2_reserve, weight=P2_WEIGHT, loads=(BusyLoops(),))
         window = WINDOW_MS if in_class else TICK_MS
         jobs = simulate(ModelMachine(lps=processors, machines=(p1, p2), window_ms=window), seed=1)
         return statistics.fmean(job.response for job in islice(jobs, WARM_UP, WARM_UP + JOBS)) <= limit
@@ -201,7 +201,7 @@ def seen(machine: Laboratory, component: Component, limit: float, around: int) -
 def main() -> int:
     """Print a line for each program; 1 where too many are not foretold."""
     processors = len(os.sched_getaffinity(0))
-    apart = 0
+    distant = 0
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "program.py").write_text(PROGRAM, encoding="utf-8")
         with laboratory(Path(folder), os.environ, processors) as machine:
@@ -214,15 +214,15 @@ def main() -> int:
                 wanted = foretold(demand, limit, processors)
                 found = None if wanted is None else seen(machine, component, limit, wanted)
                 is_near = wanted is not None and found is not None and abs(wanted - found) <= NEAR
-                apart += not is_near
+                distant += not is_near
                 print(
                     f"{program.work:3g} ms + {program.blocked:2g} ms, {program.threads} thread(s), every "
                     f"{program.period:2g} ms, at most {limit:5.1f} ms: foretold {wanted} %, seen {found} %"
                     f"{'' if is_near else '  apart'}",
                     flush=True,
                 )
-    print(f"{len(PROGRAMS) - apart} of {len(PROGRAMS)} within {NEAR} points")
-    return int(apart > MOST_APART)
+    print(f"{len(PROGRAMS) - distant} of {len(PROGRAMS)} within {NEAR} points")
+    return int(distant > MOST_DISTANT)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.wiring import open_host, unfinished_beside
+from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts
 from rarms_iac.applying import refusals
 from rarms_iac.applying.execute import FinishedRuns, apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
@@ -194,7 +194,7 @@ def hosts_to_apply(source: ManifestSource, selection: HostSelection) -> Hosts | 
     try:
         manifest = load_manifest(source)
     except UseCaseError:
-        if unfinished := unfinished_beside(folder_of(source.manifest)):
+        if unfinished := unfinished_simulated_hosts(folder_of(source.manifest)):
             return unfinished
         raise
     return select_hosts(manifest, selection)

@@ -165,7 +165,7 @@ def measured_reservations(measurements: Measurements, states: Mapping[str, State
         for kind, names in alike.items():
             if _may_run_on(group, names):
                 host = system.hosts[names[0]]
-                logs[kind, names_of(group.members)] = _beside_each_load(
+                logs[kind, names_of(group.members)] = _log_of_each_load(
                     system, folder, group, host, kind.platform_facts
                 )
     return MeasuredReservations(kinds=kinds, logs=logs)
@@ -225,7 +225,7 @@ class _LogFolder:
     read: Callable[[Path], DataLog | LogUnreadable | None]
 
 
-def _beside_each_load(
+def _log_of_each_load(
     system: System, folder: _LogFolder, group: Group, host: Host, platform_facts: ObservedPlatform
 ) -> tuple[MeasuredTogether, ...] | NotMeasured:
     """The log of each load, or why the first of those is missing that are."""
@@ -372,13 +372,13 @@ def _remarks(
             values={"log": path, "differences": tuple(map(str, comparison.warns))},
             advice="Measure again if that can matter to the component.",
         )
-    beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
-    if beside:
+    running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
+    if running:
         yield Cause(
             address=address,
-            message=f"{path} was measured while {_list_some(beside)} ran on the host.",
+            message=f"{path} was measured while {_list_some(running)} ran on the host.",
             code=planning_findings.BUSY.code,
-            values={"log": path, "partitions": tuple(beside)},
+            values={"log": path, "partitions": tuple(running)},
             advice=prose(
                 "Measure it once more with the host to itself, and this no longer counts: ", again.also(again=True), "."
             ),

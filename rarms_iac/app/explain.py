@@ -86,7 +86,7 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
         least=None,
     )
     if not depends_on_a_log(group):
-        log, least = _log_beside_fixed(partition, host) if explanation.fixed_by else (None, None)
+        log, least = _log_despite_fixed(partition, host) if explanation.fixed_by else (None, None)
         return replace(explanation, log=log, least=least)
     answer = partition.reservations.log(group.members, host)
     if not isinstance(answer, MeasuredTogether):
@@ -100,7 +100,7 @@ def _explanation(partition: ExplainedPartition, place: ExplainedPlace, component
     )
 
 
-def _log_beside_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLogSummary | None, int | None]:
+def _log_despite_fixed(partition: ExplainedPartition, host: Host) -> tuple[DataLogSummary | None, int | None]:
     """The data log of a partition whose reserve is fixed, and the least that is enough by it."""
     group, system = partition.group, partition.system
     measured_members = {

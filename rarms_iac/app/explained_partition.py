@@ -61,7 +61,7 @@ class ExplainedPlace:
     """Where the partition is, or would be if there were room, or if it were known how much it needs."""
 
     host: Host
-    placed: PlacedPartition
+    partition: PlacedPartition
     no_host_because: str = ""  # why no host can have it
 
 
@@ -106,8 +106,8 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
     """
     system, group = partition.system, partition.group
     if partition.layout is not None:
-        placed = next(each for each in partition.layout.partitions if each.name == group.name)
-        return ExplainedPlace(host=system.hosts[placed.host], placed=placed)
+        chosen = next(each for each in partition.layout.partitions if each.name == group.name)
+        return ExplainedPlace(host=system.hosts[chosen.host], partition=chosen)
     allowed = [
         host
         for host in sorted(system.hosts.values(), key=lambda host: (host.name != partition.current_host, host.name))
@@ -116,11 +116,11 @@ def place_of(partition: ExplainedPartition) -> ExplainedPlace:
     answers = [(host, size(group, host, partition.reservations)) for host in allowed]
     for host, answer in answers:
         if isinstance(answer, PlacedPartition):
-            return ExplainedPlace(host=host, placed=answer)
+            return ExplainedPlace(host=host, partition=answer)
     for host, answer in answers:
         shape = size(_without_reserve(group), host, FixedReservations())
         if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
-            return ExplainedPlace(host=host, placed=shape, no_host_because=answer.message.rstrip("."))
+            return ExplainedPlace(host=host, partition=shape, no_host_because=answer.message.rstrip("."))
     raise UseCaseError(Outcome.NEGATIVE, partition.planning.findings, partition.hosts.manifest.sources)
 
 

@@ -162,7 +162,7 @@ def _settings(settings: Mapping[int, Sequence[str]]) -> Iterator[str]:
         yield f"{missed} % of its VPs is not enough for {' and '.join(settings[missed])} for sure"
 
 
-def describe_apart(partition: ExplainedPartition, place: ExplainedPlace) -> str:
+def describe_own_partitions(partition: ExplainedPartition, place: ExplainedPlace) -> str:
     """Say what the members would reserve in partitions of their own, and whether that fits.
 
     For this the layout is planned without the partition.
@@ -184,15 +184,15 @@ def describe_apart(partition: ExplainedPartition, place: ExplainedPlace) -> str:
     sizes = [
         size(part, place.host, reservations) for part in groups_of(alone.system) if names & set(names_of(part.members))
     ]
-    placed = [answer for answer in sizes if isinstance(answer, PlacedPartition)]
-    if len(placed) < len(sizes) or len(sizes) == 1:
+    parts = [answer for answer in sizes if isinstance(answer, PlacedPartition)]
+    if len(parts) < len(sizes) or len(sizes) == 1:
         return ""
     places = partition.hosts.manifest.places
     fits = isinstance(plan_layout(alone.system, reservations, partition.views, places).answer, Layout)
-    parts = " and ".join(f"{part.name} {show_processors(part.reserved)}" for part in placed)
-    total = show_processors(sum((part.reserved for part in placed), Fraction(0)))
+    list_of_parts = " and ".join(f"{part.name} {show_processors(part.reserved)}" for part in parts)
+    total = show_processors(sum((part.reserved for part in parts), Fraction(0)))
     return (
-        f"apart: {parts}, {total} instead of {show_processors(place.placed.reserved)}; "
+        f"apart: {list_of_parts}, {total} instead of {show_processors(place.partition.reserved)}; "
         f"{'that fits too' if fits else 'that does not fit'}"
     )
 
@@ -237,9 +237,9 @@ def _saving(
     together = 0 if predicted is None else max(predicted, at_least(max(costs), processors))
     if not 0 < together * processors < sum(costs):
         return None
-    apart, now = map(show_lp_percent, (sum(costs), together * processors))
+    separate, now = map(show_lp_percent, (sum(costs), together * processors))
     message = prose(
-        f"sharing with {other.name}: predicted {now} instead of {apart} apart; ", command("tune"), " measures it"
+        f"sharing with {other.name}: predicted {now} instead of {separate} apart; ", command("tune"), " measures it"
     )
     return together * processors - sum(costs), message
 

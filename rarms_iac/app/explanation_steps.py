@@ -8,7 +8,7 @@ from rarms_iac.app.explained_partition import ExplainedPartition
 from rarms_iac.app.explained_sharing import (
     NOT_LOOKED_FOR,
     PreviousTuning,
-    describe_apart,
+    describe_own_partitions,
     describe_partners,
     previous_tuning,
     rejected_compounds,
@@ -103,7 +103,7 @@ def _why_not_measured(explanation: Explanation) -> str:
     if explanation.wanted is None:
         return "not measured: there is no data log that holds"
     if explanation.fixed_by and explanation.log is not None:
-        return _measured_beside_fixed(explanation, explanation.log)
+        return _measured_despite_fixed(explanation, explanation.log)
     if explanation.fixed_by:
         met = (
             "it is unknown whether its APT is met"
@@ -114,7 +114,7 @@ def _why_not_measured(explanation: Explanation) -> str:
     return "not measured: nothing is reserved, and no APT asks"
 
 
-def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str:
+def _measured_despite_fixed(explanation: Explanation, log: DataLogSummary) -> str:
     """As in: measured: 1.24 LP (62 % of onboard) is enough; the manifest fixes 1.25 LP (63 % of onboard)."""
 
     def amount(processors: Fraction) -> str:
@@ -188,16 +188,17 @@ def explain(explanation: Explanation | HostExplanation, errors: tuple[Diagnostic
     )
     if isinstance(explanation, HostExplanation):
         return walk
-    place, placed, settings = explanation.place, explanation.place.placed, explanation.place.placed.settings
+    place, partition = explanation.place, explanation.place.partition
+    settings = partition.settings
     return replace(
         walk,
-        partition=placed.name,
-        host=placed.host,
+        partition=partition.name,
+        host=partition.host,
         fits=explanation.partition.layout is not None,
         data_log=None if explanation.measured is None else explanation.measured.path,
         least=None if explanation.fixed_by else explanation.least,
         wanted_lp=explanation.wanted,
-        reserved_lp=None if place.no_host_because else placed.reserved,
+        reserved_lp=None if place.no_host_because else partition.reserved,
         reserve=None if place.no_host_because else settings.reserve,
         processors=settings.processors,
         limit=settings.limit,
@@ -214,7 +215,7 @@ def _in_a_partition(explanation: Explanation) -> Iterator[ExplanationStep]:
     yield _step("rounding", _rounding(explanation))
     yield _step("partition", _partition(explanation, previous))
     yield _step("host", _host(explanation))
-    yield _step("limit and weight", _limit_and_weight(explanation.place.placed))
+    yield _step("limit and weight", _limit_and_weight(explanation.place.partition))
     yield _step("rejected", _rejected(explanation, previous))
     yield _step("no layout", _no_layout(explanation.partition), repeats_findings=True)
 
@@ -321,17 +322,17 @@ def _what_is_missing(explanation: Explanation) -> str:
 
 
 def _rounding(explanation: Explanation) -> Iterator[str]:
-    place, placed = explanation.place, explanation.place.placed
+    place, partition = explanation.place, explanation.place.partition
     if explanation.wanted is None or place.no_host_because:
         yield "none: " + (
             place.no_host_because if explanation.wanted is not None else "there is no reservation to round yet"
         )
         return
-    if not placed.settings.reserve:
+    if not partition.settings.reserve:
         yield "none: nothing is reserved"
         return
-    lost = guaranteed(placed.settings.reserve, placed.settings.processors) - explanation.wanted
-    given = show_reserve(placed.settings.reserve, placed.settings.processors)
+    lost = guaranteed(partition.settings.reserve, partition.settings.processors) - explanation.wanted
+    given = show_reserve(partition.settings.reserve, partition.settings.processors)
     yield f"{given}: whole per cent are the provider's grain, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )
@@ -341,13 +342,13 @@ def _partition(explanation: Explanation, previous: PreviousTuning) -> Iterator[s
     partition, place = explanation.partition, explanation.place
     others = [member for member in partition.group.members if member is not explanation.component]
     if not others:
-        yield f"{place.placed.name}: {explanation.component.name} is alone, as nothing asks to combine it"
+        yield f"{place.partition.name}: {explanation.component.name} is alone, as nothing asks to combine it"
     else:
         names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
-        yield f"{place.placed.name}: {explanation.component.name} is combined with {names}"
+        yield f"{place.partition.name}: {explanation.component.name} is combined with {names}"
         yield from why_together(partition.group, partition.system, previous)
-    processors = counted(place.placed.settings.processors, place.host.processor_word)
-    yield f"memory {show_bytes(place.placed.settings.memory)}, {processors}"
+    processors = counted(place.partition.settings.processors, place.host.processor_word)
+    yield f"memory {show_bytes(place.partition.settings.memory)}, {processors}"
 
 
 def _host(explanation: Explanation) -> Iterator[str]:
@@ -362,9 +363,9 @@ def _host(explanation: Explanation) -> Iterator[str]:
         condition = "once its reservation is known" if explanation.wanted is None else "if it could be there"
         yield f"{name}, {condition}: it has {show_processors(whole)}"
     elif layout is None:
-        yield f"{name}, if there were room: {share(place.placed.reserved)} of its {show_processors(whole)}"
+        yield f"{name}, if there were room: {share(place.partition.reserved)} of its {show_processors(whole)}"
     else:
-        yield f"{name}: {share(place.placed.reserved)} of its {show_processors(whole)}"
+        yield f"{name}: {share(place.partition.reserved)} of its {show_processors(whole)}"
     if partition.current_host == place.host.name:
         yield partition.why_bound or "it is there now"
     elif partition.current_host:
@@ -376,7 +377,7 @@ def _host(explanation: Explanation) -> Iterator[str]:
     others = sorted(
         (other.name, other.reserved)
         for other in layout.partitions
-        if other.host == name and other.name != place.placed.name
+        if other.host == name and other.name != place.partition.name
     )
     if others:
         yield f"beside it: {', '.join(f'{other} {show_processors(amount)}' for other, amount in others)}"
@@ -390,25 +391,27 @@ def _host(explanation: Explanation) -> Iterator[str]:
         yield describe_placement(layout.placement)
 
 
-def _limit_and_weight(placed: PlacedPartition) -> Iterator[str]:
-    yield f"limit {show_reserve(placed.settings.limit, placed.settings.processors)}: {placed.why_limit}"
-    yield f"weight {placed.settings.weight}: {placed.why_weight}"
-    if placed.mechanism:
-        yield placed.mechanism
+def _limit_and_weight(partition: PlacedPartition) -> Iterator[str]:
+    yield f"limit {show_reserve(partition.settings.limit, partition.settings.processors)}: {partition.why_limit}"
+    yield f"weight {partition.settings.weight}: {partition.why_weight}"
+    if partition.mechanism:
+        yield partition.mechanism
 
 
 def _rejected(explanation: Explanation, previous: PreviousTuning) -> Iterator[Wording]:
     partition, place = explanation.partition, explanation.place
     yield from _other_reserves(explanation)
-    if apart := describe_apart(partition, place):
-        yield apart
+    if own_partitions := describe_own_partitions(partition, place):
+        yield own_partitions
     if depends_on_a_log(partition.group):
         yield from rejected_compounds(partition.group, previous, place.host)
     else:
         yield NOT_LOOKED_FOR
     if explanation.measured is not None:
         yield from describe_partners(partition, place.host)
-    chosen = ChosenPlace(placed=place.placed, layout=partition.layout, views=partition.views, stays=partition.why_bound)
+    chosen = ChosenPlace(
+        partition=place.partition, layout=partition.layout, views=partition.views, stays=partition.why_bound
+    )
     others = elsewhere(partition.group, chosen, partition.system, partition.reservations)
     yield from (f"on {other.host}: {other.message}" for other in others)
     if not others:

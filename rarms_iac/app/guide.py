@@ -68,13 +68,13 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
     reservations = measured_reservations(measurements_of(manifest), {})
     group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):
-        placed = size(group, host, reservations)
-        if isinstance(placed, PlacedPartition) and all(
+        partition = size(group, host, reservations)
+        if isinstance(partition, PlacedPartition) and all(
             member.hosts is None or host.name in member.hosts for member in group.members
         ):
-            facts = _facts(group, host, placed, reservations, system.components[name])
+            facts = _facts(group, host, partition, reservations, system.components[name])
             classes = classes_of(
-                group.members, system.tasks, group.name, manifest.places, processors=placed.settings.processors
+                group.members, system.tasks, group.name, manifest.places, processors=partition.settings.processors
             ).classes
             return replace(facts, task_values=_task_values(facts.task, classes))
     planning = plan_layout(system, reservations, {}, manifest.places)
@@ -92,7 +92,7 @@ def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str,
 
 
 def _facts(
-    group: Group, host: Host, placed: PlacedPartition, reservations: MeasuredReservations, component: Component
+    group: Group, host: Host, partition: PlacedPartition, reservations: MeasuredReservations, component: Component
 ) -> GuideFacts:
     log = reservations.log(group.members, host)
     measured = depends_on_a_log(group) and isinstance(log, MeasuredTogether)
@@ -102,12 +102,12 @@ def _facts(
         beside=tuple(member.name for member in group.members if member.name != component.name),
         apt=tuple(f"{index} {words}" for index, words in describe_apt(component).items()),
         platform=host.platform,
-        reserve=placed.settings.reserve,
-        limit=placed.settings.limit,
-        weight=placed.settings.weight,
-        processors=placed.settings.processors,
+        reserve=partition.settings.reserve,
+        limit=partition.settings.limit,
+        weight=partition.settings.weight,
+        processors=partition.settings.processors,
         host_lp=host.logical_processors,
-        memory_mib=placed.settings.memory // 2**20,
+        memory_mib=partition.settings.memory // 2**20,
         task=component.task,
         task_values=(),
         command=_command(component),

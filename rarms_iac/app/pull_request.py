@@ -114,10 +114,10 @@ def _headrooms(hosts: Hosts, made: Plan, reservations: MeasuredReservations) -> 
 
 
 def _headrooms_of(group: Group, host: Host, reservations: MeasuredReservations) -> Iterator[AptHeadroom]:
-    log, placed = reservations.log(group.members, host), size(group, host, reservations)
-    if isinstance(log, NotMeasured) or not isinstance(placed, PlacedPartition):
+    log, partition = reservations.log(group.members, host), size(group, host, reservations)
+    if isinstance(log, NotMeasured) or not isinstance(partition, PlacedPartition):
         return
-    reserve = min(placed.settings.reserve * placed.settings.processors / log.processors, log.measured[-1])
+    reserve = min(partition.settings.reserve * partition.settings.processors / log.processors, log.measured[-1])
     for member in group.members:
         for index, threshold in member.apt.items():
             expected, bound = log.curves(member.name, index).safe_value_at(reserve), float(threshold.value)

@@ -14,7 +14,7 @@ from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.planning import plan_request, with_reservations
-from rarms_iac.app.report_measurements import LogBesideManifest, report_of
+from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import ComponentProof, HostDifference, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.totals import totals_at_hand
@@ -87,7 +87,7 @@ def measured_report(manifest: Manifest, components: Sequence[str] = ()) -> Repor
     return _report(manifest, components, _logs_of(manifest, components))
 
 
-def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[LogBesideManifest]) -> Report:
+def _report(manifest: Manifest, components: Sequence[str], logs: Sequence[ReportedLog]) -> Report:
     planned = totals_at_hand(manifest)
     report = report_of(manifest.system, logs, proofs_of(manifest, components), planned)
     if not report.measurements:
@@ -113,13 +113,13 @@ def _nothing(components: Sequence[str]) -> Diagnostic:
     )
 
 
-def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[LogBesideManifest, ...]:
+def _logs_of(manifest: Manifest, components: Sequence[str]) -> tuple[ReportedLog, ...]:
     refuse_unknown(components, manifest.system.components, "component")
     logs = tuple(_read_logs(manifest.system, Path(manifest.folder)))
     return tuple(log for log in logs if not components or set(log.log.header.setup.members) & set(components))
 
 
-def _read_logs(system: System, folder: Path) -> Iterator[LogBesideManifest]:
+def _read_logs(system: System, folder: Path) -> Iterator[ReportedLog]:
     """Every log of a platform of the manifest, by path."""
     platforms = {host.platform for host in system.hosts.values()}
     files = Files(folder)
@@ -127,7 +127,7 @@ def _read_logs(system: System, folder: Path) -> Iterator[LogBesideManifest]:
         with log_errors():
             log = read_log(path)
         if log is not None and log.header.platform in platforms and _is_of(system, log):
-            yield _log_beside_manifest(system, files, path, log)
+            yield _reported_log(system, files, path, log)
 
 
 def _is_of(system: System, log: DataLog) -> bool:
@@ -135,12 +135,12 @@ def _is_of(system: System, log: DataLog) -> bool:
     return set(setup.members) <= system.components.keys() and setup.interference in system.interference
 
 
-def _log_beside_manifest(system: System, files: Files, path: Path, log: DataLog) -> LogBesideManifest:
+def _reported_log(system: System, files: Files, path: Path, log: DataLog) -> ReportedLog:
     setup = log.header.setup
     host = next(host for host in system.hosts.values() if host.platform == log.header.platform)
     subject = subject_of(system, host, setup.members, setup.interference)
     comparison = compare_log(log, subject, files, observed_platform(host))
-    return LogBesideManifest(
+    return ReportedLog(
         path=path.relative_to(files.folder).as_posix(),
         log=log,
         is_expected=setup.interference in system.loads_of(setup.members),
@@ -215,11 +215,11 @@ def _layout_since(entry: Proven, system: System, reservations: ReservationSource
         return
     if group.name != entry.partition:
         yield f"its partition is {group.name} now"
-    placed = size(group, host, reservations)
-    if not isinstance(placed, PlacedPartition):
+    partition = size(group, host, reservations)
+    if not isinstance(partition, PlacedPartition):
         yield "nothing that holds says what it reserves"
-    elif placed.settings.reserve != entry.reserve:
-        yield f"its partition reserves {show_reserve(placed.settings.reserve, placed.settings.processors)} now"
+    elif partition.settings.reserve != entry.reserve:
+        yield f"its partition reserves {show_reserve(partition.settings.reserve, partition.settings.processors)} now"
 
 
 def _entries(path: Path) -> list[Proven]:

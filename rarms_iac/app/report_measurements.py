@@ -68,7 +68,7 @@ WITHOUT_APT = "mean_response_time"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LogBesideManifest:
+class ReportedLog:
     """A data log with what is known of it."""
 
     path: str  # below the manifest's folder
@@ -79,7 +79,7 @@ class LogBesideManifest:
 
 def report_of(
     system: System,
-    logs: Sequence[LogBesideManifest],
+    logs: Sequence[ReportedLog],
     proofs: Sequence[ComponentProof] = (),
     planned: PlannedTotals | None = None,
 ) -> Report:
@@ -119,9 +119,9 @@ def _resting(system: System, measurements: Sequence[Measurement]) -> Iterator[Me
         if measurement.decides:
             logs.setdefault((measurement.platform, measurement.components), []).append(measurement)
     decisive = [
-        beside[hardest([each.reserve for each in beside])]
-        for (_, names), beside in logs.items()
-        if {each.interference for each in beside} == {*system.loads_of(names)}
+        measured[hardest([each.reserve for each in measured])]
+        for (_, names), measured in logs.items()
+        if {each.interference for each in measured} == {*system.loads_of(names)}
     ]
     for measurement in measurements:
         yield replace(measurement, decides=any(measurement is each for each in decisive))
@@ -137,7 +137,7 @@ def _order(measurement: Measurement) -> tuple[str, bool, int, str, str]:
     )
 
 
-def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
+def _measurement(system: System, logged: ReportedLog) -> Measurement:
     header = logged.log.header
     members = [system.components[name] for name in header.setup.members]
     names = tuple(member.name for member in members)
@@ -201,7 +201,7 @@ def _capacity(
         ),
         reserved_lp=total.reserved_lp,
         unmanaged_lp=total.unmanaged_lp,
-        placed=tuple(partition.name for partition in planned.placed if partition.host in hosts),
+        partitions=tuple(partition.name for partition in planned.partitions if partition.host in hosts),
         missing=tuple(measurement.name for measurement in rested if measurement.wants and measurement.reserve is None),
     )
 
@@ -254,9 +254,9 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
         yield "Guest image", platform.guest_image
     yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
     yield "Limit and weight", f"{show_reserve(setup.limit, setup.processors)}, {setup.weight}"
-    beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
-    if beside:
-        yield "Ran beside it", ", ".join(beside)
+    running = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
+    if running:
+        yield "Ran beside it", ", ".join(running)
     yield "Identity", log.header.digest
 
 

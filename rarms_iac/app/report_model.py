@@ -158,7 +158,7 @@ class PlatformCapacity:
     fixed: tuple[FixedReservation, ...]  # promised by the manifest itself
     reserved_lp: Fraction  # for all partitions that are placed there
     unmanaged_lp: Fraction  # by machines of others
-    placed: Internal[tuple[str, ...]]  # names of those partitions
+    partitions: Internal[tuple[str, ...]]  # the names of those
     missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in that sum
 
     @property

@@ -153,7 +153,7 @@ def overview_of(hosts: Hosts) -> Overview:
         if report
         else tuple(names_of(group.members) for group in groups_of(hosts.system) if depends_on_a_log(group))
     )
-    proofs = _beside_what_is_there(report.proofs if report else proofs_of(hosts.manifest), overviews)
+    proofs = _proofs_of_these_hosts(report.proofs if report else proofs_of(hosts.manifest), overviews)
     return Overview(
         application=hosts.system.application.name,
         hosts=overviews,
@@ -192,7 +192,7 @@ def _report(hosts: Hosts) -> Report | None:
         return None
 
 
-def _beside_what_is_there(
+def _proofs_of_these_hosts(
     proofs: Sequence[ComponentProof], hosts: Sequence[HostOverview]
 ) -> tuple[ComponentProof, ...]:
     """The proofs that were made on these hosts, with those outdated whose partition is not there as it was applied.

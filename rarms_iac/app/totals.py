@@ -62,7 +62,7 @@ def partitions_without_log(system: System, planned: PlannedTotals, hosts: Collec
     Yields:
         Those that reserve something.
     """
-    here = {partition.name: partition for partition in planned.placed if partition.host in hosts}
+    here = {partition.name: partition for partition in planned.partitions if partition.host in hosts}
     for group in groups_of(system):
         partition = here.get(group.name)
         if partition is not None and partition.reserved and not depends_on_a_log(group):

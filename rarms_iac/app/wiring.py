@@ -232,7 +232,7 @@ def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
     return f"{HOSTS}/{'+'.join([*readable, digest])}/{host}.json"
 
 
-def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
+def unfinished_simulated_hosts(folder: str) -> tuple[LiveHost, ...]:
     """Find the simulated hosts below this folder whose last run did not end.
 
     Args:

@@ -104,8 +104,8 @@ def context_of(request: PlanRequest, desired: Desired) -> HostContext:
         attached={partition.id: count_disks(observed, partition.id) for partition in observed.partitions},
         restorable=_restorable(observed.of(request.application)),
         disks=_removable_disks(system, observed) if request.remove_disks else {},
-        making={partition.name: partition.making for partition in desired.placed},
-        criticality={partition.name: partition.criticality for partition in desired.placed},
+        making={partition.name: partition.making for partition in desired.partitions},
+        criticality={partition.name: partition.criticality for partition in desired.partitions},
     )
 
 
@@ -193,7 +193,7 @@ def threads_of(desired: Desired, system: System) -> tuple[ThreadClass, ...]:
         desired: the host, with the values that the planner chose.
         system: what the manifest says.
     """
-    members = {partition.name: partition.components for partition in desired.placed}
+    members = {partition.name: partition.components for partition in desired.partitions}
     on_hosts = desired.layout.on_hosts if desired.layout else ()
     members[""] = tuple(component for component, host in on_hosts if host == desired.host)
     made = [

@@ -117,7 +117,7 @@ def _host_plan(
     request: PlanRequest, desired: Desired, difference: Difference, held: HeldChanges, steps: tuple[Step, ...]
 ) -> HostPlan:
     observed, application = desired.observed, request.application
-    mechanisms = {partition.name: partition.mechanism for partition in desired.placed if partition.mechanism}
+    mechanisms = {partition.name: partition.mechanism for partition in desired.partitions if partition.mechanism}
     return HostPlan(
         host=request.system.hosts[desired.host],
         facts=observed.facts,
@@ -132,7 +132,7 @@ def _host_plan(
         scripts={},
         totals=totals_after(observed, application, held.allowed, _named(request, desired)),
         threads=threads_of(desired, request.system),
-        components={partition.name: partition.components for partition in desired.placed},
+        components={partition.name: partition.components for partition in desired.partitions},
         mechanisms=mechanisms or None,
         stopped=_staying_stopped(request, desired),
     )

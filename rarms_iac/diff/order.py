@@ -99,7 +99,7 @@ class _Walk:
             waiting = [at for at in range(len(self.queue)) if self.queue[at]]
             if not waiting:
                 break
-            if (deadlock := self._make_room(waiting)) is not None:
+            if (deadlock := self._stop_least_critical(waiting)) is not None:
                 return deadlock
         for start in sorted(self.restarts, key=lambda step: self._most_critical_first(step.address.partition)):
             if not self._is_allowed(start):
@@ -151,7 +151,7 @@ class _Walk:
         claims = {**self.claims, _key(step): step.claim_after}
         return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity)
 
-    def _make_room(self, waiting: list[int]) -> Deadlock | None:
+    def _stop_least_critical(self, waiting: list[int]) -> Deadlock | None:
         """Stop the least critical running partition that waits; the deadlock where there is none, or none may stop."""
         running = [at for at in waiting if self.claims.get(_key(self.queue[at][0]), NO_CLAIM) != NO_CLAIM]
         names = tuple(sorted({self.queue[at][0].address.partition for at in waiting}))
@@ -160,8 +160,8 @@ class _Walk:
         at = min(running, key=lambda at: self.budget.rank(self.queue[at][0].address.partition))
         partition = self.queue[at][0].address.partition
         others = [name for name in names if name != partition]
-        beside = f" beside {', '.join(others)}" if others else ""
-        why = f"no order of the steps{beside} keeps within the host, and it is the least critical of them"
+        with_others = f" beside {', '.join(others)}" if others else ""
+        why = f"no order of the steps{with_others} keeps within the host, and it is the least critical of them"
         stop_and_start = stop_and_restart(
             self.queue[at], why, grace_ms(self.budget.graces, partition), forces=self.budget.forces
         )

@@ -39,7 +39,7 @@ from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
 from rarms_iac.storage.disk import make_folders
 
-SEEDS_APART = 101
+SEED_STEP = 101
 """More than there are settings, so that no two of them share a seed."""
 
 
@@ -321,17 +321,17 @@ def _run_setting(
     experiment: Experiment, context: MeasuringContext, partitions: _TestPartitions, step: Measure, known: _Known
 ) -> Setting | SettingFailed | Stopped:
     """One setting, of a reservation that the budget has; where something disturbed it, measured again."""
-    beside = reserve_for_load(partitions.budget, experiment.setup, step.reserve)
-    if beside is None:
+    load_reserve = reserve_for_load(partitions.budget, experiment.setup, step.reserve)
+    if load_reserve is None:
         raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
-    set_reserves(context.host, experiment.application, partitions.shapes, {P1: step.reserve, P2: beside})
+    set_reserves(context.host, experiment.application, partitions.shapes, {P1: step.reserve, P2: load_reserve})
     processors = partitions.budget.capacity.logical_processors
-    takes = beside * processors / 100 if wants_all_processors(experiment.load, processors) else None
+    takes = load_reserve * processors / 100 if wants_all_processors(experiment.load, processors) else None
     left_ms = float(experiment.limits.setting) - known.spent_ms(step.reserve, context.seed)
     disturbances: list[str] = []
     spent_ms = 0.0
     while True:
-        empty = Setting(reserve=step.reserve, series=(), beside=beside, seed=context.seed, spent_ms=spent_ms)
+        empty = Setting(reserve=step.reserve, series=(), beside=load_reserve, seed=context.seed, spent_ms=spent_ms)
         setting, evidence = _try_setting(experiment, context, partitions, step, empty, known)
         if not isinstance(setting, Setting) or evidence is None:
             return setting
@@ -414,5 +414,5 @@ def _work(experiment: Experiment, context: MeasuringContext, step: Measure) -> W
         application=experiment.application,
         partitions=(*work_in_test_partitions(experiment), *context.others),
         until={name: all_samples if goes_on else run.ends for name, run in experiment.runs.items()},
-        seed=context.seed * SEEDS_APART + step.reserve,
+        seed=context.seed * SEED_STEP + step.reserve,
     )

@@ -56,7 +56,7 @@ STARTS = 8
 NOT_GIVEN_UP = 1e-3
 """The part that counts as done where nothing is to end for what the rest would hardly show (`judge_early`)."""
 
-SEEDS_APART = 1009
+SEED_STEP = 1009
 """More than there are starts, so that no two of them share a seed."""
 
 
@@ -192,7 +192,7 @@ def load_partition(load: Interference, budget: MeasuringBudget) -> LoadPartition
 class ProofConditions:
     """What a layout is run under."""
 
-    beside: LoadPartition | None  # None: there is no load
+    load_partition: LoadPartition | None  # None: there is no load
     interference: str | None  # its name
     seed: int  # of chance, where the host draws it
     budget_ms: float  # of the host's time, in which a start may begin
@@ -201,7 +201,7 @@ class ProofConditions:
     @property
     def load(self) -> Interference | None:
         """The interference in P2."""
-        return None if self.beside is None else self.beside.load
+        return None if self.load_partition is None else self.load_partition.load
 
 
 def least_duration_ms(layout: AppliedLayout, memory_ms: float) -> float:
@@ -248,9 +248,9 @@ def prove(
     """
     proof = _Proof(host=host, layout=layout, conditions=conditions, should_stop=should_stop, samples_came=samples_came)
     with ExitStack() as ends:
-        if beside := conditions.beside:
-            ends.enter_context(running_test_partitions(host, layout.application, (beside.shape,)))
-            set_reserves(host, layout.application, (beside.shape,), {P2: beside.reserve})
+        if load_partition := conditions.load_partition:
+            ends.enter_context(running_test_partitions(host, layout.application, (load_partition.shape,)))
+            set_reserves(host, layout.application, (load_partition.shape,), {P2: load_partition.reserve})
         while not proof.is_over:
             if (ended := proof.start_anew()) is not None:
                 return None if isinstance(ended, Stopped) else ended
@@ -293,7 +293,7 @@ class _Proof:
         settling = Settling(
             memory_ms=self.host.scheduler_memory_ms, contenders=_contenders(self.layout, self.conditions.load)
         )
-        seed = self.conditions.seed * SEEDS_APART + self.starts
+        seed = self.conditions.seed * SEED_STEP + self.starts
         work = _work_of(self.layout, self.conditions.load, seed, least_ms=settling.least_ms / STARTS)
         until = {component.name: self._until(component) for component in self.layout.judged}
         with self.host.run(replace(work, until=until)) as running:

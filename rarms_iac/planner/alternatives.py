@@ -28,7 +28,7 @@ class Elsewhere:
 class ChosenPlace:
     """Where a partition is in a layout, and what that was made from."""
 
-    placed: PlacedPartition
+    partition: PlacedPartition
     layout: Layout | None  # None: there is none, and this is where it would be
     views: Mapping[str, HostView]  # as the layout was made; a host that is not in it was not looked at
     stays: str = ""  # why it may be nowhere else, even where there is room
@@ -59,7 +59,7 @@ def elsewhere(
     Returns:
         An answer for each host but the chosen one, by name.
     """
-    others = [host for host in by_name(system.hosts) if host.name != chosen.placed.host]
+    others = [host for host in by_name(system.hosts) if host.name != chosen.partition.host]
     return tuple(_elsewhere(group, chosen, host, reservations) for host in others)
 
 
@@ -84,22 +84,22 @@ def _without_layout(chosen: ChosenPlace, there: PlacedPartition) -> str:
 
 
 def _compared(chosen: ChosenPlace, layout: Layout, there: PlacedPartition, host: Host) -> Iterator[str]:
-    placed, view = chosen.placed, chosen.view(host)
-    beside = [partition for partition in layout.partitions if partition.host == host.name]
+    here, view = chosen.partition, chosen.view(host)
+    neighbours = [partition for partition in layout.partitions if partition.host == host.name]
     amount = show_processors(there.reserved)
-    if there.reserved > placed.reserved:
-        yield f"it would reserve {amount} instead of {show_processors(placed.reserved)}"
-    elif there.reserved < placed.reserved:
+    if there.reserved > here.reserved:
+        yield f"it would reserve {amount} instead of {show_processors(here.reserved)}"
+    elif there.reserved < here.reserved:
         yield f"it would reserve only {amount}"
     else:
         yield f"it would reserve {amount} there too"
-    if fits(capacity_of(host, view.facts), (*view.claims, *(partition.claim for partition in (*beside, there)))):
+    if fits(capacity_of(host, view.facts), (*view.claims, *(partition.claim for partition in (*neighbours, there)))):
         if chosen.stays:
             yield f"there is room, and {chosen.stays}"
-        elif there.reserved == placed.reserved:
-            yield f"{placed.host} is as good, and comes first: what is there stays, then names decide"
-        elif there.reserved < placed.reserved:
-            yield f"there is room, so what is on {placed.host} already stays there, or another needs the room more"
+        elif there.reserved == here.reserved:
+            yield f"{here.host} is as good, and comes first: what is there stays, then names decide"
+        elif there.reserved < here.reserved:
+            yield f"there is room, so what is on {here.host} already stays there, or another needs the room more"
     else:
-        names = [partition.name for partition in beside] + (["unmanaged machines"] if view.claims else [])
+        names = [partition.name for partition in neighbours] + (["unmanaged machines"] if view.claims else [])
         yield f"it does not fit beside {', '.join(names)}" if names else "it does not fit"

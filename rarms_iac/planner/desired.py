@@ -47,7 +47,7 @@ class Desired:
         return self.observed.facts.name
 
     @property
-    def placed(self) -> tuple[PlacedPartition, ...]:
+    def partitions(self) -> tuple[PlacedPartition, ...]:
         """The partitions that the layout places here, by name."""
         host, everywhere = self.host, self.layout.partitions if self.layout else ()
         return tuple(partition for partition in everywhere if partition.host == host)

@@ -237,14 +237,14 @@ def _deadlines(answer: Layout, problem: Problem, views: Mapping[str, HostView], 
         processors = facts.logical_processors if facts else host.logical_processors
         percent = None if facts is None else facts.deadline_percent
         admitted = USUAL_DEADLINE_PERCENT if percent is None else percent
-        placed = [
+        deadlines = [
             (partition, groups[partition.name])
             for partition in answer.partitions
             if partition.host == host.name
             and partition.settings.reserve
             and mechanism_of(groups[partition.name], host)[0] is Mechanism.DEADLINE
         ]
-        for name, message, advice in deadline_problems(placed, host, processors, admitted):
+        for name, message, advice in deadline_problems(deadlines, host, processors, admitted):
             place = places.key(problem.system.section_of(name), name)
             values: Facts = {"partition": name, "host": host.name, "admitted_percent": admitted}
             yield planning_findings.DEADLINES.at(place, message, advice, address=f"partition/{name}", values=values)

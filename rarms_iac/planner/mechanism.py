@@ -119,18 +119,19 @@ def deadline_problems(
     Yields:
         The partition's name, what is wrong, and what to do.
     """
-    for placed, group in partitions:
+    for partition, group in partitions:
         if len(group.members) > 1:
-            message = f"{placed.name} has {len(group.members)} components, and a deadline is of one thread."
-            yield placed.name, message, "Give each a partition of its own, or use `share` or `quota`."
+            message = f"{partition.name} has {len(group.members)} components, and a deadline is of one thread."
+            yield partition.name, message, "Give each a partition of its own, or use `share` or `quota`."
         elif group.members[0].task:
             message = f"{group.members[0].name} has a task class, and a thread has either a deadline or a priority."
-            yield placed.name, message, "Remove `task`, or use `share` or `quota`: they go with task classes."
+            yield partition.name, message, "Remove `task`, or use `share` or `quota`: they go with task classes."
     if not partitions:
         return
     name = partitions[0][0].name
     wanted = {
-        placed.name: deadline_percent(placed.settings.reserve, placed.settings.processors) for placed, _ in partitions
+        partition.name: deadline_percent(partition.settings.reserve, partition.settings.processors)
+        for partition, _ in partitions
     }
     if not admitted:
         message = f"The control groups of {host.name} hold only some of its {processors} processors."

@@ -188,8 +188,9 @@ def _sizes(
 
 def _claims(sizes: Mapping[str, PlacedPartition]) -> Mapping[str, Claim]:
     """What it claims on each host, worked out once for hosts that share a size."""
-    known = {id(placed): placed.claim for placed in {id(placed): placed for placed in sizes.values()}.values()}
-    return {host: known[id(placed)] for host, placed in sizes.items()}
+    distinct = {id(partition): partition for partition in sizes.values()}
+    claims = {key: partition.claim for key, partition in distinct.items()}
+    return {host: claims[id(partition)] for host, partition in sizes.items()}
 
 
 def _item(group: Group, claims: Mapping[str, Claim], current_host: str, *, may_move: bool) -> Item:
@@ -217,7 +218,8 @@ def solve(problem: Problem) -> Layout | Infeasible:
     packing = pack(problem.items, problem.bins)
     if isinstance(packing, NoPacking):
         return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
-    return Layout(partitions=_placed(problem, packing), on_hosts=on_hosts, placement=_placement(packing, problem.items))
+    partitions = _partitions_of(problem, packing)
+    return Layout(partitions=partitions, on_hosts=on_hosts, placement=_placement(packing, problem.items))
 
 
 def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
@@ -261,9 +263,9 @@ def _causes(problem: Problem) -> Iterator[Cause]:
             yield from problem.blocked[group.name] or (nowhere,)
 
 
-def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
-    placed = [problem.partition_on(name, host) for name, host in packing.host_of.items()]
-    return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
+def _partitions_of(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
+    partitions = [problem.partition_on(name, host) for name, host in packing.host_of.items()]
+    return tuple(sorted(partitions, key=lambda partition: (partition.host, partition.name)))
 
 
 def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]:

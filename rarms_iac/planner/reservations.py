@@ -211,7 +211,7 @@ class MeasuredReservations:
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()
-        return tuple(remark for each in self._beside_each_load(members, host) for remark in each.remarks)
+        return tuple(remark for each in self._log_of_each_load(members, host) for remark in each.remarks)
 
     def log(self, members: tuple[Component, ...], host: Host) -> MeasuredTogether | NotMeasured:
         """Find the data log that decides what these components reserve together on this host.
@@ -230,7 +230,7 @@ class MeasuredReservations:
         missing = NotMeasured(components=to_be_measured(members))
         return self.logs.get((self.kinds.get(host.name), names_of(members)), missing)
 
-    def _beside_each_load(self, members: tuple[Component, ...], host: Host) -> tuple[MeasuredTogether, ...]:
+    def _log_of_each_load(self, members: tuple[Component, ...], host: Host) -> tuple[MeasuredTogether, ...]:
         answer = self._answer(members, host)
         return () if isinstance(answer, NotMeasured) else answer
 

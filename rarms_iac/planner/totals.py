@@ -1,6 +1,6 @@
 """The totals of hosts by the manifest and the data logs, for commands that show sums without making a plan."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.layout import Layout, PlacedPartition
@@ -14,7 +14,7 @@ from rarms_iac.planner.reservations import ReservationSource
 class PlannedTotals:
     """Where each partition is counted, and the totals of each host by its name."""
 
-    placed: tuple[PlacedPartition, ...]
+    partitions: tuple[PlacedPartition, ...]
     hosts: Mapping[str, HostTotals]
 
 
@@ -29,24 +29,23 @@ def planned_totals(system: System, reservations: ReservationSource, views: Mappi
     Returns:
         The totals of every host of the manifest.
     """
-    placed = _placement_of(problem_of(system, reservations, views, may_move=False))
-    return PlannedTotals(placed=placed, hosts=totals_by_host(system, placed, views))
+    partitions = _placement_of(problem_of(system, reservations, views, may_move=False))
+    return PlannedTotals(partitions=partitions, hosts=totals_by_host(system, partitions, views))
 
 
 def totals_by_host(
-    system: System, placed: Iterable[PlacedPartition], views: Mapping[str, HostView]
+    system: System, partitions: Collection[PlacedPartition], views: Mapping[str, HostView]
 ) -> Mapping[str, HostTotals]:
     """Add up what each host of the manifest promises to the partitions that are placed there, and to others.
 
     Args:
         system: the manifest.
-        placed: each partition once.
+        partitions: each once.
         views: the hosts that were looked at, by name.
 
     Returns:
         By host, in the order of the names.
     """
-    partitions = tuple(placed)
     totals: dict[str, HostTotals] = {}
     for name, host in sorted(system.hosts.items()):
         view = views.get(name, HostView())

@@ -18,7 +18,7 @@ ERROR: Final = 0.01
 FIRST_LOOK: Final = 40
 """Samples before the first look at a setting that is being measured."""
 
-LOOK_APART: Final = 2.0**0.5
+LOOK_GROWTH: Final = 2.0**0.5
 """How many times as many samples there are at the next look."""
 
 LOOK_ERROR: Final = ERROR / 43
@@ -54,7 +54,7 @@ def next_look(samples: int) -> int:
     """
     look = float(FIRST_LOOK)
     while round(look) <= samples:
-        look *= LOOK_APART
+        look *= LOOK_GROWTH
     return round(look)
 
 

@@ -165,15 +165,15 @@ class _Steps:
 def _steps(samples: SampleColumns, period: float, runs: Collection[int]) -> _Steps:
     """NOTE: between two runs nothing is known, and both begin with an empty queue."""
     pairs = zip(pairwise(samples.began_ms), pairwise(ends_ms(samples)), strict=True)
-    apart = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in runs]
+    spans = [(began[1] - began[0], ended[1] - ended[0]) for at, (began, ended) in enumerate(pairs, 1) if at not in runs]
     return _Steps(
-        between_ms=[ended for began, ended in apart if _is_on_schedule(began, period)],
-        left_out_ms=sum(max(0.0, began - period) for began, _ in apart if not _is_on_schedule(began, period)),
+        between_ms=[ended for began, ended in spans if _is_on_schedule(began, period)],
+        left_out_ms=sum(max(0.0, began - period) for began, _ in spans if not _is_on_schedule(began, period)),
     )
 
 
-def _is_on_schedule(apart_ms: float, period: float) -> bool:
-    return abs(apart_ms - period) <= _ON_SCHEDULE * period
+def _is_on_schedule(between_ms: float, period: float) -> bool:
+    return abs(between_ms - period) <= _ON_SCHEDULE * period
 
 
 def _least_mean(times: Sequence[float], error: float, *, wanders: bool) -> float:

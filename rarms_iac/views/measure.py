@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, assert_never
 
-from rarms_iac.app.experiments.beside_loads import decisive
 from rarms_iac.app.experiments.measure import MeasureOutcome
 from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.app.experiments.several_loads import decisive
 from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.measuring.measuring_findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
@@ -50,8 +50,8 @@ def summary_text(outcome: MeasureOutcome) -> "RenderableType":
     """
     rows = [
         row
-        for beside in outcome.partitions
-        for row in _rows(beside[0].experiment, *_outcome(decisive(beside), _loads(beside)))
+        for by_load in outcome.partitions
+        for row in _rows(by_load[0].experiment, *_outcome(decisive(by_load), _loads(by_load)))
     ]
     rows += [row for experiment in outcome.not_begun for row in _rows(experiment, "", "-", "not begun")]
     return stack(table(rows, header=HEADER, wrap=(1, 5), right=(3,)), *map(paragraph, _totals(outcome)))
@@ -88,10 +88,10 @@ def _outcome(result: ExperimentResult, loads: str) -> tuple[str, str, str]:
     return "", "-", ", ".join(filter(None, [remark, _planned(result, None), loads]))
 
 
-def _loads(beside: Sequence[ExperimentResult]) -> str:
+def _loads(by_load: Sequence[ExperimentResult]) -> str:
     """Which of several loads decides, and what the first one alone asks for."""
-    last, first = decisive(beside), beside[0]
-    if len(beside) == 1 and last.of_loads == 1:
+    last, first = decisive(by_load), by_load[0]
+    if len(by_load) == 1 and last.of_loads == 1:
         return ""
     if last is first or not first.reserve:
         return f"beside {last.interference}"

@@ -185,8 +185,8 @@ def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence
 
 def _name(change: Change, part: HostPlan) -> "Text":
     sign, address = SYMBOLS[change.action], change.address.in_short
-    beside = "" if change.address.task else members_of(change.address.partition, part.components)
-    return styled((sign, STYLES[sign]), " ", (address, STRONG), beside)
+    members = "" if change.address.task else members_of(change.address.partition, part.components)
+    return styled((sign, STYLES[sign]), " ", (address, STRONG), members)
 
 
 def _line(change: Change, part: HostPlan) -> "RenderableType":

@@ -52,8 +52,8 @@ def _verdict(verdict: IndexVerdict) -> str:
 
 def describe_proof_setting(proof: ComponentProof) -> str:
     """`2026-02-01T12:00:00Z, on onboard at 40 % beside busy-loop`: when and under what it ran with all others."""
-    beside = f"beside {proof.interference}" if proof.interference else "beside no load"
-    return f"{proof.when}, on {proof.host} with {proof.reserve} % of its VPs {beside}"
+    with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
+    return f"{proof.when}, on {proof.host} with {proof.reserve} % of its VPs {with_load}"
 
 
 def describe_verdict(index: PerformanceIndex, verdict: VerdictWord) -> str:
@@ -86,8 +86,8 @@ def _sentence(proof: LayoutProof) -> str:
     layout = proof.layout
     components = counted(len(layout.components), "component")
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
-    beside = f"beside {proof.interference}" if proof.interference else "beside no load"
-    return f"{proof.host}: {components} together on {amount} {beside}, {proof.starts} times anew: {message}."
+    with_load = f"beside {proof.interference}" if proof.interference else "beside no load"
+    return f"{proof.host}: {components} together on {amount} {with_load}, {proof.starts} times anew: {message}."
 
 
 def _sureness(proofs: Sequence[LayoutProof]) -> str:

@@ -100,11 +100,11 @@ def _proven(proofs: Sequence[ComponentProof]) -> Sequence[str]:
     """`3 of 4 thresholds held ... beside busy-loop, last at ...`, and a line for each that does not hold."""
     sentences: list[str] = []
     for load in dict.fromkeys(proof.interference for proof in proofs):
-        beside = [proof for proof in proofs if proof.interference == load]
-        holding = [proof for proof in beside if proof.met and not proof.outdated]
+        of_load = [proof for proof in proofs if proof.interference == load]
+        holding = [proof for proof in of_load if proof.met and not proof.outdated]
         last = max((proof.when for proof in holding), default="")
         when = f", last at {last.replace('T', ' ').replace('Z', ' UTC')}" if last else ""
-        thresholds = f"{len(holding)} of {counted(len(beside), 'threshold')}"
+        thresholds = f"{len(holding)} of {counted(len(of_load), 'threshold')}"
         sentences.append(f"{thresholds} held together with all other components beside {load or 'no load'}{when}.")
     for proof in proofs:
         if proof.outdated:

@@ -44,8 +44,8 @@ class TuningProgress(SilentReporter):
     def combined(self, compound: Coi, before: int) -> None:
         """Say what it brought."""
         names = in_a_row(compound.members)
-        apart, together = show_lp_percent(before), show_lp_percent(compound.cost)
-        self._say(paragraph(f"Combined: {names}, {apart} apart and {together} together."))
+        separate, together = show_lp_percent(before), show_lp_percent(compound.cost)
+        self._say(paragraph(f"Combined: {names}, {separate} apart and {together} together."))
 
     def ended(self) -> None:
         """Leave the table on the terminal."""

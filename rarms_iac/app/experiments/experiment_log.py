@@ -76,14 +76,14 @@ def settings_log_of(
     Returns:
         A log to read the settings of and to add to.
     """
-    beside = tuple(partition_name(partition) for partition in running)
+    others = tuple(partition_name(partition) for partition in running)
     return SettingsLog(
         path=log.path,
         header=log.header,
         provenance=lambda setting: Provenance(
             rarms_version=__version__,
             when=now(),
-            beside=beside,
+            beside=others,
             weak_load=is_weak(experiment.load, setting, experiment.host.logical_processors),
         ),
         anew=anew,

@@ -140,7 +140,7 @@ def ask_levels(
             if isinstance(result.conclusion, Stopped):
                 return result
             prompt.show(result, report_of_manifest(load_manifest(source)))
-    return _beside_new_thresholds(hosts, result)
+    return _judged_by_new_thresholds(hosts, result)
 
 
 def _extended(
@@ -173,7 +173,7 @@ def _selected(hosts: Hosts, request: SelectRequest, prompt: LevelPrompt) -> Sele
     return select_level(manifest, request) if prompt.confirms(proposed) else None
 
 
-def _beside_new_thresholds(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
+def _judged_by_new_thresholds(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
     system = load_manifest(hosts.manifest.source).system
     before = result.experiment
     members = tuple(replace(member, apt=system.components[member.name].apt) for member in before.members)

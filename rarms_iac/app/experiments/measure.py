@@ -15,7 +15,6 @@ from rarms_iac.app.control import UNATTENDED, Control
 from rarms_iac.app.data_logs import measurements_of
 from rarms_iac.app.decision_logs import record_choices
 from rarms_iac.app.errors import RequestError
-from rarms_iac.app.experiments.beside_loads import by_partition, decisive, leave_idle, measure_beside_loads
 from rarms_iac.app.experiments.experiment_log import data_log_path, end_remeasurements, remeasurements_for
 from rarms_iac.app.experiments.level_prompt import LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.app.experiments.measure_request import (
@@ -28,6 +27,7 @@ from rarms_iac.app.experiments.measure_request import (
 )
 from rarms_iac.app.experiments.run_experiment import run_experiment, stop_what_is_in_the_way
 from rarms_iac.app.experiments.session import MeasuringSession, hold_hosts, starting_again
+from rarms_iac.app.experiments.several_loads import by_partition, decisive, leave_idle, measure_with_each_load
 from rarms_iac.app.hosts import Hosts, host_errors
 from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.scripts import PlanScript
@@ -136,23 +136,23 @@ def _measure_all(
             return run_experiment(seeded, experiment, method)
 
         for loads in groups:
-            beside = measure_beside_loads(loads, method, run)
-            if not isinstance(beside[-1].conclusion, Stopped | SettingFailed):
+            of_loads = measure_with_each_load(loads, method, run)
+            if not isinstance(of_loads[-1].conclusion, Stopped | SettingFailed):
                 paths = [data_log_path(hosts, experiment) for experiment in loads]
                 complete |= {path: remeasurements[path] for path in paths if path in remeasurements}
-            if prompt is not None and not isinstance(beside[-1].conclusion, Stopped):
+            if prompt is not None and not isinstance(of_loads[-1].conclusion, Stopped):
                 further = partial(_measure_further, held, loads, request)
-                answered, ended = _with_levels(hosts, decisive(beside), prompt, further)
-                beside = (*(each for each in beside if each.log != answered.log), answered)
-            answer = decisive(beside)
-            if answer.reserve is not None and not request.weak_load and leave_idle(beside):
-                loads_beside = tuple(each.interference for each in beside)
+                answered, ended = _with_levels(hosts, decisive(of_loads), prompt, further)
+                of_loads = (*(each for each in of_loads if each.log != answered.log), answered)
+            answer = decisive(of_loads)
+            if answer.reserve is not None and not request.weak_load and leave_idle(of_loads):
+                interferences = tuple(each.interference for each in of_loads)
                 host, places = answer.experiment.host, hosts.manifest.places
-                findings.append(weak_answer(answer.components, loads_beside, host, places))
+                findings.append(weak_answer(answer.components, interferences, host, places))
             findings += findings_of(answer.experiment, answer.conclusion, answer.settings, hosts.manifest.places)
-            results += beside
+            results += of_loads
             begun += 1
-            if isinstance(beside[-1].conclusion, Stopped) or ended:
+            if isinstance(of_loads[-1].conclusion, Stopped) or ended:
                 break
     planned = totals_at_hand(hosts.manifest)
     outcome = MeasureOutcome(
@@ -193,7 +193,7 @@ def _measure_further(
     ]
     method = method_of(replace(request, reserves=reserves, coarse=False))
     run = partial(run_experiment, replace(session, hosts=fresh))
-    return decisive(measure_beside_loads(again, method, run))
+    return decisive(measure_with_each_load(again, method, run))
 
 
 def _remeasurements(

@@ -80,7 +80,7 @@ def narrow(
     if not written:
         return outcome
     search = replace(request, components=tuple(written), together=False, coarse=False, again=False)
-    return _beside(outcome, measure_components(hosts.reloaded(), search, control), written)
+    return _merged(outcome, measure_components(hosts.reloaded(), search, control), written)
 
 
 def narrowings(outcome: MeasureOutcome) -> Iterator[Narrowing]:
@@ -104,7 +104,7 @@ def narrowings(outcome: MeasureOutcome) -> Iterator[Narrowing]:
             yield Narrowing(component=name, before=before, after=after, reserve=reserve)
 
 
-def _beside(outcome: MeasureOutcome, after: MeasureOutcome, names: list[str]) -> MeasureOutcome:
+def _merged(outcome: MeasureOutcome, after: MeasureOutcome, names: list[str]) -> MeasureOutcome:
     """What was measured anew, beside what still stands of the rest."""
 
     def stands(result: ExperimentResult) -> bool:

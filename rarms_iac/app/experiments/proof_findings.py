@@ -72,11 +72,11 @@ def not_met(hosts: Hosts, proofs: Sequence[LayoutProof], states: Mapping[str, St
         for verdict in proof.not_met:
             measured, ways = verdict.measured, _ways_out(hosts, proof, verdict, free)
             index, load = index_named(measured.index), proof.interference
-            beside = f" beside {load}" if load else ""
+            with_load = f" beside {load}" if load else ""
             finding, advice = _finding_of(verdict, ways)
             yield finding.at(
                 hosts.manifest.places.value("components", measured.component, "apt", measured.index),
-                f"{measured.component} on {proof.host}{beside}: {show_index(measured)}, and its threshold is "
+                f"{measured.component} on {proof.host}{with_load}: {show_index(measured)}, and its threshold is "
                 f"{show_threshold(index, measured.threshold)}.",
                 advice,
                 address=f"component/{measured.component}",

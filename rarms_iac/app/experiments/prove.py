@@ -169,8 +169,8 @@ def _announce(
     least = least_duration_ms(layout, session.held[name].scheduler_memory_ms) * len(conditions)
     most = max(least, float(session.hosts.system.policy.measuring.proof))
     takes = f"{show_duration(least)} to {show_duration(most)}"
-    beside = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
-    session.control.reporter.message(f"The proof takes {takes} {beside}.")
+    with_load = f"beside {in_a_row(loads)}, and uses all idle time of {name}" if loads else f"on {name} beside no load"
+    session.control.reporter.message(f"The proof takes {takes} {with_load}.")
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
@@ -248,7 +248,7 @@ def _conditions(
     room = host_budget(system.hosts[host.name], state, system.application.name)
     runs = max(1, len(loads))
     conditions = ProofConditions(
-        beside=None,
+        load_partition=None,
         interference=None,
         seed=session.seed or USUAL_SEED,
         budget_ms=float(system.policy.measuring.proof) / runs,
@@ -257,20 +257,24 @@ def _conditions(
     if not loads:
         return (conditions,)
     return tuple(
-        replace(conditions, interference=load, beside=_beside(system.interference[load], room, load, host.name))
+        replace(
+            conditions,
+            interference=load,
+            load_partition=_make_load(system.interference[load], room, load, host.name),
+        )
         for load in loads
     )
 
 
-def _beside(load: Interference, room: MeasuringBudget, name: str, host: str) -> LoadPartition:
-    beside = load_partition(load, room)
-    if beside is None:
+def _make_load(load: Interference, room: MeasuringBudget, name: str, host: str) -> LoadPartition:
+    partition = load_partition(load, room)
+    if partition is None:
         message = f"{host} has no memory left for a partition that holds {name}."
         values: Facts = {"host": host, "interference": name}
         advice = prose("Free some, or prove what it is without a load: ", command("prove", without_load=True), ".")
         finding = measuring_findings.NO_ROOM.at(None, message, advice, values=values)
         raise UseCaseError(Outcome.NEGATIVE, [finding])
-    return beside
+    return partition
 
 
 def _prove(

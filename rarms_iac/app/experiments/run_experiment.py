@@ -89,7 +89,7 @@ def _run_held(session: MeasuringSession, experiment: Experiment, method: Method)
         seed=session.seed or max((run.seed for run in settings_log.runs()), default=0) or USUAL_SEED,
         reporter=session.control.reporter.settings,
         should_stop=session.control.stop.should_stop,
-        others=tuple(_work_beside(session.hosts, available.running)),
+        others=tuple(_work_of_others(session.hosts, available.running)),
     )
     _refuse_without_threshold(session.hosts, experiment, method)
     # Where other partitions are in the way, `_refuse_host` names them before the first run. Do not end earlier for lack
@@ -270,7 +270,7 @@ def _describe_duration(
     return f"{subject}{clock}: {'; '.join((f'{settings}, {least}{most}', *needs))}."
 
 
-def _work_beside(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
+def _work_of_others(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
     """Yield the work of the application's partitions that go on running, their components under names of their own.
 
     What other partitions run is not known: a simulated host has them idle.

@@ -219,18 +219,18 @@ def tuning_findings(end: TuningConclusion, places: Places) -> Iterator[Diagnosti
             values={"components": tuple(contradiction.members)},
         )
     for compound in end.compounds:
-        apart = total(end.parts_of(compound))
-        if compound.cost > apart:
+        separate = total(end.parts_of(compound))
+        if compound.cost > separate:
             together = show_lp_percent(compound.cost)
             yield planning_findings.ABOVE_THE_SUM.at(
                 None,
-                f"{', '.join(compound.members)} reserve {together} together, and {show_lp_percent(apart)} apart.",
+                f"{', '.join(compound.members)} reserve {together} together, and {show_lp_percent(separate)} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
                 address=f"partition/{compound.name}",
                 values={
                     "components": tuple(compound.members),
                     "together_lp": compound.cost / 100,
-                    "alone_lp": apart / 100,
+                    "alone_lp": separate / 100,
                 },
             )
 

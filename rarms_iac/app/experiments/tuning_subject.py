@@ -308,11 +308,11 @@ class Experiments:
                 f"{reserve} % of the VPs of {names} was to be measured; the host gives {highest} % of them"
             )
         for experiment in self.subject.experiments(members, self.strategy, self.samples):
-            if worse := self._worse_beside(experiment, members, reserve):
+            if worse := self._worse_with_load(experiment, members, reserve):
                 return worse
         return frozenset()
 
-    def _worse_beside(self, experiment: Experiment, members: Members, reserve: int) -> frozenset[str]:
+    def _worse_with_load(self, experiment: Experiment, members: Members, reserve: int) -> frozenset[str]:
         """Those that one load has miss a threshold: what stands up to all loads stands up to each."""
         result = run_experiment(self.session, experiment, ThresholdCheck(reserve=reserve, strategy=self.strategy))
         match result.conclusion:

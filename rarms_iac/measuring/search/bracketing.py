@@ -51,10 +51,10 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
     middle = (failed + passed) / 2
     at = max((crossing.at for crossing in crossings), default=middle)  # all must be met
     read_off = bool(crossings) and all(crossing.smooth for crossing in crossings) and at > passed - 2
-    apart = passed - failed
-    if bracket.passed is not None and (apart == 1 or (failed > 0 and apart <= (WIDTH if read_off else WIDTH - 1))):
+    width = passed - failed
+    if bracket.passed is not None and (width == 1 or (failed > 0 and width <= (WIDTH if read_off else WIDTH - 1))):
         return sufficient(history, passed)
-    towards = _TRUNCATION * apart**2
+    towards = _TRUNCATION * width**2
     chosen = ceil(min(at + towards, middle)) if at <= middle else floor(max(at - towards, middle))
     reach = 2 ** (MOST - 1 - len(history))  # as wide may a bracket be that halving still ends in time
     lowest, highest = max(failed + 1, passed - reach), min(passed - 1, failed + reach)

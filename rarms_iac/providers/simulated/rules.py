@@ -53,21 +53,21 @@ def _search(items: list[int], processors: int) -> bool:
     """Every way of placing the largest first, equal gaps tried once, as far as `TRIES` go."""
     free = [CAPACITY] * processors
     choices: list[list[int]] = [_places(free, items[0])]  # of the item at this depth, those not tried yet
-    placed: list[int] = []
+    places: list[int] = []
     for _ in range(TRIES):
         if not choices[-1]:
             choices.pop()
-            if not placed:
+            if not places:
                 return False
-            free[placed[-1]] += items[len(placed) - 1]
-            placed.pop()
+            free[places[-1]] += items[len(places) - 1]
+            places.pop()
             continue
         at = choices[-1].pop()
-        free[at] -= items[len(placed)]
-        placed.append(at)
-        if len(placed) == len(items):
+        free[at] -= items[len(places)]
+        places.append(at)
+        if len(places) == len(items):
             return True
-        choices.append(_places(free, items[len(placed)]))
+        choices.append(_places(free, items[len(places)]))
     return True
 
 

@@ -221,11 +221,11 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
 
 def _counted(report: Report) -> tuple[Measurement, ...]:
     """The measurements whose partitions are placed on their platforms: those that its total is made of."""
-    placed = {(capacity.platform, name) for capacity in report.capacities for name in capacity.placed}
+    counted = {(capacity.platform, name) for capacity in report.capacities for name in capacity.partitions}
     return tuple(
         measurement
         for measurement in report.measurements
-        if measurement.decides and (measurement.platform, measurement.partition) in placed
+        if measurement.decides and (measurement.platform, measurement.partition) in counted
     )
 
 

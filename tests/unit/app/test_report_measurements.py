@@ -3,7 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.app.report_measurements import LogBesideManifest, report_of
+from rarms_iac.app.report_measurements import ReportedLog, report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
@@ -54,7 +54,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
         a_setting(reserve, a_series("quick", [each] * 300), a_series("slow", [each] * 600))
         for reserve, each in ((20, 300.0), (59, 110.0), (60, 90.0))
     ]
-    logged = LogBesideManifest(path="x", log=a_log(settings, a_subject(quick, slow)))
+    logged = ReportedLog(path="x", log=a_log(settings, a_subject(quick, slow)))
 
     rows = levels_in(report_of(system, [logged]))
 
@@ -113,7 +113,7 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
 
     report = report_of(
         system,
-        [LogBesideManifest(path="browsers.jsonl", log=replace(logged.log, header=other), is_expected=False), logged],
+        [ReportedLog(path="browsers.jsonl", log=replace(logged.log, header=other), is_expected=False), logged],
     )
 
     assert [(measurement.interference, measurement.decides) for measurement in report.measurements] == [
@@ -145,7 +145,7 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
         [
             a_log_of(both[0], face_detection),
             a_log_of(both[1], path_planning),
-            LogBesideManifest(path="both", log=together),
+            ReportedLog(path="both", log=together),
         ],
     )
 
@@ -169,7 +169,7 @@ def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
     vision = measured("vision")
     log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(vision))
 
-    [shown] = report_of(a_system(components=[vision]), [LogBesideManifest(path="log", log=log)]).measurements[0].indexes
+    [shown] = report_of(a_system(components=[vision]), [ReportedLog(path="log", log=log)]).measurements[0].indexes
 
     assert [(point.reserve, point.value is None, point.failed) for point in shown.points] == [
         (10, True, 5),

@@ -67,9 +67,9 @@ def test_fixed_priorities_must_be_able_to_keep_the_order(
 
 def test_an_order_is_promised_within_one_operating_system_only() -> None:
     system = two_tasks(a_task("Seeing", category=TaskCategory.HIGH), a_task("Hearing", category=TaskCategory.HIGH))
-    apart = a_system(components=system.components.values(), tasks=system.tasks.values())
+    without_partitions = a_system(components=system.components.values(), tasks=system.tasks.values())
 
-    assert found(apart) == []
+    assert found(without_partitions) == []
 
 
 def test_a_class_that_is_shared_loses_the_order() -> None:

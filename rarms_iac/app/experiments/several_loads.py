@@ -29,7 +29,7 @@ def by_partition(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, .
     return tuple(tuple(group) for _, group in groups)
 
 
-def measure_beside_loads(experiments: Sequence[Experiment], method: Method, run: Run) -> tuple[ExperimentResult, ...]:
+def measure_with_each_load(experiments: Sequence[Experiment], method: Method, run: Run) -> tuple[ExperimentResult, ...]:
     """Find the least reservation that stands up to every load.
 
     The first load has a search. Each further one is asked whether the answer so far is enough beside it, and searched

@@ -6,8 +6,8 @@ from contextlib import chdir
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rarms_iac.app.experiments.beside_loads import by_partition, decisive, measure_beside_loads
 from rarms_iac.app.experiments.measure_request import ExperimentResult
+from rarms_iac.app.experiments.several_loads import by_partition, decisive, measure_with_each_load
 from rarms_iac.measuring.methods import Method, Search
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Sweep
@@ -47,7 +47,7 @@ SEARCH = Search()
 
 
 def measure(needs: Needs, method: Method = SEARCH) -> Sequence[ExperimentResult]:
-    return measure_beside_loads(experiments(*LOADS), method, needs.run)
+    return measure_with_each_load(experiments(*LOADS), method, needs.run)
 
 
 def test_each_load_begins_with_the_answer_so_far_and_the_last_answer_stands_up_to_all() -> None:
@@ -75,7 +75,7 @@ def test_an_end_that_is_asked_for_leaves_the_other_loads_out() -> None:
             experiment=experiment, conclusion=Stopped(), settings=(), new=0, planned=None, log="log"
         )
 
-    assert len(measure_beside_loads(experiments(*LOADS), Search(), stop)) == 1
+    assert len(measure_with_each_load(experiments(*LOADS), Search(), stop)) == 1
 
 
 def test_a_sweep_runs_beside_each_load_and_shows_the_one_by_which_most_is_reserved() -> None:
