@@ -120,6 +120,7 @@ class Overview:
     stale: Mapping[str, tuple[str, ...]]  # what changed since, by data log that reservations would rest on
     unmeasured: tuple[tuple[str, ...], ...]  # components of a partition that no data log speaks for
     next_command: NextCommand | None  # None: nothing is left to do, as far as is known
+    problems: tuple[Diagnostic, ...] = ()  # why the manifest has no layout; empty: it has, or no host could be asked
     has_thresholds: Internal[bool] = True  # whether a component has an APT
     unused_logs: int = 0  # stale data logs of loads that no reservation rests on
 
@@ -144,7 +145,7 @@ def overview_of(hosts: Hosts) -> Overview:
     """
     hosts = hosts.with_one_look()
     report = _report(hosts)
-    overviews = _host_overviews(hosts)
+    overviews, problems = _host_overviews(hosts)
     used = {load for name in hosts.system.components for load in hosts.system.loads_of((name,))}
     outdated_logs = [log for log in report.measurements if log.stale] if report else []
     stale = {log.log: log.stale for log in outdated_logs if log.interference in used}
@@ -160,7 +161,8 @@ def overview_of(hosts: Hosts) -> Overview:
         proofs=proofs,
         stale=stale,
         unmeasured=unmeasured,
-        next_command=_next_command(hosts.system, overviews, unmeasured, proofs),
+        next_command=_next_command(hosts.system, overviews, unmeasured, proofs, has_layout=not problems),
+        problems=problems,
         has_thresholds=any(component.apt for component in hosts.system.components.values()),
         unused_logs=len(outdated_logs) - len(stale),
     )
@@ -195,7 +197,7 @@ def _report(hosts: Hosts) -> Report | None:
 def _proofs_of_these_hosts(
     proofs: Sequence[ComponentProof], hosts: Sequence[HostOverview]
 ) -> tuple[ComponentProof, ...]:
-    """The proofs that were made on these hosts, with those outdated whose partition is not there as it was applied.
+    """The proofs that were made on these hosts, with those outdated whose partition is not there, or not as applied.
 
     Robots share the names of hosts, and the log: a proof that another machine gave says nothing of this one.
     """
@@ -208,6 +210,8 @@ def _proofs_of_these_hosts(
         if partition.drift is not None and partition.drift.is_of_the_host
         for component in partition.components
     }
+    present = {host.name: {name for part in host.partitions for name in part.components} for host in hosts}
+    seen = {host.name for host in hosts if not host.problems}
     undone = {
         host.name: host.last_run.started_at for host in hosts if host.last_run and host.last_run.run is RunKind.UNDO
     }
@@ -217,6 +221,8 @@ def _proofs_of_these_hosts(
             yield "its partition was changed on the host"
         if proof.host in undone and _moment(proof.when) < _moment(undone[proof.host]):
             yield f"what was applied to {proof.host} was taken back"
+        elif proof.host in seen and proof.component not in present[proof.host]:
+            yield f"its partition is not on {proof.host}"
 
     return tuple(replace(proof, outdated=(*proof.outdated, *outdated(proof))) for proof in own)
 
@@ -235,7 +241,8 @@ def _observe_alone(hosts: Hosts, name: str) -> State:
     return state
 
 
-def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
+def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagnostic, ...]]:
+    """Each chosen host, and the errors that keep the manifest from having a layout on those that were looked at."""
     seen: dict[str, tuple[State, PastRun | None]] = {}
     problems: dict[str, tuple[Diagnostic, ...]] = {}
     for name in hosts.chosen:
@@ -245,17 +252,20 @@ def _host_overviews(hosts: Hosts) -> tuple[HostOverview, ...]:
         except UseCaseError as error:
             problems[name] = error.diagnostics
     drifts: dict[str, tuple[ResourceDrift, ...]] = {}
+    no_layout: tuple[Diagnostic, ...] = ()
     try:
         if seen:
-            drifts = {drift.name: drift.drifted for drift in look_for_drift(hosts.only(*seen)).hosts}
+            report = look_for_drift(hosts.only(*seen))
+            drifts, no_layout = {drift.name: drift.drifted for drift in report.hosts}, report.problems
     except UseCaseError as error:
         problems.update(dict.fromkeys(seen, error.diagnostics))
-    return tuple(
+    overviews = tuple(
         HostOverview(name=name, problems=problems[name])
         if name in problems
         else _host_overview(hosts.system, name, *seen[name], drifts.get(name, ()))
         for name in hosts.chosen
     )
+    return overviews, no_layout
 
 
 def _host_overview(
@@ -299,6 +309,8 @@ def _next_command(
     hosts: Sequence[HostOverview],
     unmeasured: Sequence[tuple[str, ...]],
     proofs: Sequence[ComponentProof],
+    *,
+    has_layout: bool,
 ) -> NextCommand | None:
     unfinished = [host.name for host in hosts if host.last_run and host.last_run.closing is None]
     kinds = {kind for host in hosts for kind in host.drift_kinds}
@@ -317,6 +329,8 @@ def _next_command(
         return NextCommand(command="rarms measure", reason="finds the reservations that are not measured yet")
     if any(kind.is_of_the_host for kind in kinds):
         return NextCommand(command="rarms drift", reason="tells what was changed on a host")
+    if not has_layout:
+        return NextCommand(command="rarms plan", reason="tells why the manifest has no layout, and what would help")
     if kinds - {DriftKind.UNUSED}:
         return NextCommand(command="rarms plan", reason="shows what is not applied yet")
     if any(host.problems for host in hosts):
@@ -328,11 +342,10 @@ def _next_command(
     if missed:
         words = f"rarms measure {' '.join(missed)} --again --stop-partitions"
         return NextCommand(command=words, reason="measures again what missed its threshold together with all others")
+    stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
+    if stopped:
+        return NextCommand(command=f"rarms start {' '.join(stopped)}", reason="starts what was stopped")
     if not asked <= holding:
-        stopped = sorted({partition.name for host in hosts for partition in host.partitions if partition.is_stopped})
-        if stopped:
-            reason = "starts what was stopped, so that thresholds can be proven"
-            return NextCommand(command=f"rarms start {' '.join(stopped)}", reason=reason)
         reason = "runs all components together, and compares them with their thresholds"
         return NextCommand(command="rarms prove", reason=reason)
     return None

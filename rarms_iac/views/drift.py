@@ -1,11 +1,12 @@
 """What drifted on hosts: each difference with what is there and what the manifest wants."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.drift import DriftReport, HostDrift
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.commands import APPLY, PLAN, prose
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
 from rarms_iac.views.changes import attributes_of, members_of
@@ -35,9 +36,14 @@ def drift_text(report: DriftReport) -> "RenderableType":
     elif not problems and any(host.host_changed or host.not_applied for host in report.hosts):
         parts.append(paragraph(prose(PLAN, " shows what would make it as the manifest wants it.")))
     if problems:
-        codes = ", ".join(dict.fromkeys(f"{problem.code} ({problem.summary.lower()})" for problem in problems))
-        parts.append(paragraph(prose(f"The manifest was not compared: {codes}. ", PLAN, " tells more.")))
+        reasons = name_findings(problems)
+        parts.append(paragraph(prose(f"The manifest was not compared: {reasons}. ", PLAN, " tells more.")))
     return stack(*parts, paragraph(styled((_summary(report), STRONG))))
+
+
+def name_findings(findings: Sequence[Diagnostic]) -> str:
+    """`RARMS014 (reservations exceed the platform)`, each once."""
+    return ", ".join(dict.fromkeys(f"{finding.code} ({finding.summary.lower()})" for finding in findings))
 
 
 def _drifted_host(host: HostDrift) -> "Iterator[RenderableType]":

@@ -13,7 +13,7 @@ from rarms_iac.model.state import StoppedBy
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
-from rarms_iac.views.drift import TITLES
+from rarms_iac.views.drift import TITLES, name_findings
 from rarms_iac.views.prove import describe_proof_setting, describe_verdict
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ def status_text(overview: Overview) -> "RenderableType":
         parts.append(
             paragraph(in_a_row([" with ".join(names) for names in overview.unmeasured]), start="Not measured: ")
         )
+    elif overview.problems:
+        parts.append(paragraph(f"{name_findings(overview.problems)}.", start="No layout: "))
     if overview.unused_logs:
         logs = counted(overview.unused_logs, "data log")
         parts.append(paragraph(f"{logs} of loads that no reservation rests on, stale.", start="Unused: "))

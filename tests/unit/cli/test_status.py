@@ -184,6 +184,38 @@ def test_a_proof_of_a_partition_that_another_tool_changed_is_outdated() -> None:
     assert "planner is outdated: its partition was changed on the host." in changed.out
 
 
+def test_a_proof_of_a_partition_that_is_not_there_any_more_is_outdated() -> None:
+    Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED, encoding="utf-8")
+    for command in (["measure"], ["apply", "--auto-approve"], ["prove", "--load-host"], ["destroy", "--auto-approve"]):
+        assert rarms(*command).code == 0
+
+    removed = rarms("status")
+
+    assert "0 of 1 threshold held" in removed.out
+    assert "planner is outdated: its partition is not on onboard." in removed.out
+    assert "Next: `rarms plan` shows what is not applied yet." in removed.out
+
+
+def test_what_was_stopped_is_left_to_do_although_all_is_applied() -> None:
+    for command in (["apply", "--auto-approve"], ["stop", "vision", "--auto-approve"]):
+        assert rarms(*command).code == 0
+
+    answer = rarms("status")
+
+    assert "Next: `rarms start vision` starts what was stopped." in answer.out
+    assert "Nothing is left to do" not in answer.out
+
+
+def test_a_manifest_that_does_not_fit_is_not_proven_next_but_planned() -> None:
+    Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "80 %"), encoding="utf-8")
+    planned, answer = rarms("plan"), rarms("status")
+
+    assert planned.code == 4
+    assert "No layout: RARMS014 (reservations exceed the platform)." in answer.out
+    assert "Next: `rarms plan` tells why the manifest has no layout, and what would help." in answer.out
+    assert [finding["code"] for finding in json.loads(rarms("status", "--json").out)["problems"]] == ["RARMS014"]
+
+
 def test_nothing_is_simulated_for_a_partition_that_is_not_there() -> None:
     answer = rarms("simulate", "change", "nobody", "--off")
 
