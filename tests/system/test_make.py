@@ -127,6 +127,9 @@ def test_the_demo_works_twice_in_a_fresh_checkout_and_leaves_it_clean(tmp_path: 
         )
         assert done.returncode == 0, done.stdout + done.stderr
         assert "No changes. The host is as the manifest wants it." in done.stdout
+        lines = done.stdout.splitlines()
+        assert len(lines) < 200
+        assert max(map(len, lines)) <= 80
 
     assert files_of(fresh) == before
 
