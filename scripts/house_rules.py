@@ -46,8 +46,8 @@ COLLECTIONS = frozenset(
     "frozenset",
     "None",
 }
-REFERENCE = re.compile(r"See (`[^`]*`|the \w+)\.|The same\.|Its \w+\.")
-"""A docstring that tells nothing."""
+REFERENCE = re.compile(r"See (`|the (interface|protocol))|The same\b|Its \w+\.$")
+"""How a docstring begins that sends its reader elsewhere instead of saying what it is about."""
 
 PRONOUNS = re.compile(r"\b(?:no|some)body\b|\b(?:who|what|wher)ever\b", re.IGNORECASE)
 """Words that leave open who or what it is."""
@@ -185,8 +185,8 @@ def _pronouns_below(folder: Path) -> Iterator[str]:
 
 def _references_for_docstrings(path: Path, tree: ast.Module) -> Iterator[str]:
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and REFERENCE.fullmatch(ast.get_docstring(node) or ""):
-            yield f"{path.as_posix()}:{node.lineno}: {node.name}: its docstring only refers to another: delete it"
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and REFERENCE.match(ast.get_docstring(node) or ""):
+            yield f"{path.as_posix()}:{node.lineno}: {node.name}: its docstring only refers to another: say what it is"
 
 
 def _contracts_in_part(path: Path, tree: ast.Module, in_protocols: frozenset[str]) -> Iterator[str]:

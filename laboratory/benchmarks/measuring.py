@@ -115,7 +115,7 @@ class Once:
     asked: Measure
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        """See `loop.Strategy`."""
+        """Ask for the setting once, and end."""
         return Swept() if settings else self.asked
 
 

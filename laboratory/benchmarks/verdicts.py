@@ -213,7 +213,7 @@ def sequential(series: Series, apt: dict[str, Threshold]) -> Verdict:
 
 
 def sequential_in(series: Series, apt: dict[str, Threshold], run: Run) -> tuple[int, Verdict]:
-    """The same of any run, with the samples that it took."""
+    """The verdict of a run as a running measurement gives it, with the samples that it took."""
     look = FIRST_LOOK
     while look < len(series.samples):
         part = Series(component="coi", samples=series.samples[:look], elapsed_ms=series.samples[look].began_ms)

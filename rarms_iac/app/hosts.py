@@ -55,7 +55,7 @@ class Hosts:
         return self.manifest.folder
 
     def only(self, *names: str) -> "Hosts":
-        """The same manifest, with these of its hosts.
+        """Keep these of the manifest's hosts, and leave the others out.
 
         Args:
             names: Of hosts of the manifest.
@@ -93,7 +93,7 @@ class Hosts:
         return open_host(self.system.hosts[host], self.folder, self.state_path(host), self.channels.get(host))
 
     def with_one_look(self) -> "Hosts":
-        """The same hosts, to be read and not changed: a distant one is looked at once, for all questions.
+        """Have these hosts read and not changed: a distant one is looked at once, for all questions.
 
         Returns:
             A copy; the first question to a host looks at it, so what it answers is as old as that.

@@ -133,7 +133,7 @@ def _headrooms_of(group: Group, host: Host, reservations: MeasuredReservations) 
 
 
 def _in_base(hosts: Hosts, base: str) -> Hosts:
-    """The same hosts and snapshots with the manifest of the base."""
+    """These hosts and snapshots, with the manifest of the base."""
     source = hosts.manifest.source
 
     def path(file: str) -> str:

@@ -223,7 +223,7 @@ class _ShownReservations:
         return host.logical_processors, host.platform
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
-        """See `ReservationSource.remarks`: the report has its own."""
+        """None: the report has remarks of its own."""
         return ()
 
 

@@ -134,7 +134,7 @@ class Measurement:
     @property
     @output
     def reserved_lp(self) -> Fraction | None:
-        """The same in LPs."""
+        """What the partition is guaranteed, in LPs."""
         return None if self.reserve is None else guaranteed(self.reserve, self.processors)
 
 

@@ -62,7 +62,7 @@ class ManifestSource(ManifestFile):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatedManifestSource(ManifestSource):
-    """The same for a command that is asked for another day, too."""
+    """A manifest, for a command that takes `--today`."""
 
     today: date = field(
         default_factory=today_utc,
@@ -133,7 +133,7 @@ class HostSelection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotSelection(HostSelection):
-    """The same for a command that takes snapshots, too."""
+    """Hosts, for a command that takes snapshots in their place."""
 
     snapshots: tuple[SnapshotFile, ...] = option(
         "--snapshot",
@@ -190,6 +190,6 @@ class RunOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRunOptions(RunOptions):
-    """The same for a command that makes its plan itself."""
+    """How a run goes, for a command that makes its plan itself."""
 
     out: str | None = option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")

@@ -26,7 +26,7 @@ class RarmsCommand(click.Command):
     """A command whose usage errors always carry its context, so that they can name it."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """See `click.Command.parse_args`.
+        """Parse the words of a command line.
 
         Raises:
             click.UsageError: the arguments are wrong; it has this context, which click leaves out of some errors.

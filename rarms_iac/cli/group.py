@@ -26,7 +26,7 @@ EPILOG = "`rarms COMMAND --help` tells more of each; `rarms explain RARMS014` ex
 
 
 class LazyGroup(click.Group):
-    """Its commands are a table of names; a command's module is imported when it is looked up."""
+    """Commands by a table of names; a command's module is imported when it is looked up."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         """All names, in the table's order."""

@@ -153,7 +153,7 @@ def packs(claims: Iterable[Claim], capacity: Capacity) -> bool:
 
 
 def packed(claims: Iterable[Claim], capacity: Capacity, effort: Effort | None = None) -> bool | None:
-    """The same; None: the exact search gave up, so that neither is known.
+    """Whether claims pack onto a host; None: the exact search gave up, so that neither is known.
 
     It takes `SEARCH_NODES` steps at most, and where an effort is given, no more than that has left.
 

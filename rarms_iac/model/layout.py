@@ -45,7 +45,7 @@ class PlacedPartition:
 
     @property
     def claim(self) -> Claim:
-        """Its claim on its host while it runs."""
+        """What it claims of its host while it runs."""
         return self.sharing.claim(self.settings.processors, self.settings.reserve, self.settings.memory)
 
     @property

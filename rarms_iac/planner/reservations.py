@@ -91,11 +91,11 @@ class FixedReservations:
         return NotMeasured(components=unknown) if unknown else ProcessorTime(fixed(members, host))
 
     def depends_on(self, host: Host) -> Hashable:
-        """See `ReservationSource.depends_on`: a share is of the logical processors, and nothing else matters."""
+        """Logical processors: a share is of these, and nothing else matters."""
         return host.logical_processors
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
-        """See `ReservationSource.remarks`: what the manifest fixes needs none."""
+        """None: what the manifest fixes needs no remark."""
         return ()
 
 
@@ -203,11 +203,11 @@ class MeasuredReservations:
         return ProcessorTime(max(looked_up, fixed(members, host)))
 
     def depends_on(self, host: Host) -> Hashable:
-        """See `ReservationSource.depends_on`: processors, for what is fixed, and what data logs are compared with."""
+        """Processors, for what is fixed, and what data logs are compared with."""
         return host.logical_processors, self.kinds.get(host.name)
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """See `ReservationSource.remarks`: those of the log."""
+        """The remarks of the log of each load."""
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()

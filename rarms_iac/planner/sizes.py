@@ -134,7 +134,7 @@ def _reserve(group: Group, host: Host, reservations: ReservationSource) -> Logic
 
 
 def _processors(group: Group, host: Host) -> int:
-    """Its own, or the most that a member wants; who says nothing wants all of the host's."""
+    """VPs of the partition, or the most that a member wants; a member that says nothing wants all of the host's."""
     own = group.request.processors
     return own if own is not None else max(member.processors or host.logical_processors for member in group.members)
 

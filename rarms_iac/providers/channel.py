@@ -118,7 +118,7 @@ class Channel:
             return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
 
     def code(self) -> int | None:
-        """Its exit code once its output has ended; None where it lives on."""
+        """Exit code of the program, once its output has ended; None where it lives on."""
         try:
             code = self._process.wait(LAST_SECONDS)
         except subprocess.TimeoutExpired:

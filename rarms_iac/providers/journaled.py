@@ -52,7 +52,7 @@ class LocalFiles:
 
     @contextmanager
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:
-        """See `HostFiles.hold`: until this process ends at the latest."""
+        """Held until this process ends at the latest."""
         make_folder_for(lock)
         with hold(lock, owner, timeout_ms):
             yield
@@ -73,7 +73,7 @@ class JournaledHost:
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """See the interface; also removes what killed writers left behind."""
+        """Also removes what killed writers left behind."""
         with ExitStack() as held:
             with report_failure(self.name, self._lock_path):
                 held.enter_context(self._files.hold(self._lock_path, owner, timeout_ms))

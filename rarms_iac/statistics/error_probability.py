@@ -114,4 +114,4 @@ ERRORS_EXPLAINED: Final = (
     "seen. Of a maximum or minimum nothing more is said than what was seen so far, and the share of jobs that may lie "
     "beyond it."
 )
-"""The same words in the terminal, in the report and in the documentation."""
+"""What the terminal, the report and the documentation say of errors."""

@@ -118,7 +118,7 @@ def _starts(series: Series) -> list[int]:
 
 
 def _answered_starts(series: Series) -> list[int]:
-    """The same, counted among the jobs that answered."""
+    """The samples of `_starts`, counted among the jobs that answered."""
     return answered_before(series, _starts(series))
 
 

@@ -40,7 +40,7 @@ class NotDecodable(ValueError):
 
 
 def _once(make: Callable[[Any], T]) -> Callable[[Any], T]:
-    """The same function, which works each type out once."""
+    """A function that works each type out once."""
     return cast("Callable[[Any], T]", cache(make))
 
 

@@ -86,7 +86,7 @@ def _wait(descriptor: int, path: Path, timeout_ms: int) -> None:
 
 
 def _owner_of_a_held_lock(path: Path) -> str:
-    """Its owner writes the name right after taking it: give it a moment."""
+    """Who holds a lock; the name is written right after the lock is taken: give it a moment."""
     for _ in range(5):
         if owner := read_owner(path):
             return owner

@@ -28,7 +28,7 @@ def applied_layouts(
     Args:
         hosts: Those of the manifest.
         states: Of hosts that can run components.
-        everywhere: The same, and those of other hosts that could be reached.
+        everywhere: Those states, and those of other hosts that could be reached.
 
     Returns:
         Layouts by host name; a host on which nothing of the manifest runs has none.
@@ -128,7 +128,7 @@ def refuse_unapplied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapp
     Args:
         hosts: of the manifest.
         states: of hosts that can run components.
-        everywhere: the same, and those of other hosts that could be reached.
+        everywhere: those states, and those of other hosts that could be reached.
 
     Raises:
         UseCaseError: A plan would change something (refused), or the manifest cannot be planned (as `outcome_of`).

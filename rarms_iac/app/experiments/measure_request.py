@@ -163,7 +163,7 @@ class ExperimentResult:
     @property
     @output
     def reserved_lp(self) -> Fraction | None:
-        """The same in LPs."""
+        """What the least that is enough guarantees, in LPs."""
         return guaranteed(self.found.reserve, self.processors) if self.found else None
 
     @property

@@ -43,7 +43,7 @@ class WaysOut:
 
     @property
     def facts(self) -> Facts:
-        """The same for a program."""
+        """The values behind the ways out, as a finding carries them."""
         facts: dict[str, str | float | tuple[str, ...]] = {"free_lp": float(self.free_lp)}
         if self.asked_lp is not None:
             facts["asked_lp"] = float(self.asked_lp)

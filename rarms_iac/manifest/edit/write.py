@@ -97,7 +97,7 @@ class _Writer:
         return _joined(self.parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
 
     def parts(self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
-        """Its entries, in canonical order."""
+        """The entries of the map, in canonical order."""
         return [self.entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
     def entry(self, entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:

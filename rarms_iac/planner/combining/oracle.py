@@ -186,20 +186,20 @@ class SilentReporter:
     """Drops what it is told."""
 
     def setting_answered(self, answer: Answer) -> None:
-        """See `PlannerReporter.setting_answered`; nothing is done."""
+        """Do nothing."""
 
     def declined(self, members: Members) -> None:
-        """See `PlannerReporter.declined`; nothing is done."""
+        """Do nothing."""
 
     def combined(self, compound: Coi, before: int) -> None:
-        """See `PlannerReporter.combined`; nothing is done."""
+        """Do nothing."""
 
 
 class Always:
     """Consents to everything."""
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:  # noqa: ARG002 - the protocol's
-        """See `Consent.allows`; every combination is allowed."""
+        """Say yes, to every combination."""
         return True
 
 

@@ -16,7 +16,7 @@ ITERATIONS_OF_A_NODE = 100
 """Iterations of the simplex method that count as one of these."""
 
 PACKINGS_TRIED = 80
-"""The same in sets that are packed, as most take no node."""
+"""Sets that are packed at most, as most of them take no node."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

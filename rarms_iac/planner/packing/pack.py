@@ -89,7 +89,7 @@ NODES_FOR_ANY = 200_000
 """Nodes of the search for any packing, good or not, times the variables; most proofs of none take fewer."""
 
 MOST_NODES_FOR_ANY = 300
-"""The same, however few variables there are."""
+"""Nodes of that search, however few variables there are."""
 
 REPACKING_NODES, REPACKING_NODES_A_PARTITION = 50, 3
 """Nodes of packing a few hosts anew: before that search, since it is often enough, and for each partition after it."""
@@ -270,7 +270,7 @@ def _find_any(items: Sequence[Item], bins: Sequence[Bin], nodes: Nodes | None = 
 
 
 def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_StageResult":
-    """The same; a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
+    """Any packing: a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
     host_of = find_by_repacking(items, bins, Nodes(REPACKING_NODES))
     if host_of is not None:
         return _StageResult(host_of=host_of, bound=0)

@@ -37,7 +37,7 @@ class LinuxEffects(Protocol):
     """A Linux host. An OSError is the answer of its kernel; paths are those of the host."""
 
     def look(self) -> None:
-        """See the host as it is now, not as it was seen before."""
+        """Look at the host as it is now, not as it was seen before."""
 
     def content(self, path: Path) -> bytes | None:
         """Return the bytes of a file that rarms keeps; None: there is none. Raises OSError."""
@@ -116,7 +116,7 @@ class LocalEffects(LocalFiles):
     """This machine: each call does its work at once."""
 
     def look(self) -> None:
-        """See `LinuxEffects.look`: what is read is always as it is now."""
+        """Nothing is to be done: what is read is always as it is now."""
 
     def read(self, path: Path) -> str:
         with _missing_when_removed(path):
@@ -148,7 +148,7 @@ class LocalEffects(LocalFiles):
 
     @contextmanager
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:
-        """See `LinuxEffects.hold`: the system's lock ends with this process. The lease is another machine's."""
+        """By the system's lock, which ends with this process. The lease is another machine's."""
         lease = lock.with_name("lease")
         until = time.monotonic() + timeout_ms / 1000
         while True:

@@ -100,7 +100,7 @@ class LinuxMeasuringHost(LinuxHostProvider):
         return None
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """See the interface. Task classes are not written to this host: their values go with each process."""
+        """Task classes are not written to this host: their values go with each process."""
         if not isinstance(operation, WriteTaskClass):
             super().execute(operation, scope)
 
@@ -310,14 +310,14 @@ class RealWork:
         }
 
     def restart_load(self) -> bool:
-        """See the interface: not here, where a load that pauses would count as disturbed."""
+        """The load goes on: one that pauses would count as disturbed."""
         return False
 
     def elapsed_ms(self) -> float:
         return 1000 * (time.perf_counter() - self.started)
 
     def cpu_ms(self, component: str) -> float | None:
-        """See the interface. Of the group where the component is alone in it, else of its processes, in clock ticks."""
+        """Of the group where the component is alone in it, else of its processes, in clock ticks."""
         if component in self._group_alone:
             group, before = self._group_alone[component]
             return self.host.tree.cpu_ms(group) - before

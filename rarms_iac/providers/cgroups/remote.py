@@ -113,7 +113,7 @@ class RemoteEffects:
 
     @contextmanager
     def hold(self, lock: Path, owner: str, timeout_ms: int) -> Iterator[None]:  # noqa: ARG002 - it lies in the folder
-        """See `LinuxEffects.hold`: every batch renews the lease, which keeps others out until the next one."""
+        """By a lease, which every batch renews and which keeps others out until the next one."""
         with run_token() as token:
             self._take(owner, token, timeout_ms)
             self._lease = owner, token
@@ -151,7 +151,7 @@ class RemoteEffects:
         self._do("replace", path, data.decode("utf-8"))
 
     def append(self, path: Path, record: Record) -> None:
-        """See `LinuxEffects.append`. A record that says that a step is done may wait for the next batch."""
+        """A record that says that a step is done may wait for the next batch."""
         line = line_of(record)
         before = self.content(path)
         if before is None:

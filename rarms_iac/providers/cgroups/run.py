@@ -144,7 +144,7 @@ class LinuxHostProvider(JournaledHost):
 
     @contextmanager
     def in_one_batch(self) -> Iterator[None]:
-        """See `BatchingHost`. On this machine each effect is done at once."""
+        """On this machine each effect is done at once."""
         with self._kernel_errors(self._settings.slice):
             try:
                 with self._effects.in_one_batch():
@@ -164,12 +164,12 @@ class LinuxHostProvider(JournaledHost):
         return super().unfinished()
 
     def start_run(self, started: RunStarted) -> None:
-        """See the interface. On a held host a record may be written with the next effects, before them."""
+        """On a held host a record may be written with the next effects, before them."""
         super().start_run(started)
         self._commit_record(is_last=False)
 
     def record(self, record: JournalRecord) -> None:
-        """See the interface, and `start_run`."""
+        """On a held host it may be written with the next effects, as in `start_run`."""
         super().record(record)
         self._commit_record(is_last=isinstance(record, RunClosed))
 
@@ -179,7 +179,7 @@ class LinuxHostProvider(JournaledHost):
                 self._effects.commit()
 
     def _look_unless_held(self) -> None:
-        """See the host anew where it may have changed: between the batches of a run no other run changes it."""
+        """Look at the host anew where it may have changed: between the batches of a run no other run changes it."""
         if not self._is_held:
             self._refresh()
 
@@ -195,7 +195,7 @@ class LinuxHostProvider(JournaledHost):
         return self._look()[0]
 
     def examined(self) -> ObservedHost:
-        """See `ExaminableHost`. Findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
+        """Findings: orphaned processes, partitions off that should run, no `keep_for_host`."""
         state, definitions = self._look()
         off = [definition.settings.name for definition in self._stopped_by_no_run(definitions.values())]
         found = [*off_without_stop(self._host, off), *nothing_withheld(self._host, self._processors)]
@@ -232,7 +232,7 @@ class LinuxHostProvider(JournaledHost):
         return sorted(off, key=lambda definition: definition.settings.name)
 
     def _look(self) -> tuple[State, Mapping[str, GroupDefinition]]:
-        """See the host, and return its state, and the definition of each partition by its id."""
+        """Return the host's state, and the definition of each partition by its id."""
         self._refresh()
         return self._seen()
 
@@ -261,7 +261,7 @@ class LinuxHostProvider(JournaledHost):
         return readings(self._seen()[0], address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """See the interface. The definition is replaced last, so that a kill before leaves the partition as it was."""
+        """The definition is replaced last, so that a kill before leaves the partition as it was."""
         self._look_unless_held()
         state, known = self._seen()
         with self._kernel_errors(self._settings.slice if isinstance(operation, TaskOperation) else operation.partition):

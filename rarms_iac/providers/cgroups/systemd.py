@@ -46,7 +46,7 @@ class GroupTreeSystemd(GroupTreeV2):
     """Slice units below one slice unit."""
 
     def __init__(self, effects: LinuxEffects, slices: Mapping[str, Path]) -> None:
-        """See `GroupTree`; the slice's folder has the name of its unit."""
+        """The slice's folder has the name of its unit."""
         super().__init__(effects, slices)
         self._slice = slices["cpu"].name
 
@@ -93,7 +93,7 @@ class GroupTreeSystemd(GroupTreeV2):
             self._forget(self._slice)
 
     def place(self, name: str) -> ProcessPlace:
-        """See `GroupTree.place`: systemd makes a scope for each process, as a slice holds none itself."""
+        """A slice holds no process itself, so systemd makes a scope for each."""
         return ProcessPlace(words=("systemd-run", "--scope", "--quiet", "--collect", f"--slice={name}", "--"))
 
     def _prepare_slice(self) -> None:

@@ -77,7 +77,7 @@ class GuestRun:
         self._counters[-1].ticks[counter_set] = ticks
 
     def count_from_now(self) -> None:
-        """See the interface: from the newest counters on."""
+        """From the newest counters on."""
         self._counts_from = self._now
         del self._counters[1:-1]
         self._missing = {
@@ -85,14 +85,14 @@ class GuestRun:
         }
 
     def restart_load(self) -> bool:
-        """See the interface: a guest's runner starts its load once."""
+        """The load goes on: a guest's runner starts it once."""
         return False
 
     def elapsed_ms(self) -> float:
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:
-        """See the interface: of its machine, where it is alone there, drawn on from the last two counters."""
+        """Of the component's machine, where it is alone there, drawn on from the last two counters."""
         alone = [
             _machine_set(part.partition)
             for part in self.work.partitions
@@ -108,7 +108,7 @@ class GuestRun:
         return last[1] - first[1] + rate * (self._now - last[0])
 
     def evidence(self) -> SettingEvidence | None:
-        """See the interface: what the hypervisor counted of each machine (FACTS 8)."""
+        """What the hypervisor counted of each machine (FACTS 8)."""
         if len(self._counters) < 2:
             return None
         before, last = self._counters[-2 if len(self._counters) == 2 else 1], self._counters[-1]

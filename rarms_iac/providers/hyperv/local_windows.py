@@ -65,7 +65,7 @@ def observe_here() -> str:
 
 
 class ThisWindows:
-    """See `LocalWindows`. Each class of WMI is listed once."""
+    """The Windows that rarms runs on. Each class of WMI is listed once."""
 
     def __init__(self) -> None:
         self.instances = cache(self._instances)
@@ -81,7 +81,7 @@ class ThisWindows:
         return [{known: _raw_value(each, known) for known in QUERIES[name]} for each in found]
 
     def disk(self, path: str) -> WmiInstance:
-        """See the protocol: what the service returns is an instance as XML."""
+        """What the service returns is an instance as XML."""
 
         def ask(connection: Any) -> str:
             (service,) = connection.query("SELECT * FROM Msvm_ImageManagementService")
@@ -118,12 +118,12 @@ class ThisWindows:
             raise _not_read(problem, path) from problem
 
     def is_elevated(self) -> bool:
-        """See the protocol: of a token that User Account Control filtered, the group only denies."""
+        """Of a token that User Account Control filtered, the group only denies."""
         administrators = win32security.CreateWellKnownSid(win32security.WinBuiltinAdministratorsSid, None)
         return bool(win32security.CheckTokenMembership(None, administrators))
 
     def is_hyperv_administrator(self) -> bool:
-        """See the protocol; in a token of a logon before the account joined, it is none."""
+        """False in a token of a logon before the account joined the group."""
         members = win32security.ConvertStringSidToSid(HYPERV_ADMINISTRATORS)
         return bool(win32security.CheckTokenMembership(None, members))
 
@@ -151,7 +151,7 @@ class ThisWindows:
         return owner, text
 
     def is_script_running(self) -> bool:
-        """See the protocol: a run has its file open, and shares it for reading alone."""
+        """A run has the script's file open, and shares it for reading alone."""
         path = str(own_folder() / OWNER)
         share = win32con.FILE_SHARE_READ | win32con.FILE_SHARE_WRITE
         try:
@@ -166,7 +166,7 @@ class ThisWindows:
         return False
 
     def modules(self) -> list[str]:
-        """See the protocol: those that come with Windows."""
+        """Those that come with Windows."""
         system = Path(os.environ.get("SYSTEMROOT", r"C:\Windows")) / "System32"
         found = (system / "WindowsPowerShell" / "v1.0" / "Modules" / "Hyper-V").glob("*/Hyper-V.psd1")
         return sorted((manifest.parent.name for manifest in found), reverse=True)

@@ -105,7 +105,7 @@ class HypervMeasuringHost(LiveHypervHost):
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:  # noqa: ARG002 - a script names its own
-        """See the interface: the script that measures holds the host, for as long as there are test partitions."""
+        """The script that measures holds the host, for as long as there are test partitions."""
         self._waits = WaitLimits(lock_ms=timeout_ms)
         yield
 

@@ -129,7 +129,7 @@ class LiveHypervHost:
         return copy if without_signature(copy) == text else text
 
     def recorded(self) -> bytes:
-        """See the interface: the very line that `observe.ps1` prints."""
+        """The very line that `observe.ps1` prints."""
         document = self._printed()
         self._read(document)
         return f"{document}\n".encode()

@@ -103,7 +103,7 @@ class LocalTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """See the protocol; the scripts lie in a folder of this user's own while they run."""
+        """The scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
             protect(folder, OURS_ONLY)
@@ -118,7 +118,7 @@ class LocalTransport:
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator[ScriptSession]:
-        """See the protocol; the bootstrap starts it here, too, since it notices when rarms is gone."""
+        """The bootstrap starts it here, too, since it notices when rarms is gone."""
         program = self._program()
         words = (program, *remote_words(SHELLS[0])[1:])
         with (
@@ -155,7 +155,7 @@ class SshTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """See the protocol; nothing is sent before the other end says that it is ready."""
+        """Nothing is sent before the other end says that it is ready."""
         with self._ready() as channel:
             channel.send(frame(script, arguments))
             refusal = _RefusalListener(listener)

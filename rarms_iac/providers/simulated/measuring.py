@@ -141,7 +141,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     @property
     def scheduler_memory_ms(self) -> float:
-        """See the interface: a reserve is guaranteed over this window, and unused claim is kept for it."""
+        """A reserve is guaranteed over this window, and unused claim is kept for it."""
         return WINDOW_MS
 
     def obstacle(self, subject: Component | Interference) -> Obstacle | None:
@@ -256,11 +256,11 @@ class Simulated:
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:
-        """See the interface: up to its last job that ended."""
+        """Up to the component's last job that ended."""
         return self._consumed.get(component, 0.0)
 
     def evidence(self) -> None:
-        """See the interface: nothing disturbs a model."""
+        """Nothing disturbs a model."""
 
 
 def _partition(

@@ -85,7 +85,7 @@ class SimulatedHostProvider(JournaledHost):
         return readings(state, address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """See the interface; faults that the manifest asks for strike here."""
+        """Faults that the manifest asks for strike here."""
         # What the host itself would refuse comes before any fault. LATE and FAIL_AFTER do the operation first.
         before = self.load()
         after = self._after(before, operation, scope)

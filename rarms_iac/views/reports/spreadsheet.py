@@ -119,7 +119,7 @@ def _summary(book: "Workbook", report: Report) -> None:
 
 
 def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:
-    """Its curves below each other, each with its chart beside it."""
+    """The curves of a measurement below each other, each with its chart."""
     sheet = book.add_worksheet(name)
     top = 0
     for index in measurement.indexes:

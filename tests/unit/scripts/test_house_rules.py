@@ -97,12 +97,12 @@ def test_what_a_protocol_promises_is_said_once(tmp_path: Path) -> None:
     sampler.write_text(PROTOCOL.format(docstring=""), encoding="utf-8")
     assert [breach for breach in breaches_in(tmp_path) if "sampler.py" in breach] == []
 
-    sampler.write_text(PROTOCOL.format(docstring='"""See `Sampler.sample`."""; '), encoding="utf-8")
+    sampler.write_text(PROTOCOL.format(docstring='"""See `Sampler.sample`: always one."""; '), encoding="utf-8")
     (tmp_path / "lone.py").write_text("class Lone:\n    def halve(self) -> None: ...\n", encoding="utf-8")
     found = [breach.partition(": ")[2] for breach in breaches_in(tmp_path) if tmp_path.as_posix() in breach]
     assert found == [
         "halve: it has no docstring, nor has a protocol",
-        "sample: its docstring only refers to another: delete it",
+        "sample: its docstring only refers to another: say what it is",
     ]
 
 

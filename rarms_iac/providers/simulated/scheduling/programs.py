@@ -40,7 +40,7 @@ INTERRUPT_MS = 0.2
 """ISRs and DPCs of a frame's network packets and its screen update."""
 
 INTERCEPT_MS = 10.0
-"""The same in a partition: every access to an emulated device traps into the hypervisor, above every VP."""
+"""Of them in a partition: every access to an emulated device traps into the hypervisor, above every VP."""
 
 PARENT_MS = 16.0
 """Drawing it in a partition: the parent emulates the screen and encodes it, above every VP."""
