@@ -8,7 +8,7 @@ from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import folder_of
 from rarms_iac.app.hosts import NO_CHANNELS, Hosts, hold_hosts, host_errors, run_origin, select_hosts
-from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.manifests import declared_application, load_manifest
 from rarms_iac.app.plan_key import plan_key
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_simulated_hosts
@@ -18,16 +18,18 @@ from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.applying.undo import abandon, can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.manifest.load import manifest_digest
-from rarms_iac.model.commands import PLAN, Wording, command, prose
+from rarms_iac.model.commands import PLAN, PLAN_OUT, Wording, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.channel import CommandChannel
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 from rarms_iac.storage.plan_file import is_signed
 from rarms_iac.storage.reading import STANDARD_INPUT
 
+RENAMED = Finding.error("RARMS331", "The plan is of another application than the manifest")
 ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this folder")
 
 
@@ -211,6 +213,33 @@ def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
         The source with the manifest's path as the plan has it.
     """
     return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
+
+
+def refuse_renamed(plan: Plan, source: ManifestSource) -> None:
+    """Refuse a plan where the manifest is another application's by now: it would make what no manifest names.
+
+    Args:
+        plan: the plan, with the name of its application.
+        source: as `manifest_of` returns it.
+
+    Raises:
+        UseCaseError: the manifest names another application (refused).
+    """
+    name = None if source.manifest == STANDARD_INPUT else declared_application(source)
+    if name is None or name == plan.application:
+        return
+    message = (
+        f"Plan {plan.id} is of the application {quoted(plan.application)}; {source.manifest} is that of {quoted(name)}."
+    )
+    advice = prose(
+        "Nothing was changed. Make a new plan: ",
+        PLAN_OUT,
+        ". If overlays name the application, give them, too: ",
+        command("apply", "PLAN", f="MANIFEST", overlay="OVERLAY"),
+        ".",
+    )
+    values = {"application": plan.application, "manifest_application": name}
+    raise UseCaseError(Outcome.REFUSED, [RENAMED.at(None, message, advice, values=values)])
 
 
 def describe_changed_manifest(plan: Plan, source: ManifestSource) -> Wording | None:

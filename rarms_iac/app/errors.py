@@ -13,6 +13,7 @@ class Outcome(Enum):
     FAILED = "failed"  # rarms or a host failed
     REFUSED = "refused"  # a host moved, is busy or held; a plan is stale, edited or used; a run is unfinished
     NEGATIVE = "negative"  # the answer is no: errors in the manifest, nothing fits, a threshold is out of reach
+    MISSING = "missing"  # a file that was named is not there
     INTERRUPTED = "interrupted"  # a person or the system asked for an end
 
 

@@ -27,14 +27,15 @@ def read_input_file(path: str, limit: int, origin: RecommendedCommand) -> bytes:
         All of its bytes.
 
     Raises:
-        UseCaseError: it cannot be read, or is too large (failed).
+        UseCaseError: it is not there (missing), cannot be read, or is too large (failed).
     """
     try:
         return read_input(path, limit)
     except (OSError, ValueError) as error:
         message = (error.strerror if isinstance(error, OSError) else "") or str(error)
         advice = prose("Look at the path and its rights; ", origin, " writes such a file.")
-        raise UseCaseError(Outcome.FAILED, [read_finding(path, message, advice)]) from error
+        outcome = Outcome.MISSING if isinstance(error, FileNotFoundError) else Outcome.FAILED
+        raise UseCaseError(outcome, [read_finding(path, message, advice)]) from error
 
 
 def write_file(path: str, data: bytes) -> None:
@@ -103,7 +104,8 @@ def read_plan_file(path: str) -> "Plan":
         The plan, as it was sealed.
 
     Raises:
-        UseCaseError: the file cannot be read (failed), is no plan of this version or was edited (refused).
+        UseCaseError: the file is not there (missing), cannot be read (failed), is no plan of this version or was edited
+            (refused).
     """
     from rarms_iac.storage.plan_file import MAX_BYTES
 

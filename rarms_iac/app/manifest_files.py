@@ -147,13 +147,15 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
         A value for each path, in order, whether its text differs or not.
 
     Raises:
-        UseCaseError: one of them is no manifest (negative); all problems of all files are told.
+        UseCaseError: one of them is not there (missing) or no manifest (negative); all problems of all files are told.
     """
     formatted: list[FormattedManifest] = []
     problems: list[Diagnostic] = []
     sources = {}
+    is_missing = False
     for path in map(manifest_path, paths):
         tree = read(path)
+        is_missing |= tree.is_missing
         sources[tree.source.file] = tree.source.lines
         try:
             after = format_tree(tree)
@@ -162,7 +164,7 @@ def format_manifests(paths: Sequence[str]) -> FormattedManifests:
             continue
         formatted.append(FormattedManifest(path=path, file=tree.source.file, before=_as_stored(tree), after=after))
     if problems:
-        raise UseCaseError(Outcome.NEGATIVE, problems, sources)
+        raise UseCaseError(Outcome.MISSING if is_missing else Outcome.NEGATIVE, problems, sources)
     return FormattedManifests(files=tuple(formatted))
 
 

@@ -49,15 +49,31 @@ def load_manifest(source: ManifestSource) -> Manifest:
         The manifest; with its warnings and notes.
 
     Raises:
-        UseCaseError: it has errors (negative); they are its diagnostics.
+        UseCaseError: a file is not there (missing), or it has errors (negative); they are its diagnostics.
     """
     loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
     if loaded.system is None:
-        raise UseCaseError(Outcome.NEGATIVE, loaded.diagnostics, loaded.sources)
+        outcome = Outcome.MISSING if loaded.is_missing else Outcome.NEGATIVE
+        raise UseCaseError(outcome, loaded.diagnostics, loaded.sources)
     remaining, _ = apply_acceptances(loaded.diagnostics, loaded.system.policy, loaded.places, source.today, codes=CODES)
     if has_errors(remaining):
         raise UseCaseError(Outcome.NEGATIVE, remaining, loaded.sources)
     return Manifest(source=source, system=loaded.system, loaded=loaded, findings=remaining)
+
+
+def declared_application(source: ManifestSource) -> str | None:
+    """Return the application's name as a manifest and its overlays have it; None where none of them says one.
+
+    Args:
+        source: the files; they may have errors elsewhere.
+    """
+    name = None
+    for path in (manifest_path(source.manifest), *source.overlays):
+        document = read(path).value
+        block = document.get("application") if isinstance(document, dict) else None
+        if isinstance(block, dict) and isinstance(block.get("name"), str):
+            name = block["name"]
+    return name
 
 
 def declared_names(manifest: str, section: str) -> tuple[str, ...]:

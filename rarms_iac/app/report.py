@@ -26,6 +26,7 @@ from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import show_reserve
 from rarms_iac.model.system import System
+from rarms_iac.model.wording import natural_order
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import ReservationSource, names_of
@@ -168,7 +169,7 @@ def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[Component
     system, folder = manifest.system, Path(manifest.folder)
     reservations = measured_reservations(measurements_of(manifest), {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
-        for name in sorted(components or system.components):
+        for name in sorted(components or system.components, key=natural_order):
             entries = _entries(configuration_path(folder, platform, name))
             for entry in _standing([entry for entry in entries if entry.component == name]):
                 layout = tuple(_layout_since(entry, system, reservations))

@@ -30,6 +30,7 @@ class Validation:
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...]
     sources: Mapping[str, Sequence[str]]
+    is_missing: bool = False  # a file that was named is not there
 
     def fails(self, *, strict: bool = False) -> bool:
         """Whether there are errors, or in a strict validation warnings.
@@ -58,6 +59,7 @@ def validate(sources: Sequence[ManifestSource]) -> Validation:
         findings=first_of_each_kind(in_order(_each_once(each.findings for each in checked))),
         accepted=first_of_each_kind(_each_once(each.accepted for each in checked)),
         sources={file: lines for each in checked for file, lines in each.sources.items()},
+        is_missing=any(each.is_missing for each in checked),
     )
 
 
@@ -77,7 +79,9 @@ def validate_manifest(source: ManifestSource) -> Validation:
     loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
     system = loaded.system
     if system is None:
-        return Validation(sources=loaded.sources, findings=loaded.diagnostics, accepted=())
+        return Validation(
+            sources=loaded.sources, findings=loaded.diagnostics, accepted=(), is_missing=loaded.is_missing
+        )
     # Imported here: what cannot be read does not need the planner.
     from rarms_iac.app.declared_hosts import declared_host_findings
 

@@ -72,6 +72,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
     finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how, lambda whose: whose == own)
     if finished is not None:
         return finished
+    plan = make_plan(hosts, request)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
             "There is no terminal to ask at.",
@@ -83,7 +84,6 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
                 ".",
             ),
         )
-    plan = make_plan(hosts, request)
     text = plan_text(plan, sources=hosts.manifest.sources)
     if session.as_json:
         session.terminal.talk(text)

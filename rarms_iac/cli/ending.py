@@ -37,6 +37,7 @@ CODES = {
     Outcome.FAILED: ExitCode.FAILED,
     Outcome.REFUSED: ExitCode.REFUSED,
     Outcome.NEGATIVE: ExitCode.NO,
+    Outcome.MISSING: ExitCode.USAGE,
     Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
 }
 """How a command ends whose use case ended without an answer."""
@@ -68,6 +69,7 @@ class Interrupts:
         """`on_request` is called at the signal that only asks; it must not use what a signal may have interrupted."""
         self.exit_code: ExitCode | None = None
         self._on_request = on_request
+        self.begun = False  # whether any work was done that asks for a gentle end
         self._gentle = False
 
     def should_stop(self) -> bool:
@@ -77,7 +79,7 @@ class Interrupts:
     @contextmanager
     def gently(self) -> Iterator[None]:
         """Inside, the first signal only asks: the work looks at `should_stop`."""
-        self._gentle = True
+        self._gentle = self.begun = True
         try:
             yield
         finally:

@@ -54,7 +54,7 @@ def run_guarded(
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.run import interruption_text
 
-        terminal.talk(interruption_text(code.name.lower(), session.command))
+        terminal.talk(interruption_text(code.name.lower(), session.command, begun=session.interrupts.begun))
         return code
     except OSError as error:
         _trace(terminal)

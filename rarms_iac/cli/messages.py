@@ -95,9 +95,9 @@ class TerminalReporter:
 
 
 def stopped(session: Session) -> ExitCode:
-    """Say that the wish to end was heard, and how to go on; how the command ends then."""
+    """Say that the wish to end was heard, and how to go on; how the command ends: an answer `q` is no failure."""
     session.terminal.tell("Stopped. What is recorded stays: the same command goes on.")
-    return session.interrupts.exit_code or ExitCode.INTERRUPTED
+    return session.interrupts.exit_code or ExitCode.DONE
 
 
 def measured(findings: Sequence[Diagnostic]) -> ExitCode:

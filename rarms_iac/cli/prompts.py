@@ -5,18 +5,19 @@ from functools import cache
 from pathlib import Path
 from textwrap import fill
 
+import click
+
 from rarms_iac.app.control import Control, StopConsent, always_consents, never_consents
-from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.errors import RequestError, UseCaseError
 from rarms_iac.app.experiments.combining import CombiningOffer
 from rarms_iac.app.experiments.level_prompt import SessionEnded
 from rarms_iac.app.experiments.measure_request import ExperimentResult
 from rarms_iac.app.experiments.tune import TuningResult
-from rarms_iac.app.general_findings import declined
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import BeyondMeasured, Selection
 from rarms_iac.cli.ending import Interrupted
-from rarms_iac.cli.messages import TerminalReporter, tell
+from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.commands import command, prose
 from rarms_iac.planner.combining.oracle import Members
@@ -150,7 +151,7 @@ def _stop_consent(session: Session, *, stop_partitions: bool) -> StopConsent:
         try:
             return ask_yes_or_no(session, questions.stop_question(host, partitions))
         except SessionEnded:
-            raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
+            raise click.exceptions.Exit(stopped(session)) from None
 
     return asked
 

@@ -29,6 +29,7 @@ class Loaded:
     sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
     folder: str  # what the manifest's paths are relative to
     digest: str  # of the texts, in the order in which they were read
+    is_missing: bool = False  # one of the files is not there
 
     @property
     def has_errors(self) -> bool:
@@ -132,4 +133,5 @@ def _loaded(
         sources={text.source.file: text.source.lines for text in texts},
         folder=texts[0].source.folder or os.curdir,
         digest=_digest(texts),
+        is_missing=any(text.is_missing for text in texts),
     )

@@ -53,6 +53,11 @@ def counted(many: int, noun: str) -> str:
     return f"{many} {noun}" if many == 1 else f"{many} {noun}s"
 
 
+def natural_order(name: str) -> tuple[tuple[str, int], ...]:
+    """Return what sorts names as a reader expects: c1, c2, c10."""
+    return tuple((text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name))
+
+
 def quoted(text: object, most: int | None = None) -> str:
     """Quote a foreign name or text for a message: `"vision"`.
 

@@ -108,7 +108,10 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
     yield _head(diagnostics[0], len(diagnostics))
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
-        parts = [*_location(diagnostic), *(f"{other.place}, {other.message}" for other in diagnostic.related)]
+        parts = [
+            *_location(diagnostic, beside=diagnostic.detail),
+            *(f"{other.place}, {other.message}" for other in diagnostic.related),
+        ]
         location = visible(", ".join(parts), keep="")
         text = sentences(diagnostic.detail, diagnostic.advice if len(advices) > 1 else "")
         yield paragraph(prose(location, ": " if location and text else "", text), indent=INDENT, start="- ")
@@ -116,11 +119,16 @@ def _finding_group(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableTyp
         yield from (paragraph(advice, indent=INDENT) for advice in advices if advice)
 
 
-def _location(diagnostic: Diagnostic) -> Iterator[str]:
-    """The place, and for a warning its address, which is what `policy.accept` would name."""
+def _location(diagnostic: Diagnostic, beside: str = "") -> Iterator[str]:
+    """The place, and for a warning its address, which is what `policy.accept` would name.
+
+    Args:
+        diagnostic: what stands there.
+        beside: a text on the same line; a path that it names is not repeated.
+    """
     if diagnostic.place is not None:
         yield visible(str(diagnostic.place), keep="")
-        if diagnostic.place.path:
+        if diagnostic.place.path and diagnostic.place.path not in beside:
             yield visible(diagnostic.place.path, keep="")
     if diagnostic.address and (diagnostic.severity is Severity.WARNING or diagnostic.place is None):
         yield f"at {visible(diagnostic.address, keep='')}"

@@ -17,7 +17,7 @@ from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel, Unuse
 from rarms_iac.model.quantities import guaranteed, share_of_host, show_bytes, show_milliseconds, show_processors
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.totals import HostTotals
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import SYMBOLS, AttributeText, attributes_of, describe_disruption, members_of
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.findings_text import findings_text
@@ -150,6 +150,7 @@ def _short_changes(part: HostPlan) -> "Iterator[RenderableType]":
         if isinstance(change, Create) and change.address.task and change.address.partition in created:
             classes.setdefault(change.address.partition, []).append(change.address.task)
     if machines:
+        machines.sort(key=lambda change: (natural_order(change.address.partition), change.address))
         yield table([_row(change, part, classes) for change in machines], right=(1, 2), wrap=(0, 3), indent=2)
     for change in part.changes:
         if change not in machines and not (change.address.is_in_guest and change.address.partition in created):

@@ -10,7 +10,7 @@ from rarms_iac.model.indexes import PerformanceIndex, index_named, show_bound, s
 from rarms_iac.model.outcomes import VerdictWord, verdict_word
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.series import Series
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.statistics.error_probability import describe_error
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 
@@ -22,7 +22,11 @@ def proof_text(proofs: Sequence[LayoutProof]) -> "RenderableType":
     """A table a host and load, a row an index, and a sentence each."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows: list[tuple[str, ...]] = [_row(proof, verdict) for proof in proofs for verdict in proof.verdicts]
+    rows: list[tuple[str, ...]] = [
+        _row(proof, verdict)
+        for proof in proofs
+        for verdict in sorted(proof.verdicts, key=lambda each: natural_order(each.measured.component))
+    ]
     sharing = dict.fromkeys(sentence for proof in proofs for sentence in _describe_sharing(proof))
     header: tuple[str, ...] = ("component", "threshold", "beside", "measured", "verdict")
     if len({proof.interference for proof in proofs}) == 1:  # then the sentences say it

@@ -274,9 +274,16 @@ class StepLines(RunReporter):
         )
 
 
-def interruption_text(ending: str, command: str) -> "RenderableType":
-    """Say that a command was interrupted or terminated, and how to go on; an empty line stands before it."""
-    return stack("", paragraph(prose(f"rarms was {ending}.", _advice_to_resume(command))))
+def interruption_text(ending: str, command: str, *, begun: bool) -> "RenderableType":
+    """Say that a command was interrupted or terminated, and how to go on; an empty line stands before it.
+
+    Args:
+        ending: `interrupted` or `terminated`.
+        command: its name.
+        begun: whether it had begun to measure, or to change a host.
+    """
+    advice = _advice_to_resume(command)
+    return stack("", paragraph(prose(f"rarms was {ending}.", " Nothing was done." if advice and not begun else advice)))
 
 
 def _advice_to_resume(command: str) -> Wording:

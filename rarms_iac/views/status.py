@@ -10,7 +10,7 @@ from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.journal import PastRun, RunKind
 from rarms_iac.model.quantities import share_of_processors, show_processors
 from rarms_iac.model.state import StoppedBy
-from rarms_iac.model.wording import counted, in_a_row
+from rarms_iac.model.wording import counted, in_a_row, natural_order
 from rarms_iac.views.changes import members_of
 from rarms_iac.views.console import CHANGED, DIM, STRONG, paragraph, stack, styled, table
 from rarms_iac.views.drift import TITLES, name_findings
@@ -63,7 +63,12 @@ def _host_overview(host: HostOverview) -> "Iterator[RenderableType]":
     others = f", {show_processors(host.unmanaged_lp)} by unmanaged machines" if host.unmanaged_lp else ""
     yield styled((f"Host {host.name}", STRONG), f"  {_bar(float(used), float(host.capacity_lp))}  {share}{others}")
     if host.partitions:
-        yield table([_row(partition) for partition in host.partitions], wrap=(0, 3), right=(1, 2), indent=2)
+        yield table(
+            [_row(partition) for partition in sorted(host.partitions, key=lambda each: natural_order(each.name))],
+            wrap=(0, 3),
+            right=(1, 2),
+            indent=2,
+        )
     for drift in host.other_drift:
         name = drift.address.in_short
         yield paragraph(styled(f"{name}: ", (TITLES[drift.drift], CHANGED)), indent=2, more=2)

@@ -15,6 +15,7 @@ from rarms_iac.app.applying import (
     last_applies,
     manifest_of,
     preview,
+    refuse_renamed,
     undo_applies,
 )
 from rarms_iac.app.errors import RequestError
@@ -73,6 +74,7 @@ def apply_command(
             )
         plan = read_plan_file(options.plan_file)
         manifest_source = source if _is_named() else manifest_of(plan, source)
+        refuse_renamed(plan, manifest_source)
         if changed := describe_changed_manifest(plan, manifest_source):
             session.terminal.tell(f"note: {changed}")
         folder = folder_of(source.manifest) if _is_named() else None

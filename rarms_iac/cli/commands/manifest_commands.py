@@ -67,6 +67,8 @@ def validate_command(session: Session, options: ValidateOptions, source: DatedMa
         outputs,
         lambda form: findings_as(form, checked.findings, checked.sources, accepted=checked.accepted),
     )
+    if checked.is_missing:
+        return ExitCode.USAGE
     return ExitCode.FOUND if checked.fails(strict=options.strict) else ExitCode.DONE
 
 

@@ -32,6 +32,7 @@ CHECKS: Mapping[Finding, Check] = {
     partitions.HOST_COMPONENT_WITH_CPU: of_components(partitions.host_component_with_cpu),
     partitions.PARTITION_OF_ANOTHER_NAME: of_partitions(partitions.partition_of_another_name),
     partitions.TOGETHER_AND_APART: partitions.together_and_apart,
+    partitions.TOGETHER_WITH_ITSELF: of_components(partitions.together_with_itself),
     partitions.DEDICATED_SHARES: partitions.dedicated_shares,
     partitions.APART_IN_ONE_PARTITION: of_partitions(partitions.apart_in_one_partition),
     partitions.TOGETHER_IS_SEPARATED: partitions.together_is_separated,

@@ -28,6 +28,7 @@ TOGETHER_AND_APART = Finding.error("RARMS049", "`together` and `apart` contradic
 DEDICATED_SHARES = Finding.error("RARMS050", "A dedicated component shares its partition")
 APART_IN_ONE_PARTITION = Finding.error("RARMS051", "Components that must be apart share a partition")
 TOGETHER_IS_SEPARATED = Finding.error("RARMS052", "Components that must be together are in different partitions")
+TOGETHER_WITH_ITSELF = Finding.error("RARMS332", "A component is together with itself")
 HOST_COMPONENT_WITH_CPU = Finding.error("RARMS059", "A component that runs on the host has settings of a partition")
 NO_COMMON_HOST = Finding.error("RARMS093", "Components of one partition have no host in common")
 
@@ -128,6 +129,18 @@ def together_and_apart(system: System) -> Iterator[Violation]:
                     advice="Remove `together` or `apart`.",
                     values={"other": other, "bound": tuple(bound[other])},
                 )
+
+
+def together_with_itself(component: Component) -> Iterator[Violation]:
+    """A component that `together` binds to itself: another was probably meant."""
+    for number, other in enumerate(component.together):
+        if other == component.name:
+            yield Violation(
+                path=("components", component.name, "together", number),
+                detail=f'"{other}" is always together with itself.',
+                advice="Name the other component, or remove it from `together`.",
+                values={"component": other},
+            )
 
 
 def _bound(system: System) -> dict[str, list[str]]:

@@ -16,10 +16,10 @@ from rarms_iac.model.wording import did_you_mean, in_a_row, question
 
 _OTHER_SPELLINGS = {
     "B": ("b",),
-    "KiB": ("k", "kb", "kib"),
-    "MiB": ("m", "mb", "mib"),
-    "GiB": ("g", "gb", "gib"),
-    "TiB": ("t", "tb", "tib"),
+    "KiB": ("k", "ki", "kb", "kib"),
+    "MiB": ("m", "mi", "mb", "mib"),
+    "GiB": ("g", "gi", "gb", "gib"),
+    "TiB": ("t", "ti", "tb", "tib"),
     "us": ("µs", "μs", "usec"),
     "ms": ("msec", "millis", "milliseconds"),
     "s": ("sec", "secs", "second", "seconds"),
@@ -223,6 +223,9 @@ def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> t
         return ". Only the digits 0 to 9 are allowed", ""
     if match is None:
         return ", which is not a number with a unit", ""
+    if comma := re.fullmatch(r"(\d+),(\d+) ?([A-Za-z%/]+)", text[:100].strip()):
+        whole, decimals, unit = comma.groups()
+        return ", but the decimal sign is a point", question(f"{whole}.{decimals} {nearest_unit(unit, units) or unit}")
     number, unit = match.groups()
     if not unit:
         return f", a number without a unit. It needs one of {', '.join(units)}", ""

@@ -90,6 +90,7 @@ class ParsedText:
     value: Any
     readable: bool  # nothing was refused: the values are what the text says
     diagnostics: tuple[Diagnostic, ...]
+    is_missing: bool = False  # there is no such file
 
 
 def read(path: str, *, overlay: bool = False) -> ParsedText:
@@ -105,7 +106,13 @@ def read(path: str, *, overlay: bool = False) -> ParsedText:
         data = read_input(path, MAX_BYTES)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
         diagnostic = _not_readable(file, problem, overlay=overlay)
-        return ParsedText(source=_source(file, folder, b""), value=None, readable=False, diagnostics=(diagnostic,))
+        return ParsedText(
+            source=_source(file, folder, b""),
+            value=None,
+            readable=False,
+            diagnostics=(diagnostic,),
+            is_missing=isinstance(problem, FileNotFoundError),
+        )
     return read_text(data, file, folder)
 
 

@@ -32,6 +32,7 @@ from rarms_iac.views.reports.tables import (
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
 FOLDER = "templates/report"
 
@@ -159,7 +160,7 @@ def _line_rules(cards: tuple[Card, ...]) -> str:
 def _environment() -> "Environment":
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=FileSystemLoader(str(shipped(FOLDER)), encoding="utf-8"),
         autoescape=True,
         finalize=_harmless,
@@ -169,6 +170,21 @@ def _environment() -> "Environment":
         keep_trailing_newline=True,
         newline_sequence="\n",
     )
+    environment.filters["code"] = _with_code
+    return environment
+
+
+def _with_code(text: str) -> "Markup":
+    """A sentence with what stands between backticks as code."""
+    from markupsafe import Markup, escape
+
+    *pairs, end = visible(text).split("`")
+    if len(pairs) % 2:  # a backtick without its other
+        return escape(visible(text))
+    words = (
+        Markup("<code>{}</code>").format(part) if at % 2 else escape(part) for at, part in enumerate((*pairs, end))
+    )
+    return Markup().join(words)
 
 
 def _read(name: str) -> str:

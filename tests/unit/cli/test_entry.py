@@ -13,11 +13,16 @@ from rarms_iac.cli.session import Session
 from rarms_iac.views.terminal import Terminal
 
 
-def run_with(error: BaseException, *, debug: bool = False, command: str = "") -> tuple[ExitCode, str]:
+def run_with(
+    error: BaseException, *, debug: bool = False, command: str = "", begun: bool = False
+) -> tuple[ExitCode, str]:
     """What becomes of an exception that a command ends with."""
     terminal = Terminal(out=io.StringIO(), err=io.StringIO(), debug=debug)
 
-    def invoke(_session: Session, _arguments: Sequence[str]) -> ExitCode:
+    def invoke(session: Session, _arguments: Sequence[str]) -> ExitCode:
+        if begun:
+            with session.interrupts.gently():
+                pass
         raise error
 
     code = entry.run_guarded(Session(terminal=terminal, command=command), [], invoke)
@@ -71,9 +76,18 @@ def test_debug_shows_the_trace() -> None:
     ],
 )
 def test_an_interrupt_says_how_to_go_on(command: str, advice: str) -> None:
-    _, said = run_with(Interrupted(ExitCode.INTERRUPTED), command=command)
+    _, said = run_with(Interrupted(ExitCode.INTERRUPTED), command=command, begun=True)
 
     assert " ".join(said.split()) == f"rarms was interrupted. {advice}".strip()
+
+
+@pytest.mark.parametrize(
+    ("command", "ending"), [("apply", " Nothing was done."), ("measure", " Nothing was done."), ("plan", "")]
+)
+def test_an_interrupt_before_the_work_says_that_nothing_was_done(command: str, ending: str) -> None:
+    _, said = run_with(Interrupted(ExitCode.INTERRUPTED), command=command)
+
+    assert " ".join(said.split()) == f"rarms was interrupted.{ending}"
 
 
 def test_the_file_of_a_refusal_is_named() -> None:

@@ -2,7 +2,16 @@
 
 import pytest
 
-from rarms_iac.model.wording import did_you_mean, distance, in_a_row, list_others, number, quoted, suggestion
+from rarms_iac.model.wording import (
+    did_you_mean,
+    distance,
+    in_a_row,
+    list_others,
+    natural_order,
+    number,
+    quoted,
+    suggestion,
+)
 
 
 @pytest.mark.parametrize(
@@ -77,3 +86,15 @@ def test_a_quoted_text_is_on_one_line_and_nothing_in_it_is_hidden() -> None:
 )
 def test_of_many_names_the_first_are_listed(names: str, without: str, expected: str) -> None:
     assert list_others(names, without) == expected
+
+
+def test_names_are_in_the_order_in_which_a_reader_counts() -> None:
+    assert sorted(["c10", "c2", "a", "c1", "c1b2", "c1b10", "2"], key=natural_order) == [
+        "2",
+        "a",
+        "c1",
+        "c1b2",
+        "c1b10",
+        "c2",
+        "c10",
+    ]

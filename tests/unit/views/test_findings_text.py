@@ -206,3 +206,9 @@ def test_briefly_a_kind_of_notes_is_one_line() -> None:
 
     line = "note[RARMS086] An interference is not used: robot.yaml:1:1, interference.browsers; robot.yaml:2:1"
     assert brief == [line]
+
+
+def test_a_path_that_the_sentence_names_stands_once_in_a_list() -> None:
+    some = [EXCEEDED.at(at(line, 1, path="hosts"), "hosts is empty.", "Do it.", values={}) for line in (1, 2)]
+
+    assert as_text(some, {}).splitlines()[1] == "  - robot.yaml:1:1: hosts is empty."

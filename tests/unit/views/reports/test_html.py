@@ -10,6 +10,7 @@ from itertools import combinations
 
 from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import ComponentProof
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.model.indexes import find_index
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
@@ -198,3 +199,11 @@ def test_a_long_list_of_compounds_is_cut_and_says_so() -> None:
 
     assert len(candidates_table(report).rows) == MOST_CANDIDATES
     assert f"{57 - MOST_CANDIDATES} more are not listed" in as_html(report).decode()
+
+
+def test_commands_in_findings_are_code_and_nothing_else_is() -> None:
+    finding = Finding.note("RARMS101", "Not <measured>").at(None, "Run `rarms measure`.", "Or <b>`a < b`.", values={})
+    page = as_html(replace(REPORT, findings=(finding,))).decode()
+
+    assert "<p>Run <code>rarms measure</code>. Or &lt;b&gt;<code>a &lt; b</code>.</p>" in page
+    assert "Not &lt;measured&gt;" in page

@@ -1,0 +1,70 @@
+"""A file that is not there is a wrong request, with the same exit code whichever command was to read it."""
+
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.ending import ExitCode
+from tests.unit.cli.running import rarms
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("validate", "nosuch.yaml"),
+        ("validate", "-f", "nosuch.yaml"),
+        ("validate", "rarms.yaml", "--overlay", "nosuch.yaml"),
+        ("fmt", "nosuch.yaml"),
+        ("plan", "-f", "nosuch.yaml"),
+        ("plan", "--overlay", "nosuch.yaml"),
+        ("status", "-f", "nosuch.yaml"),
+        ("show", "nosuch.plan"),
+        ("show", "--check", "nosuch.ps1"),
+        ("apply", "nosuch.plan"),
+        ("plan", "--snapshot", "onboard=nosuch.json"),
+    ],
+)
+def test_a_missing_file_is_a_wrong_request(tmp_path: Path, words: tuple[str, ...]) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    with chdir(tmp_path):
+        answer = rarms(*words)
+
+    assert answer.code == ExitCode.USAGE
+    assert "nosuch" in answer.err + answer.out
+
+
+def test_a_plan_of_a_renamed_application_is_refused(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    manifest = tmp_path / "rarms.yaml"
+    with chdir(tmp_path):
+        assert rarms("plan", "--out", "change.plan").code == 0
+        text = manifest.read_text(encoding="utf-8")
+        assert "name: robot" in text
+        manifest.write_text(text.replace("name: robot", "name: rover"), encoding="utf-8")
+        refused = rarms("apply", "change.plan")
+        overlay = tmp_path / "as-planned.yaml"
+        overlay.write_text("application: { name: robot }\n", encoding="utf-8")
+        with_overlay = rarms("apply", "change.plan", "--overlay", "as-planned.yaml")
+
+    assert (refused.code, with_overlay.code) == (ExitCode.REFUSED, ExitCode.DONE)
+    assert 'of the application "robot"; rarms.yaml is that of "rover"' in " ".join(refused.err.split())
+
+
+def test_an_unknown_name_is_refused_before_a_missing_terminal(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    with chdir(tmp_path):
+        answers = [rarms(*words) for words in (("destroy", "--target", "nosuch"), ("release", "nosuch"))]
+
+    assert [answer.code for answer in answers] == [ExitCode.NO, ExitCode.NO]
+    assert all("nosuch" in answer.err and "terminal" not in answer.err for answer in answers)
+
+
+def test_the_answer_q_ends_with_0(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    with chdir(tmp_path):
+        assert rarms("apply", "--auto-approve").code == 0
+        answer = rarms("measure", stdin="q\n", at_a_terminal=True)
+
+    assert answer.code == ExitCode.DONE
+    assert "Stopped." in answer.err
