@@ -11,6 +11,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from tokenize import COMMENT, tokenize
 
 PACKAGE = Path("rarms_iac")
 
@@ -107,6 +108,7 @@ def breaches_elsewhere() -> Iterator[str]:
         names = EMPTY_NAMES if any(path.is_relative_to(TESTS / room) for room in TESTED_ROOMS) else frozenset({"one"})
         yield from _names_that_say_nothing(path, tree, names)
         yield from _names_of_pronouns(path, tree)
+        yield from _pronouns_in_comments(path, tree)
         if not path.is_relative_to(LABORATORY):
             yield from _imports_of_the_laboratory(path, tree)
 
@@ -132,6 +134,17 @@ def _names_of_pronouns(path: Path, tree: ast.Module) -> Iterator[str]:
     for line, name in _bound_names(tree):
         if name != "NOBODY" and PRONOUNS.search(name.replace("_", " ")):  # the user of Unix that owns nothing
             yield f"{path.as_posix()}:{line}: `{name}`: say who or what it is"
+
+
+def _pronouns_in_comments(path: Path, tree: ast.Module) -> Iterator[str]:
+    """Those in comments and docstrings; other texts of a test are its data."""
+    docstrings = [node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)]
+    texts = [(each.lineno, each.value) for each in docstrings if isinstance(each, ast.Constant)]
+    with path.open("rb") as file:
+        texts += [(token.start[0], token.string) for token in tokenize(file.readline) if token.type == COMMENT]
+    for line, text in texts:
+        for word in PRONOUNS.findall(str(text)):
+            yield f"{path.as_posix()}:{line}: `{word}`: say who or what it is"
 
 
 def _bound_names(tree: ast.Module) -> Iterator[tuple[int, str]]:

@@ -1,4 +1,4 @@
-"""Random manifests as people write them: any order, any style, comments wherever YAML has room for them."""
+"""Random manifests as people write them: any order, any style, comments in every place where YAML has room for them."""
 
 import json
 import re
@@ -31,7 +31,7 @@ _SCALARS = st.one_of(st.sampled_from(_PLAIN_VALUES), st.sampled_from(_QUOTED_VAL
 
 
 class _Author:
-    """Writes a random manifest, badly: any order, any style, comments wherever YAML has room for them."""
+    """Writes a random manifest, badly: any order, any style, comments in every place where YAML has room for them."""
 
     def __init__(self, draw: _LOOSE) -> None:
         self.draw = draw

@@ -25,7 +25,7 @@ FLAGS = (
 
 @contextmanager
 def chromium(profile: Path) -> Iterator["WebDriver"]:
-    """The machine's own Chromium with a fresh profile; it is ended whatever happens."""
+    """The machine's own Chromium with a fresh profile; it is ended after an error, too."""
     from selenium.webdriver import Chrome, ChromeOptions
     from selenium.webdriver.chrome.service import Service
 

@@ -80,7 +80,7 @@ _watched: list[tuple[CrashingDisk, Path]] = []
 
 @cache
 def _watch_openings() -> None:
-    """Have openings counted from now on; Python cannot take such a hook back, so it does nothing when nobody asks."""
+    """Have openings counted from now on; Python cannot take such a hook back, so it does nothing while none counts."""
 
     def hear(event: str, arguments: tuple[Any, ...]) -> None:
         if event != OPEN or not _watched or not isinstance(arguments[0], str | Path):

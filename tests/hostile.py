@@ -1,4 +1,4 @@
-"""Input that nobody writes by accident, as bytes: shared by the tests and the benchmark."""
+"""Input that no author writes by accident, as bytes: shared by the tests and the benchmark."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

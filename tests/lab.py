@@ -84,7 +84,7 @@ class Lab:
         return sum(len(host.steps) for host in self.plan().hosts)
 
     def add(self, others: Strangers) -> None:
-        """Put machines of somebody else on the first host, by hand."""
+        """Put machines of another owner on the first host, by hand."""
         host = next(iter(self.hosts.values()))
         for partition in others.partitions:
             settings, name = partition.settings, partition.settings.name

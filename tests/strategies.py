@@ -1,4 +1,4 @@
-"""Random systems and random hosts, with machines and task classes on them that are nobody's business."""
+"""Random systems and random hosts, with machines and task classes on them that no application owns."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -103,7 +103,7 @@ def strangers(draw: st.DrawFn) -> Strangers:
 
 
 def some_settings(name: str) -> PartitionSettings:
-    """Settings of a machine that somebody made by hand."""
+    """Settings of a machine that a person made by hand."""
     return replace(
         build.settings(name, processors=1, reserve=0, running=False),
         start_action=StartAction.NOTHING,
@@ -129,7 +129,7 @@ def empty_state(host: Host, others: Strangers | None = None) -> State:
 
 @st.composite
 def edits(draw: st.DrawFn, settings: PartitionSettings) -> PartitionSettings:
-    """The settings after somebody changed one of them by hand, to something else."""
+    """The settings after a person changed one of them by hand, to something else."""
     changes: Mapping[str, st.SearchStrategy[object]] = {
         "reserve": st.integers(0, 9),
         "weight": st.integers(1, 500),

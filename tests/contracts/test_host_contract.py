@@ -1,4 +1,4 @@
-"""What every host must do, whatever enforces its reservations, and what those must do that are a Windows."""
+"""What every host must do, by any means of enforcing reservations, and what those must do that are a Windows."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -749,7 +749,7 @@ def test_one_holder_at_a_time(room: Room) -> None:
         pass
 
 
-# What only the simulated host keeps: its file, and states that nobody asks a host for
+# What only the simulated host keeps: its file, and states that no test asks a host for
 
 
 def simulated(folder: Path) -> SimulatedHostProvider:

@@ -1,4 +1,4 @@
-"""What only a Linux host does: its settings are the kernel's, whoever wrote them, and a restart ends every one."""
+"""What only a Linux host does: its settings are the kernel's, by any writer, and a restart ends every one."""
 
 import json
 import os
@@ -53,7 +53,7 @@ def host(tmp_path: Path) -> Iterator[LinuxHostProvider]:
 
 
 def by_hand(folder: Path, file: str, text: str) -> None:
-    """Write a file of the kernel, as somebody at a terminal would; version 1 only."""
+    """Write a file of the kernel, as a person at a terminal would; version 1 only."""
     (path,) = CONTROL_GROUPS.glob(f"*/{groups_of(folder)._slices['cpu'].name}/vision/{file}")
     path.write_text(text)
 

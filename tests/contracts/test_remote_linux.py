@@ -1,4 +1,4 @@
-"""What only a Linux host behind a shell does: who may connect, who holds it, and what it shows that nobody believes."""
+"""What only a Linux host behind a shell does: who may connect, who holds it, and what of it is not believed."""
 
 import os
 import subprocess
@@ -405,7 +405,7 @@ def age(folder: Path, seconds: float) -> None:
 
 
 def on_another_computer(patch: pytest.MonkeyPatch) -> None:
-    """Nobody can tell by its process whether a run has ended."""
+    """No other machine can tell by its process whether a run has ended."""
     patch.setattr(remote, "has_ended", lambda _: False)
 
 

@@ -1,4 +1,4 @@
-"""Whatever a manifest says once its structure holds, the checks answer: in order, at addresses that can be accepted."""
+"""To each manifest whose structure holds the checks answer: in order, at addresses that can be accepted."""
 
 import re
 from datetime import date

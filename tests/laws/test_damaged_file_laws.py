@@ -1,4 +1,4 @@
-"""Whatever a file that rarms reads holds, and whatever stands in its place: a finding, never a bug of ours.
+"""Any content of a file that rarms reads, and anything in its place: a finding, never a bug of ours.
 
 Documents are changed in one place and sealed again, so that no checksum stands in the way of what is tested.
 """

@@ -78,7 +78,7 @@ def test_what_was_measured_and_applied_holds_beside_the_load(tmp_path: Path) -> 
 
 
 def test_a_reservation_beside_what_is_kept_for_the_host_is_enough_in_service(tmp_path: Path) -> None:
-    """Kept time that nobody reserved went to P1: it was said to need 1 %, and took 49 s in service."""
+    """Kept time that no partition reserved went to P1: it was said to need 1 %, and took 49 s in service."""
     text = KEPT.format(lps=2, kept=60) + COMPONENT.format(
         name="vision", criticality=1, index=MEAN, limit=60, work=20, blocked=0, varies=5, threads=1
     )

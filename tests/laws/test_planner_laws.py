@@ -1,4 +1,4 @@
-"""Laws of the planner: a layout fits and loses nobody; where there is none, none exists."""
+"""Laws of the planner: a layout fits and loses no component; where there is none, none exists."""
 
 from itertools import permutations
 
@@ -82,7 +82,7 @@ WISHES = st.builds(
 def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
     criticalities: dict[int, int], requests: list[TaskRequest]
 ) -> None:
-    """Among the components of one Windows, whatever the manifest fixes."""
+    """Among the components of one Windows, with any values that the manifest fixes."""
     components = [a_component(f"c{at}", task=f"Class{at}", criticality=weight) for at, weight in criticalities.items()]
     fixed = {request.name: request for request in requests}
     found = classes_of(components, fixed, "media", PLACES)

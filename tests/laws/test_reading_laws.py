@@ -1,4 +1,4 @@
-"""Whatever stands in a manifest: it is told in words with a place, and never raises."""
+"""Any text as a manifest: what is wrong is told in words with a place, and nothing raises."""
 
 import copy
 import json

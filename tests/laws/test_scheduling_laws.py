@@ -1,4 +1,4 @@
-"""What the scheduler model never does, whatever runs: time is neither lost nor made, and shares are kept."""
+"""What the scheduler model never does, with any programs: time is neither lost nor made, and shares are kept."""
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -209,7 +209,7 @@ def _reserved(
     return VirtualMachine(name=name, vps=1, reserve=reserve, weight=weight, components=demands, loads=loads)
 
 
-# The last claim of `steady` is used up while nobody else waits: what it runs beyond is no debt.
+# The last claim of `steady` is used up while no other waits: what it runs beyond is no debt.
 ALONE_ON_ONE_LP = ModelMachine(
     lps=1,
     machines=(

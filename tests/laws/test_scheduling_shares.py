@@ -119,7 +119,7 @@ entitlements = st.builds(
 
 @given(st.lists(entitlements, min_size=1, max_size=6), st.integers(1, 4))
 def test_usable_weights_fill_the_host_and_pass_no_limit(demanding: list[Entitlement], lps: int) -> None:
-    """With the lowered weights one level gives everybody its share: nobody passes its limit, and all is used."""
+    """With the lowered weights one level gives each partition its share: none passes its limit, and all is used."""
     reserved = sum(vp.reserve for vp in demanding)
     weights = usable_weights(demanding, lps)
     shared = min(float(lps), sum(vp.limit for vp in demanding)) - reserved

@@ -1,4 +1,4 @@
-"""Whoever wrote a manifest: `validate` and `plan --snapshot` start no program, read no variable it names, and open
+"""A manifest by any author: `validate` and `plan --snapshot` start no program, read no variable it names, and open
 no file outside of the checkout. That is why pull requests of strangers are safe to look at."""
 
 import json

@@ -1,4 +1,4 @@
-"""Lists of all that scripts may be made of. Everything else is a problem, also what nobody thought of."""
+"""Lists of all that scripts may be made of. Everything else is a problem, also what no author of a rule thought of."""
 
 
 def words(text: str) -> frozenset[str]:
@@ -125,7 +125,7 @@ VARIABLES = words(
     "$_ $args $true $false $null $env:OS $env:ProgramData $ExecutionContext $PSVersionTable $Matches $PID $PSCmdlet "
     "$MyInvocation $PSBoundParameters $PSCommandPath $PSScriptRoot $WhatIfPreference $script:Vm"
 )
-"""Those that nobody assigns."""
+"""Variables that PowerShell assigns, and no script."""
 
 PINS = frozenset(
     {

@@ -58,7 +58,7 @@ class Cmdlet:
     parameters: Mapping[str, Parameter]
 
     def parameter(self, name: str) -> Parameter | None:
-        """The parameter of exactly this name, whatever its case."""
+        """The parameter of exactly this name, in any case of its letters."""
         return self.parameters.get(name.lower())
 
 
@@ -103,7 +103,7 @@ def _in_set(flags: str) -> SetMembership:
 
 
 def cmdlet(name: str, module: str = "") -> Cmdlet | None:
-    """The cmdlet of this name (and module, where it is given), whatever their case; None where there is none."""
+    """The cmdlet of this name (and module, where it is given), in any case; None where there is none."""
     cmdlet_facts = _tables().get(name.lower())
     return cmdlet_facts if cmdlet_facts and (not module or cmdlet_facts.module.lower() == module.lower()) else None
 

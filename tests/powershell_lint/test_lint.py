@@ -24,7 +24,7 @@ from tests.unit.powershell.plans import all_changes, rendered_plan
 
 
 def filled_plan() -> HostPlan:
-    """One of every operation, and a task class of a guest that nobody looked into."""
+    """One of every operation, and a task class of a guest that was not looked into."""
     host_plan, _ = rendered_plan()
     machine = Address(partition="vision", machine="0a1b2c3d-0000")
     values = build.task().values

@@ -48,7 +48,7 @@ class How:
     silent_ms: int = 0  # before the script runs
     refuses: str = ""  # what PowerShell says instead of running a script
     garbles: bool = False  # loses a byte of what it is sent
-    meddles_with: str = ""  # the host or a machine, which somebody changes between rarms' look and its script
+    meddles_with: str = ""  # the host or a machine, which another person changes between rarms' look and its script
 
 
 def save(folder: Path, host: WindowsHost) -> None:
@@ -168,7 +168,7 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
 
 
 def _meddle(host: WindowsHost, name: str) -> None:
-    """Somebody takes processors out of the host, or changes a machine's weight."""
+    """A person takes processors out of the host, or changes a machine's weight."""
     if name == "host":
         host.logical_processors -= 1
     for vm in host.vms.values():
@@ -241,7 +241,7 @@ def fork(arguments: Sequence[str]) -> int:
     try:
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         code = main(arguments)
-    except Exception:  # noqa: BLE001  # whatever it is, it ends this process and does not reach the one it began as
+    except Exception:  # noqa: BLE001  # any of them ends this process and does not reach the one it began as
         traceback.print_exc()
     finally:
         sys.stdout.flush()

@@ -106,7 +106,7 @@ class Remote:
         return finish(self.start(*words, beside_pwsh=beside_pwsh))
 
     def cut(self) -> None:
-        """Break every connection, as if a cable were pulled: the sessions' processes end, and tell nobody."""
+        """Break every connection, as if a cable were pulled: the sessions' processes end without a word."""
         for process in children(self.server.pid):
             os.kill(process, signal.SIGKILL)
 

@@ -46,7 +46,7 @@ def write_manifest(folder: Path, name: str, weight: int) -> Path:
 
 
 def apply_often(folder: Path, name: str) -> list[str]:
-    """Apply another weight every time, again where somebody was quicker; the plans' ids, in order."""
+    """Apply another weight every time, again where another process was quicker; the plans' ids, in order."""
     plans, dice = [], random.Random(name)
     with chdir(folder), disk.use(CrashingDisk(0)):  # without flushes, which take long
         for number in range(APPLIES):
@@ -73,7 +73,7 @@ def follow_history(folder: Path, workers: list[Future[list[str]]]) -> list[PastR
 
 
 def read_whole_journal(folder: Path) -> Journal | None:
-    """The journal, unless somebody is in the middle of writing to it."""
+    """The journal, unless a process is in the middle of writing to it."""
     try:
         return journal_in(LocalFiles().content(folder / JOURNAL), folder / JOURNAL)
     except (Damaged, NotDecodable):

@@ -1,4 +1,4 @@
-"""The same input gives the same bytes, in whatever order this Python happens to keep its sets."""
+"""The same input gives the same bytes, in any order in which a Python keeps its sets."""
 
 import os
 import re

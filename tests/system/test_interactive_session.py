@@ -160,7 +160,7 @@ def test_ctrl_c_at_a_question_leaves_what_was_measured(person: Person, folder: P
 
 
 def over_full(tmp_path: Path) -> Person:
-    """Somebody who keeps all levels of the over-full robot, and is asked whether to combine."""
+    """A user who keeps all levels of the over-full robot, and is asked whether to combine."""
     shutil.copy(CHECKOUT / "manifests" / "over-full" / "rarms.yaml", tmp_path)
     person = Person(tmp_path, "measure", "--interactive")
     for component in ("people-detection", "label-reading", "path-following", "stock-messages"):

@@ -1,4 +1,4 @@
-"""`rarms measure --stop-partitions`, ended without any clean-up: what it stopped is started by whatever comes next."""
+"""`rarms measure --stop-partitions`, ended without any clean-up: what it stopped is started by the next command."""
 
 import json
 import subprocess

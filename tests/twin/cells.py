@@ -41,7 +41,7 @@ def a_windows(*strangers: Vm, **facts: object) -> WindowsHost:
 
 
 def a_stranger(name: str = "backup", number: int = 1, **settings: object) -> Vm:
-    """A running machine that is nobody's business."""
+    """A running machine that is not managed."""
     vm = Vm(id=f"ffff{number:04d}-0000-4000-8000-000000000000", name=name, state="Running", notes="keep me")
     for key, value in settings.items():
         setattr(vm, key, value)

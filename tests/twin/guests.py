@@ -67,7 +67,7 @@ def remove_session(scope: Scope, given: Given) -> Value:
 
 
 class Runner:
-    """A block that runs inside a guest: as far as somebody asks what it says until a time."""
+    """A block that runs inside a guest: as far as a caller asks what it says until a time."""
 
     def __init__(self, host: WindowsHost, vm: Vm, block: Block, told: str) -> None:
         self.host, self.vm = host, vm

@@ -17,7 +17,7 @@ class Killed(BaseException):
 
 
 class Interrupted(BaseException):
-    """Somebody pressed Ctrl-C: every `finally` runs, no `catch` does, and the process ends with 0."""
+    """The user pressed Ctrl-C: every `finally` runs, no `catch` does, and the process ends with 0."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -215,7 +215,7 @@ class WindowsHost:
         return self
 
     def key(self, path: str) -> Key | None:
-        """The registry key, whatever the case of its path."""
+        """The registry key, in any case of its path."""
         return self.registry.get(path.lower())
 
     def below(self, path: str) -> list[Key]:

@@ -52,7 +52,7 @@ class Function:
 
 
 class Block(Thing):
-    """A script block as a value: it runs in the scope of whoever calls it."""
+    """A script block as a value: it runs in the scope of its caller."""
 
     type_name = "System.Management.Automation.ScriptBlock"
 

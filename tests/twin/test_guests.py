@@ -1,4 +1,4 @@
-"""The scripts of guests on the twin, where nobody could look: done once and again, killed everywhere, undone."""
+"""The scripts of guests on the twin, which were not looked into: done once and again, killed everywhere, undone."""
 
 from functools import cache
 

@@ -261,7 +261,7 @@ def test_the_guard_in_a_guest_ends_what_a_dead_session_started(measured: Measure
     with pytest.raises(UseCaseError):
         measured(host, reserves=(40, 50))
 
-    assert host.vms != {}  # nobody has removed the test partitions yet
+    assert host.vms != {}  # the test partitions are not removed yet
     assert [process.program for process in host.processes if process.alive] == []
 
 

@@ -1,4 +1,4 @@
-"""A host that moved is refused before anything is done; what nobody can tell apart is refused, too."""
+"""A host that moved is refused before anything is done; so are two machines that cannot be told apart."""
 
 from dataclasses import replace
 

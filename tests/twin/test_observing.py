@@ -32,7 +32,7 @@ def test_a_recorded_host_comes_out_as_it_went_in(name: str) -> None:
     recorded = document(name)
     seen = document_of(host_from(recorded))
 
-    # Recordings of an older observe.ps1 lack its later probes; whatever they do have must come out.
+    # Recordings of an older observe.ps1 lack its later probes; all that they do have must come out.
     assert told({probe: seen[probe] for probe in recorded}) == told(recorded)
 
 

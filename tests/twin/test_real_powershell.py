@@ -21,7 +21,7 @@ PENDING_FOLDER = "c:\\run\\"
 
 
 def asked(prepared: Prepared, host: WindowsHost, *declined: str) -> Ran:
-    """A run at whose prompts somebody says no to these addresses or actions."""
+    """A run at whose prompts the user says no to these addresses or actions."""
     put(host, scripts_of(prepared.plan))
     return run(host, apply_script(prepared.plan), declined=frozenset(declined))
 
@@ -177,7 +177,7 @@ def test_ctrl_c_while_a_guest_shuts_down_ends_with_0_and_leaves_the_run_open() -
     ran = apply(host, prepared.plan)
 
     assert ran.code == 0, "PowerShell's own"
-    assert ran.events[-1]["status"] == "begun", "no closing event: nobody may take it for done"
+    assert ran.events[-1]["status"] == "begun", "no closing event: no reader may take it for done"
     assert host.lock == ""
     other = apply(host.copy(), fresh().plan)
     assert (other.code, "run its script again, or its undo script" in other.says) == (3, True)

@@ -35,7 +35,7 @@ class TwinTransport:
 
     @contextmanager
     def session(self, script: ScriptBundle, arguments: Sequence[str]) -> Iterator["Conversation"]:
-        """As the protocol says; the script runs only while somebody waits for its next line."""
+        """As the protocol says; the script runs only while a reader waits for its next line."""
         assert self.host is not None
         put(self.host, {name: text.encode("ascii") for name, text in script.files.items()})
         talk = Conversation(self.host, script.runs)

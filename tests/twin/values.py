@@ -126,7 +126,7 @@ class Moment(Thing):
         self.clock = clock
 
     def __str__(self) -> str:
-        """As a cast to text writes it, whatever the culture."""
+        """As a cast to text writes it, in every culture."""
         return (BEGINNING + timedelta(milliseconds=self.clock)).strftime("%m/%d/%Y %H:%M:%S")
 
     def do_addmilliseconds(self, span: Value) -> Value:
@@ -134,7 +134,7 @@ class Moment(Thing):
 
 
 class Table:
-    """A hashtable, or an ordered one. 5.1 compares keys that are text by the culture of whoever runs it.
+    """A hashtable, or an ordered one. 5.1 compares keys that are text by the culture of the user who runs it.
 
     So two texts that are one key in some cultures and two in others are an error here, unless the table is ordinal.
     """

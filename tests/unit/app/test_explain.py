@@ -116,7 +116,7 @@ TOPICS = [
     "limit and weight",
     "rejected",
 ]
-"""Every walk has them all, whatever there is to say."""
+"""Every walk has them all, also those with nothing to say."""
 
 
 def steps(folder: Path, name: str, code: int = 0) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Applying a plan to simulated hosts: used once, only on what it saw, host by host, and finished by whoever comes."""
+"""Applying a plan to simulated hosts: used once, only on what it saw, host by host, and finished by the next run."""
 
 from collections.abc import Iterator
 from dataclasses import replace

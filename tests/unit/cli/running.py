@@ -31,7 +31,7 @@ class _Typed(io.TextIOWrapper):
 
 
 def rarms(*words: str, stdin: str = "", at_a_terminal: bool = False) -> Ran:
-    """`rarms` with these words, standard input being this text, which somebody types at a terminal, or a file."""
+    """`rarms` with these words, standard input being this text, which a user types at a terminal, or a file."""
     out, err = _stream(), _stream(at_a_terminal=at_a_terminal)
     with redirect_stdout(out), redirect_stderr(err), _reading(stdin, at_a_terminal=at_a_terminal):
         code = main(list(words))

@@ -1,4 +1,4 @@
-"""A plan file that somebody edited and sealed anew: its seal has no key, so its scripts are rendered again."""
+"""A plan file that a person edited and sealed anew: its seal has no key, so its scripts are rendered again."""
 
 import json
 from collections.abc import Callable
@@ -20,7 +20,7 @@ Forgery = Callable[[dict[str, Any]], None]
 
 @pytest.fixture(scope="module")
 def sealed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The plan of the example: a host's script, and those of two guests that nobody looked into."""
+    """The plan of the example: a host's script, and those of two guests that were not looked into."""
     path = tmp_path_factory.mktemp("cell") / "cell.plan"
     assert rarms("plan", "-f", str(CELL), "--snapshot", f"cell={CELL / 'host.json'}", "--out", str(path)).code == 0
     return path.read_bytes()

@@ -30,7 +30,7 @@ class Robot:
     needs: dict[str, int]
 
     def lies_in(self, folder: Path) -> None:
-        """The manifest and its data logs as files, whatever lay there before."""
+        """The manifest and its data logs as files, in place of what lay there before."""
         text = yaml.safe_dump(self.manifest, sort_keys=False)
         (folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
 
@@ -175,7 +175,7 @@ def done(manifest: Manifest, changes: list[str]) -> tuple[Manifest, set[str]]:
                 kinds.add(kind)
                 break
         else:
-            pytest.fail(f"nobody knows how to do this: {change}")
+            pytest.fail(f"this test knows no way to do this: {change}")
     return after, kinds
 
 

@@ -41,7 +41,7 @@ def a_terminal_of(columns: int) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A measured robot, and a component that nobody measured."""
+    """A measured robot, and a component that was not measured."""
     folder = tmp_path_factory.mktemp("robot")
     write(folder, MANIFEST)
     with chdir(folder):

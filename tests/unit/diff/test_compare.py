@@ -32,7 +32,7 @@ def difference(system: System, state: State) -> Difference:
 
 
 def edited(state: State, name: str, **changes: object) -> State:
-    """The state after somebody changed a machine's settings by hand."""
+    """The state after a person changed a machine's settings by hand."""
     return replace(
         state,
         partitions=tuple(

@@ -72,7 +72,7 @@ def claim(reserve: int, memory: int) -> Claim:
 
 
 def step(partition: Partition, before: Claim, after: Claim) -> Step:
-    """A step of nobody's making, with these claims."""
+    """A step that changes the reserve or else the memory, with these claims."""
     name = partition.settings.name
     operation = (
         SetCpu(partition=name, reserve=after.reserve, limit=100, weight=100, machine=partition.id)

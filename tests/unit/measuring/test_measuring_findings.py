@@ -158,7 +158,7 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
 
 
 def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() -> None:
-    """At 54 % of each virtual processor it consumes 54 % of one logical processor, whatever the others reserve."""
+    """At 54 % of each virtual processor it consumes 54 % of one logical processor, with any reserves of the others."""
     experiment = an_experiment(None)
     processors = experiment.setup.processors
     series = replace(a_series("vision", [40.0] * 60), cpu_ms=60 * 40.0 * 0.54)

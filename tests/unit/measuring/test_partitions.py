@@ -36,7 +36,7 @@ SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
 
 
 class DeadDisk(CrashingDisk):
-    """Once crashed, it stays so: whatever a clean-up tries after the end of the process did not happen."""
+    """Once crashed, it stays so: nothing that a clean-up tries after the end of the process happens."""
 
     def _effect(self, name: str, do: object, half: object = lambda: None) -> None:
         if self.at and len(self.effects) >= self.at:

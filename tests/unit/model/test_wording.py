@@ -1,4 +1,4 @@
-"""Words in a row, names that were misspelt, and text of somebody else's."""
+"""Words in a row, names that were misspelt, and text of other programs."""
 
 import pytest
 

@@ -274,7 +274,7 @@ def _is_allowed(placed: Placed, masks: Sequence[int]) -> bool:
 
 
 def _can_go(component: int, placed: Placed, masks: Sequence[int], criticalities: Sequence[int]) -> bool:
-    """Whether a thread more of this component would find a processor: free, or of somebody less critical."""
+    """Whether a thread more of this component would find a processor: free, or of a less critical one."""
     return any(
         other is None or criticalities[other] < criticalities[component]
         for at, other in enumerate(placed)

@@ -1,4 +1,4 @@
-"""What somebody, or a bug, could do to a good script. Each operator answers with a changed script, or None."""
+"""What a person, or a bug, could do to a good script. Each operator answers with a changed script, or None."""
 
 import random
 import re

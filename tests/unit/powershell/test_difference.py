@@ -1,4 +1,4 @@
-"""Two scripts compared by what their steps do, whatever their lines look like."""
+"""Two scripts compared by what their steps do, and not by their lines."""
 
 from dataclasses import replace
 

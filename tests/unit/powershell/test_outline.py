@@ -20,7 +20,7 @@ def test_a_script_says_all_that_its_plan_says() -> None:
 
 
 def _lower(readings: Readings) -> set[tuple[str, object]]:
-    """As a script has them, whatever the culture makes of capitals; without what goes without saying."""
+    """As a script has them, in every culture's capitals; without what goes without saying."""
     implied = {"exists", *(["running"] if "state" in readings else [])}
     return {
         (name.lower(), value)
@@ -62,7 +62,7 @@ def test_the_run_and_what_an_undo_takes_back() -> None:
             assert (step.before, step.after) == ({}, {"folders": 0})  # what was made beside the machine
             continue
         done = by_number[step.undoes]
-        # That nobody else has the name is a guard, not something to bring back.
+        # That no other has the name is a guard, not something to bring back.
         brought_back = {name: value for name, value in done.before.items() if name != "taken"}
         after = {name: value for name, value in step.after.items() if name != "empty"}  # what a kill may have left
         assert _lower(after) == _lower(brought_back)

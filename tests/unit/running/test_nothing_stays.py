@@ -1,4 +1,4 @@
-"""No process outlives its component's run: whoever ends it, and however it tries to get away."""
+"""No process outlives its component's run: no matter who ends it and how it tries to get away."""
 
 import os
 import signal

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.house_rules import PACKAGE, breaches_in
+from scripts.house_rules import PACKAGE, breaches_elsewhere, breaches_in
 
 READS = "this reads a sentence: what code needs is a field"
 
@@ -78,6 +78,20 @@ def test_a_pronoun_is_asked_who_or_what_it_is(tmp_path: Path) -> None:
     assert [breach.partition("host.py:")[2] for breach in found] == [
         "2: `Nobody`: say who or what it is",
         "2: `wherever`: say who or what it is",
+    ]
+
+
+def test_a_test_has_pronouns_in_its_data_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "tests").mkdir()
+    written = 'def look() -> str:\n    """As {} does."""\n    return "nobody"  # {}\n'
+    (tmp_path / "tests" / "looks.py").write_text(written.format("anybody", "no run"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert list(breaches_elsewhere()) == []
+
+    (tmp_path / "tests" / "looks.py").write_text(written.format("somebody", "whatever it is"), encoding="utf-8")
+    assert list(breaches_elsewhere()) == [
+        "tests/looks.py:2: `somebody`: say who or what it is",
+        "tests/looks.py:3: `whatever`: say who or what it is",
     ]
 
 

@@ -4,7 +4,7 @@ from rarms_iac.views.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal,
 
 
 class FakeTerminal(io.StringIO):
-    """A stream that somebody looks at."""
+    """A stream that a user looks at."""
 
     def isatty(self) -> bool:
         return True

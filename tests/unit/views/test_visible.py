@@ -1,4 +1,4 @@
-"""What nobody of ours wrote acts neither on a terminal nor on the runner of a workflow."""
+"""Text that rarms did not write acts neither on a terminal nor on the runner of a workflow."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The use scenario without a terminal: whoever shows its steps gets values, and answers with words."""
+"""The use scenario without a terminal: a view of its steps gets values, and answers with words."""
 
 from datetime import date
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Measuring on an applied host: what runs there rests meanwhile, where somebody consents, and runs again afterwards."""
+"""Measuring on an applied host: what runs there rests meanwhile, where the user consents, and runs again afterwards."""
 
 import json
 import re

@@ -99,7 +99,7 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert len(trail) == 1 + len(found["trail"])
     in_all_reports(trail)
     assert "No other combination of these components reserves less" in " ".join(tuned.out.split())
-    assert "?" not in tuned.err, "nothing that looks like a question is told where nobody is asked"
+    assert "?" not in tuned.err, "nothing that looks like a question is told where no user is asked"
     assert "paths+video at " in declined.err
     second = json.loads(again.out)["run"]
     assert second["ending"] == "nothing_to_do"

@@ -1,4 +1,4 @@
-"""What tuning is about, and how it ends when somebody stops it."""
+"""What tuning is about, and how it ends when the user stops it."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import chdir
@@ -85,7 +85,7 @@ def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> No
 
 
 class Once:
-    """An oracle that answers once; then somebody asks for an end."""
+    """An oracle that answers once; then the user asks for an end."""
 
     def __init__(self) -> None:
         self.asked: list[Members] = []

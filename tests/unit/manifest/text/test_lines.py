@@ -1,4 +1,4 @@
-"""Lines of a text are found by counting line ends, whatever they are."""
+"""Lines of a text are found by counting line ends of every kind."""
 
 import re
 import time

@@ -87,7 +87,7 @@ def test_what_is_expected_is_told_with_every_question() -> None:
     heard = Hearing()
     _, trail = search(guided(tuning, needs, 0.0), Inquiry(oracle=Needs(needs), reporter=heard))
     assert trail[0].predicted == step.predicted
-    assert tuple(heard.answers) == trail, "whoever stops it midway was told the same"
+    assert tuple(heard.answers) == trail, "a listener who stops it midway was told the same"
 
 
 def test_the_same_answers_lead_to_the_same_questions() -> None:

@@ -178,7 +178,7 @@ def test_where_nothing_fits_that_is_proved() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
-    """Whatever is asked about is in some layout that fits, if each compound needs as little as it was known to."""
+    """A compound that is asked about is in some layout that fits, if each needs as little as it was known to."""
     chance = random.Random(f"dropped/{seed}")
     of = cois(**{name: chance.randint(10, 45) for name in "abcde"})
     capacity = int(total(of) * chance.uniform(0.7, 0.9))
@@ -203,7 +203,7 @@ def test_where_no_layout_can_fit_nothing_is_measured() -> None:
 
     assert isinstance(found, NothingFits)
     assert found.proved
-    assert trail == (), "40 % are needed at least, whoever shares with whom"
+    assert trail == (), "40 % are needed at least, with any sharing"
 
 
 def test_what_its_samples_could_not_tell_proves_nothing_of_another_layout() -> None:

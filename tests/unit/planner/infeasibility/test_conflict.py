@@ -1,4 +1,4 @@
-"""Who is told to conflict does, and nobody among them without need: compared with trying everything."""
+"""The partitions that are told to conflict do, and none among them without need: compared with trying everything."""
 
 from collections.abc import Sequence
 from fractions import Fraction

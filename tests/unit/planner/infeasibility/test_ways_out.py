@@ -133,7 +133,7 @@ def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
     assert "path and vision together need" in offered
 
     fixed = [a_component(name, reserve="40 %") for name in ("path", "speech", "vision")]
-    assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, whoever shares"
+    assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, with any sharing"
 
 
 def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:

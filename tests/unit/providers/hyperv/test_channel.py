@@ -1,4 +1,4 @@
-"""A program that was started: its events; nothing of it lives on, and nobody else looks into its folder."""
+"""A program that was started: its events; nothing of it lives on, and no other account looks into its folder."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""What observe.ps1 prints is read strictly, in whatever encoding a PowerShell wrote it."""
+"""What observe.ps1 prints is read strictly, in any encoding that a PowerShell writes."""
 
 import json
 from typing import Any
