@@ -321,7 +321,7 @@ class PathPlaces:
         return Place(file=self.file, line=1, column=1, path=".".join(map(str, path)))
 
     def key(self, *path: str | int) -> Place:
-        """The same as `value`: there is no text in which they could differ."""
+        """As `value`: there is no text in which they could differ."""
         return self.value(*path)
 
 

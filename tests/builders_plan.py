@@ -267,7 +267,9 @@ def a_rich_plan() -> Plan:
     )
 
 
-def placed(name: str = "vision", *, components: Iterable[str] | None = None, host: str = "onboard") -> PlacedPartition:
+def placed_partition(
+    name: str = "vision", *, components: Iterable[str] | None = None, host: str = "onboard"
+) -> PlacedPartition:
     """A partition of the component of its own name, unless they are given."""
     return PlacedPartition(
         host=host,

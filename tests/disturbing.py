@@ -215,7 +215,7 @@ def _host(file: Path) -> Mapping[str, Any]:
 
 
 def _host_behind_pwsh(folder: Path) -> Mapping[str, Any]:
-    """The same of the stand-in of a Hyper-V host, where the folder has one; once no script runs there any more."""
+    """What is on the stand-in of a Hyper-V host, where the folder has one; once no script runs there any more."""
     if not (folder / powershell.STATE).exists():
         return {}
     with hold(folder / powershell.LOCK, "a test", 60_000):

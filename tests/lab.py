@@ -53,7 +53,7 @@ class Lab:
         }
 
     def wanting(self, system: System) -> "Lab":
-        """The same hosts under another manifest."""
+        """These hosts under another manifest."""
         return replace(self, system=system)
 
     def observe(self) -> dict[str, State]:

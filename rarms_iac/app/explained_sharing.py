@@ -69,15 +69,15 @@ class PreviousTuning:
         Yields:
             A clause for each compound, without a full stop.
         """
-        settings_of: dict[Names, dict[int, tuple[str, ...]]] = {}
+        answers_of: dict[Names, dict[int, tuple[str, ...]]] = {}
         for run in self.runs:
             for setting in run.trail:
                 names = tuple(sorted(setting.components))
                 if set(names) & set(members) and names != members:
-                    settings_of.setdefault(names, {})[setting.reserve] = setting.worse
-        for names, settings in settings_of.items():
+                    answers_of.setdefault(names, {})[setting.reserve] = setting.worse
+        for names, answers in answers_of.items():
             why = f"; outdated: {self.outdated[names]}" if names in self.outdated else ""
-            yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}{why}"
+            yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_describe_answers(answers))}{why}"
 
     def nothing(self, platform: str) -> str:
         """Say why there is nothing to tell; empty: there are runs.
@@ -152,14 +152,14 @@ def rejected_compounds(group: Group, previous: PreviousTuning, host: Host) -> It
         yield f"sharing with others: {why}"
 
 
-def _settings(settings: Mapping[int, Sequence[str]]) -> Iterator[str]:
+def _describe_answers(answers: Mapping[int, Sequence[str]]) -> Iterator[str]:
     """The lowest that was enough, and the highest that was not."""
-    enough = min((reserve for reserve, worse in settings.items() if not worse), default=None)
-    missed = max((reserve for reserve, worse in settings.items() if worse), default=None)
+    enough = min((reserve for reserve, worse in answers.items() if not worse), default=None)
+    missed = max((reserve for reserve, worse in answers.items() if worse), default=None)
     if enough is not None:
         yield f"{enough} % of its VPs is enough, and another layout was taken"
     if missed is not None:
-        yield f"{missed} % of its VPs is not enough for {' and '.join(settings[missed])} for sure"
+        yield f"{missed} % of its VPs is not enough for {' and '.join(answers[missed])} for sure"
 
 
 def describe_own_partitions(partition: ExplainedPartition, place: ExplainedPlace) -> str:

@@ -64,13 +64,13 @@ def settings_to_run(method: Method, recorded: Iterable[Setting], most: int) -> S
 
 
 def expected_duration(
-    experiment: Experiment, settings: SettingCount, earlier: Sequence[Setting] = (), settles_ms: float = 0.0
+    experiment: Experiment, count: SettingCount, earlier: Sequence[Setting] = (), settles_ms: float = 0.0
 ) -> DurationBounds:
     """Work out how long an experiment will take that is begun or goes on.
 
     Args:
         experiment: What is measured.
-        settings: How many are still to be run.
+        count: How many settings are still to be run.
         earlier: All settings of its data log: how fast jobs were tells how fast they may be.
         settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
@@ -79,11 +79,11 @@ def expected_duration(
         as fast as the fastest recorded, and without a record take no time unless they have a period.
     """
     # Members run together: a setting ends when each has what it needs.
-    shortest = max(_least_ms(run_of(member), member, earlier, settings) for member in experiment.members)
+    shortest = max(_least_ms(run_of(member), member, earlier, count) for member in experiment.members)
     shortest = settles_ms + max(shortest, settles_ms)
     ends = [_ends_ms(run_of(member).ends, run_of(member), _allowed_ms(member)) for member in experiment.members]
     longest = settles_ms + max(settles_ms, *ends)
-    if settings.goes_on:
+    if count.goes_on:
         named = [member for member in experiment.members if run_of(member).until is not None]
         longest = max(
             float(experiment.limits.setting),
@@ -91,11 +91,11 @@ def expected_duration(
             2 * settles_ms,
         )
     return DurationBounds(
-        least_settings=settings.least,
-        most_settings=settings.most,
-        least_ms=settings.least * shortest,
-        most_ms=settings.most * longest,
-        by_timeout=not settings.goes_on
+        least_settings=count.least,
+        most_settings=count.most,
+        least_ms=count.least * shortest,
+        most_ms=count.most * longest,
+        by_timeout=not count.goes_on
         and any(_allowed_ms(member) >= run_of(member).timeout for member in experiment.members),
     )
 
@@ -114,14 +114,14 @@ def least_samples(member: Component) -> int:
     return max(needed, until.samples) if isinstance(until, SampleCount) else needed
 
 
-def _least_ms(run: Run, member: Component, earlier: Sequence[Setting], settings: SettingCount) -> float:
+def _least_ms(run: Run, member: Component, earlier: Sequence[Setting], count: SettingCount) -> float:
     """A setting of a search may end as soon as its samples tell, a setting of a sweep goes on to its end."""
     between = float(run.arrival.period) if isinstance(run.arrival, Periodic) else _fastest_ms(member.name, earlier)
-    if settings.goes_on:
+    if count.goes_on:
         return least_samples(member) * between
     if isinstance(run.ends, Elapsed):
-        return min(float(run.ends.time), FIRST_LOOK * between if settings.ends_early else inf)
-    return (min(FIRST_LOOK, run.ends.samples) if settings.ends_early else run.ends.samples) * between
+        return min(float(run.ends.time), FIRST_LOOK * between if count.ends_early else inf)
+    return (min(FIRST_LOOK, run.ends.samples) if count.ends_early else run.ends.samples) * between
 
 
 def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:

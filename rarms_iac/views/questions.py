@@ -58,10 +58,10 @@ def refine_question(written: Selection) -> Question:
 
 def extend_question(beyond: BeyondMeasured) -> Question:
     """Whether to measure higher settings for a level that no measured one reaches."""
-    settings = f"{beyond.first} to {beyond.last} %" if beyond.first < beyond.last else f"{beyond.last} %"
-    settings += " of its VPs"
+    reserves = f"{beyond.first} to {beyond.last} %" if beyond.first < beyond.last else f"{beyond.last} %"
+    reserves += " of its VPs"
     return Question(
-        text=f"{settings} is not measured yet. Measure there?",
+        text=f"{reserves} is not measured yet. Measure there?",
         help_text="y measures there and looks the level up again; n asks for another level; q ends.",
     )
 

@@ -32,7 +32,7 @@ from tests.needs import reason_to_skip, require
 
 
 def on_linux(host: Host) -> Host:
-    """The same machine as a Linux host."""
+    """This machine as a Linux host."""
     return replace(host, provider=ProviderKind.LINUX, settings=LinuxHost())
 
 
@@ -79,7 +79,7 @@ def shell_channel(*words: str) -> ProgramChannel:
 
 
 def open_remote(host: Host, folder: Path, channel: CommandChannel | None = None) -> LinuxHostProvider:
-    """The same machine as if it were another, behind a shell instead of ssh."""
+    """This machine as if it were another, behind a shell instead of ssh."""
     described = replace(on_linux(host), settings=LinuxHost(slice=slice_of(folder)))
     machine = replace(read_machine(LocalEffects()), logical_processors=host.logical_processors, memory=int(host.memory))
     return through_channel(described, channel or shell_channel(), folder, machine)

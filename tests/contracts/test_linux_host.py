@@ -28,7 +28,7 @@ from rarms_iac.providers.interface import HostDamaged, HostFailed, HostRefused
 from tests import builders
 from tests.contracts.benches import groups_of, open_linux, opened_bench
 from tests.contracts.runs import a_run
-from tests.laws.test_damaged_file_laws import ODD_VALUES, PLACED, changed, in_time, paths_in
+from tests.laws.test_damaged_file_laws import IRREGULAR_FILES, ODD_VALUES, changed, in_time, paths_in
 
 MIB = 2**20
 SCOPE = Scope(application="robot", plan="0123456789ab")
@@ -203,7 +203,7 @@ def test_a_definition_that_was_never_written_is_read_or_refused(host: LinuxHostP
         host.observe()
 
 
-@pytest.mark.parametrize("place", PLACED)
+@pytest.mark.parametrize("place", IRREGULAR_FILES)
 def test_what_is_no_file_in_a_definitions_place_is_refused(
     host: LinuxHostProvider, tmp_path: Path, place: Callable[[Path], None]
 ) -> None:

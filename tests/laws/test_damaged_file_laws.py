@@ -299,7 +299,7 @@ def make_socket(path: Path) -> None:
         bound.bind(path.name)
 
 
-PLACED = [
+IRREGULAR_FILES = [
     *(make_pipe, make_folder, make_socket, huge_file, empty_file),
     *(link_to_an_endless_device, link_to_itself, link_to_a_pipe, link_to_nothing),
 ]
@@ -315,7 +315,7 @@ LOCKS = {
 @pytest.mark.parametrize("file", sorted(READERS | LOCKS))
 def test_what_is_no_regular_file_is_a_finding(cell: Path, tmp_path: Path, file: str) -> None:
     commands = (READERS | LOCKS)[file]
-    for number, place in enumerate(PLACED):
+    for number, place in enumerate(IRREGULAR_FILES):
         folder = tmp_path / str(number)
         copy_files(cell, folder)
         (folder / file).unlink(missing_ok=True)

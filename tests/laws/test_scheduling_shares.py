@@ -20,7 +20,7 @@ OFF_BY = 0.02
 """LPs by which a VP may miss its share over 10 s."""
 
 OFF_BY_IF_FULL = 0.2
-"""The same where a VP is due nearly a whole LP: it loses turns to claims that others saved, and cannot make up."""
+"""LPs where a VP is due nearly a whole LP: it loses turns to claims that others saved, and cannot make up."""
 
 
 def busy(name: str, vps: int, weight: int, reserve: int = 0, limit: int = 100) -> VirtualMachine:

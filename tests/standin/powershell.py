@@ -43,7 +43,7 @@ class How:
     """What a test asks of it beside running scripts."""
 
     noise: tuple[str, ...] = ()  # on standard output, before anything else
-    beside: tuple[str, ...] = ()  # the same on standard error
+    warnings: tuple[str, ...] = ()  # on standard error, before anything else
     step_ms: int = 0  # after every event
     silent_ms: int = 0  # before the script runs
     refuses: str = ""  # what PowerShell says instead of running a script
@@ -103,7 +103,7 @@ def main(arguments: Sequence[str]) -> int:
         return bootstrap(Path(folder), how, options[options.index("-EncodedCommand") + 1])
     for line in how.noise:
         print(line, flush=True)
-    for line in how.beside:
+    for line in how.warnings:
         print(line, file=sys.stderr, flush=True)
     at = options.index("-File") + 1
     if how.refuses:
@@ -132,8 +132,8 @@ def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
         def slept(waiting: WindowsHost) -> None:
             time.sleep(0.002)
             for suffix in (".stop", ".next"):
-                if (beside := script.with_name(f"{script.name}{suffix}")).exists():
-                    waiting.write_file(f"{FOLDER}\\{beside.name}", beside.read_bytes())
+                if (sign := script.with_name(f"{script.name}{suffix}")).exists():
+                    waiting.write_file(f"{FOLDER}\\{sign.name}", sign.read_bytes())
 
         host.watch, host.slept = watch, slept
         path_there, what_if = f"{FOLDER}\\{script.name}", "-WhatIf" in given

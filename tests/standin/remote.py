@@ -86,10 +86,10 @@ class Remote:
         path = f"{self.folder}/here{os.pathsep}{os.environ['PATH']}"
         return {**os.environ, "PATH": path, "PYTHONPATH": str(CHECKOUT), "NO_COLOR": "1"}
 
-    def start(self, *words: str, beside_pwsh: bool = False) -> subprocess.Popen[bytes]:
-        """`rarms` as a process, in the host's folder; `beside_pwsh`: on the host itself."""
+    def start(self, *words: str, with_pwsh: bool = False) -> subprocess.Popen[bytes]:
+        """`rarms` as a process, in the host's folder; `with_pwsh`: on the host itself."""
         environment = dict(self.environment)
-        if beside_pwsh:
+        if with_pwsh:
             environment["PATH"] = f"{self.folder}/there{os.pathsep}{environment['PATH']}"
         program = [sys.executable, "-m", "rarms_iac.cli.main"]
         pipe = subprocess.PIPE
@@ -102,8 +102,8 @@ class Remote:
             stderr=pipe,
         )
 
-    def rarms(self, *words: str, beside_pwsh: bool = False) -> Ended:
-        return finish(self.start(*words, beside_pwsh=beside_pwsh))
+    def rarms(self, *words: str, with_pwsh: bool = False) -> Ended:
+        return finish(self.start(*words, with_pwsh=with_pwsh))
 
     def cut(self) -> None:
         """Break every connection, as if a cable were pulled: the sessions' processes end without a word."""

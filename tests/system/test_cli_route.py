@@ -29,7 +29,7 @@ class Robot:
         return rarms(words[0], "-f", str(self.manifest), *words[1:], stdin=stdin)
 
     def applied(self) -> "Robot":
-        """The same, its manifest applied."""
+        """This robot, its manifest applied."""
         assert self.run("apply", "--auto-approve").code == 0
         return self
 

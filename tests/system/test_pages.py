@@ -64,14 +64,14 @@ def in_an_empty_folder() -> None:
     """The page begins with nothing."""
 
 
-def beside_a_measured_robot() -> None:
+def with_a_measured_robot() -> None:
     copy_files(CHECKOUT / "manifests" / "delivery-robot", Path())
     assert rarms("measure").code == 0
     assert rarms("apply", "--auto-approve").code == 0
     assert rarms("select", "face-detection", "--at", "120 ms").code == 0
 
 
-def beside_a_cell() -> None:
+def with_a_cell() -> None:
     for folder in ("", "cell", "../base"):
         Path(folder).mkdir(exist_ok=True)
         Path(folder, "rarms.yaml").write_text(CELL, encoding="utf-8", newline="\n")
@@ -87,16 +87,16 @@ def on_a_bare_server() -> None:
     powershell.save(Path(), server)
 
 
-def beside_a_hyperv_host() -> None:
+def with_a_hyperv_host() -> None:
     Path("rarms.yaml").write_text(ON_HYPERV, encoding="utf-8", newline="\n")
     powershell.save(Path(), host_from(document("empty-host")))
 
 
 PREPARED: Mapping[str, Callable[[], None]] = {
-    "README.md": beside_a_measured_robot,
+    "README.md": with_a_measured_robot,
     "hyperv.md": on_a_bare_server,
-    "pull-requests.md": beside_a_cell,
-    "scripts.md": beside_a_hyperv_host,
+    "pull-requests.md": with_a_cell,
+    "scripts.md": with_a_hyperv_host,
     "tutorial.md": in_an_empty_folder,
 }
 """What lies there before a page's first command."""

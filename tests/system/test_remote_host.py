@@ -262,7 +262,7 @@ def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: 
 @pytest.mark.thorough
 def test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing(remote: Remote) -> None:
     noise = ["Welcome to CELL-4", "{", '{"format":"rarms-event/9"}', "\u001b[31mred"]
-    remote.ask(noise=noise, beside=["WARNING: a module was loaded twice"])
+    remote.ask(noise=noise, warnings=["WARNING: a module was loaded twice"])
 
     applied = apply(remote)
 
@@ -339,13 +339,13 @@ def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
     (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
     elsewhere = remote.rarms("plan")
 
-    applied = remote.rarms("apply", "--auto-approve", beside_pwsh=True)
+    applied = remote.rarms("apply", "--auto-approve", with_pwsh=True)
 
     assert elsewhere.code == 1
     assert "is not on this computer" in " ".join(elsewhere.err.split())
     assert applied.code == 0, applied
-    assert EMPTY in remote.rarms("plan", beside_pwsh=True).out
-    assert remote.rarms("undo", "--auto-approve", beside_pwsh=True).code == 0
+    assert EMPTY in remote.rarms("plan", with_pwsh=True).out
+    assert remote.rarms("undo", "--auto-approve", with_pwsh=True).code == 0
     assert not remote.host.vms
 
 
@@ -353,15 +353,15 @@ def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
 def test_ctrl_c_stops_a_script_of_this_computer_too(remote: Remote) -> None:
     (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
     remote.ask(step_ms=250)
-    running = remote.start("apply", "--auto-approve", beside_pwsh=True)
+    running = remote.start("apply", "--auto-approve", with_pwsh=True)
     after_steps(remote, 2)
 
     running.send_signal(signal.SIGINT)
 
     assert finish(running).code == 130
     remote.ask()
-    assert remote.rarms("apply", beside_pwsh=True).code == 0
-    assert EMPTY in remote.rarms("plan", beside_pwsh=True).out
+    assert remote.rarms("apply", with_pwsh=True).code == 0
+    assert EMPTY in remote.rarms("plan", with_pwsh=True).out
 
 
 def test_the_stand_in_says_what_it_is(remote: Remote) -> None:

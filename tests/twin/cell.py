@@ -50,7 +50,7 @@ class Cell:
         return prepared.plan
 
     def on(self, host: WindowsHost) -> Cell:
-        """The same wish on another host."""
+        """This wish, on another host."""
         return replace(self, host=host)
 
 
@@ -74,7 +74,7 @@ def apply(host: WindowsHost, plan: Plan, **how: bool) -> Ran:
 
 
 def undo(host: WindowsHost, plan: Plan) -> Ran:
-    """The same with the undo script."""
+    """Lay the scripts on the host and run the undo script."""
     return _run_of(host, plan, undo_script(plan))
 
 

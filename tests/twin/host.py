@@ -200,7 +200,7 @@ class WindowsHost:
             raise Killed(says)
 
     def copy(self, **changed: object) -> WindowsHost:
-        """The same host, calm: nothing is to be killed or to fail, unless it is said."""
+        """A copy, calm: nothing is to be killed or to fail, unless it is said."""
         return copy.deepcopy(self)._calm(**changed)
 
     def as_bytes(self) -> bytes:

@@ -365,8 +365,8 @@ def test_bursts_in_a_guest_are_told_what_their_partition_reserves(measured: Meas
     (result,) = measured(host, BURSTS, reserves=(40, 70)).experiments
     loads = [process for process in host.processes if "bursts.ps1" in process.arguments]
 
-    beside = [setting.beside for setting in result.settings]
+    load_reserves = [setting.beside for setting in result.settings]
     assert {process.arguments for process in loads} == {"-NoProfile -ExecutionPolicy Bypass -File bursts.ps1 4 50000 0"}
-    assert [int(process.reserve) for process in loads] == beside
-    assert beside[0] > beside[1] > 0
+    assert [int(process.reserve) for process in loads] == load_reserves
+    assert load_reserves[0] > load_reserves[1] > 0
     assert leftovers(host) == []

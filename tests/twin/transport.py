@@ -78,7 +78,6 @@ class Conversation:
             self.host.files.pop(f"{FOLDER}\\{self.name}{suffix}".lower(), None)
 
     def next_line(self, silence_s: float) -> str | None:
-        """See `ScriptSession`."""
         if not self._thread.is_alive() and self._lines.empty():
             return None
         self._go.release()
@@ -88,11 +87,9 @@ class Conversation:
         return line
 
     def send(self, line: str) -> None:
-        """See `ScriptSession`."""
         self.lay(".next" if line.endswith(".") else ".stop", line)
 
     def ended(self) -> ScriptExited | ScriptLost:
-        """See `ScriptSession`."""
         self._thread.join()
         if self.ran is None or self.ran.code is None:
             return ScriptLost(why="it was killed")

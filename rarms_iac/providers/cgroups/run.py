@@ -86,7 +86,7 @@ class LinuxHostProvider(JournaledHost):
             effects: of the machine; None: this one.
         """
         settings = host.settings if isinstance(host.settings, LinuxHost) else LinuxHost()
-        self._settings = settings
+        self._linux = settings
         self._folder = state_folder / settings.slice
         self._effects: LinuxEffects = effects or LocalEffects()
         self._definitions = DefinitionFiles(host.name, self._folder, self._effects)
@@ -108,7 +108,7 @@ class LinuxHostProvider(JournaledHost):
             HostRefused: this machine, or this user, lacks something that they need; the message names all of it.
         """
         if self._known_tree is None:
-            found = find_tree(self._settings.slice, self._settings.control_groups, self._effects)
+            found = find_tree(self._linux.slice, self._linux.control_groups, self._effects)
             if isinstance(found, MissingFeatures):
                 raise HostRefused(
                     self.name,
@@ -145,7 +145,7 @@ class LinuxHostProvider(JournaledHost):
     @contextmanager
     def in_one_batch(self) -> Iterator[None]:
         """On this machine each effect is done at once."""
-        with self._kernel_errors(self._settings.slice):
+        with self._kernel_errors(self._linux.slice):
             try:
                 with self._effects.in_one_batch():
                     yield
@@ -264,7 +264,7 @@ class LinuxHostProvider(JournaledHost):
         """The definition is replaced last, so that a kill before leaves the partition as it was."""
         self._look_unless_held()
         state, known = self._seen()
-        with self._kernel_errors(self._settings.slice if isinstance(operation, TaskOperation) else operation.partition):
+        with self._kernel_errors(self._linux.slice if isinstance(operation, TaskOperation) else operation.partition):
             self._do(operation, scope, state, known)
             self._effects.commit()
 
@@ -374,7 +374,7 @@ class LinuxHostProvider(JournaledHost):
     def _recover(self) -> None:
         """Take back what a killed run left half done; the definitions have what was there before."""
         self._definitions.refuse_writable_folder()
-        with self._kernel_errors(self._settings.slice):
+        with self._kernel_errors(self._linux.slice):
             self.tree.limit_slice(slice_limit(self._host, self._processors))
             self._effects.commit()
         for definition in self._definitions.all():

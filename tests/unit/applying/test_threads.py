@@ -89,7 +89,7 @@ def test_classes_are_listed_system_by_system_with_who_names_them() -> None:
     }
 
     observed = State(facts=build.facts())
-    layout = Layout(partitions=(build.placed("body", components=("leg", "arm", "eye")),), on_hosts=())
+    layout = Layout(partitions=(build.placed_partition("body", components=("leg", "arm", "eye")),), on_hosts=())
 
     found = threads_of(Desired(observed=observed, state=observed, layout=layout, classes=decided), system)
 

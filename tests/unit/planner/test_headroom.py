@@ -11,7 +11,7 @@ from tests.builders import a_component, a_system, at_most
 from tests.planning import PLACES
 
 
-def placed(system: System, headroom: Headroom = Headroom.BY_CRITICALITY) -> dict[str, PlacedPartition]:
+def partitions_of(system: System, headroom: Headroom = Headroom.BY_CRITICALITY) -> dict[str, PlacedPartition]:
     wanted = replace(system, policy=replace(system.policy, headroom=headroom))
     answer = plan_layout(wanted, FixedReservations(), {}, PLACES).answer
     assert isinstance(answer, Layout)
@@ -29,7 +29,7 @@ def a_robot(reserve: str = "30 %") -> System:
 
 
 def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
-    found = placed(a_robot())
+    found = partitions_of(a_robot())
 
     assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
         "vision": (100, 3000),
@@ -41,7 +41,7 @@ def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
 
 
 def test_what_one_needs_moves_no_other_share() -> None:
-    before, after = placed(a_robot()), placed(a_robot("45 %"))
+    before, after = partitions_of(a_robot()), partitions_of(a_robot("45 %"))
 
     assert before["vision"] != after["vision"]
     assert {name: partition for name, partition in before.items() if name != "vision"} == {
@@ -50,11 +50,12 @@ def test_what_one_needs_moves_no_other_share() -> None:
 
 
 def test_equal_hands_out_the_same() -> None:
-    assert {partition.settings.weight for partition in placed(a_robot(), Headroom.EQUAL).values()} == {USUAL_WEIGHT}
+    weights = {partition.settings.weight for partition in partitions_of(a_robot(), Headroom.EQUAL).values()}
+    assert weights == {USUAL_WEIGHT}
 
 
 def test_none_keeps_those_without_an_apt_to_their_reservation() -> None:
-    found = placed(a_robot(), Headroom.NONE)
+    found = partitions_of(a_robot(), Headroom.NONE)
 
     assert {name: (partition.settings.limit, partition.settings.weight) for name, partition in found.items()} == {
         "vision": (100, 100),
@@ -67,7 +68,7 @@ def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
     system = a_system(components=[a_component("speech", criticality=9, weight=50, limit="80 %"), a_component("vision")])
 
     for policy in Headroom:
-        found = placed(system, policy)["speech"]
+        found = partitions_of(system, policy)["speech"]
         assert (found.settings.limit, found.settings.weight) == (80, 50)
         assert found.why_weight == "the manifest fixes it for speech"
 
@@ -76,7 +77,7 @@ def test_a_new_component_moves_no_other_weight() -> None:
     system = a_robot()
     more = replace(system, components={**system.components, "arm": a_component("arm", criticality=7, reserve="5 %")})
 
-    before, after = placed(system), placed(more)
+    before, after = partitions_of(system), partitions_of(more)
 
     assert {name: after[name] for name in before} == before
 

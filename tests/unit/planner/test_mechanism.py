@@ -33,7 +33,7 @@ def planned(
     return plan_layout(system, FixedReservations(), views, PLACES)
 
 
-def placed(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPartition:
+def vision_with(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPartition:
     vision = a_component("vision", reserve="35 %", apt=APT, processors=processors)
     answer = planned(a_linux_host(mechanism), [vision, SPEECH]).answer
     assert isinstance(answer, Layout)
@@ -41,7 +41,7 @@ def placed(mechanism: Mechanism, *, processors: int | None = None) -> PlacedPart
 
 
 def test_a_share_caps_nothing_and_no_partition_has_a_weight_on_linux() -> None:
-    found = placed(Mechanism.AUTOMATIC)
+    found = vision_with(Mechanism.AUTOMATIC)
 
     settings = found.settings
     assert (settings.limit, settings.weight, settings.quota_period_us, settings.generation) == (100, 100, None, 0)
@@ -50,7 +50,7 @@ def test_a_share_caps_nothing_and_no_partition_has_a_weight_on_linux() -> None:
 
 
 def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_threshold() -> None:
-    found = placed(Mechanism.QUOTA)
+    found = vision_with(Mechanism.QUOTA)
 
     assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 35, 8_800)
     assert "the mechanism is quota" in found.why_limit
@@ -58,7 +58,7 @@ def test_a_quota_is_a_limit_of_what_is_reserved_counted_ten_times_within_the_thr
 
 
 def test_fewer_processors_than_the_host_has_are_a_quota_on_linux() -> None:
-    found = placed(Mechanism.SHARE, processors=1)
+    found = vision_with(Mechanism.SHARE, processors=1)
 
     assert (found.settings.processors, found.settings.limit, found.settings.quota_period_us) == (1, 100, 8_800)
 
@@ -74,7 +74,7 @@ def test_a_period_is_a_tenth_of_the_threshold_within_what_the_kernel_takes(
 
 
 def test_a_deadline_gives_a_thread_all_of_the_reservation_and_caps_no_other() -> None:
-    found = placed(Mechanism.DEADLINE)
+    found = vision_with(Mechanism.DEADLINE)
 
     assert (found.settings.reserve, found.settings.limit, found.settings.quota_period_us) == (35, 100, None)
     assert (deadline_percent(35, 2), deadline_percent(60, 2)) == (70, 95)

@@ -86,7 +86,7 @@ def as_values(chosen: Sequence[Sequence[PriorityValues]]) -> list[Values]:
 
 
 def groups(requests: Sequence[TaskRequest]) -> Iterator[list[list[TaskRequest]]]:
-    """The same classes, of so many criticalities, neighbours equal or not."""
+    """These classes, of so many criticalities, neighbours equal or not."""
     for ends in product([False, True], repeat=len(requests) - 1):
         levels = [[requests[0]]]
         for request, is_other in zip(requests[1:], ends, strict=True):
@@ -237,7 +237,7 @@ def test_a_mask_names_no_processor_that_it_has_no_bit_for() -> None:
 
 WIDEST = 5 if LONG else 4
 
-Placed = tuple[int | None, ...]
+RunningOn = tuple[int | None, ...]
 """Which component, by its number, has a thread on each processor."""
 
 
@@ -262,22 +262,22 @@ def test_no_thread_waits_while_a_less_critical_one_runs(processors: int) -> None
         for components, masks in systems(processors)
     }
     for criticalities, masks in seen:
-        for placed in product([None, *range(len(masks))], repeat=processors):
-            if _is_allowed(placed, masks):
-                waiting = [at for at in range(len(masks)) if not _can_go(at, placed, masks, criticalities)]
-                for component, other in product(waiting, [other for other in placed if other is not None]):
-                    assert criticalities[other] >= criticalities[component], (criticalities, masks, placed)
+        for running in product([None, *range(len(masks))], repeat=processors):
+            if _is_allowed(running, masks):
+                waiting = [at for at in range(len(masks)) if not _can_go(at, running, masks, criticalities)]
+                for component, other in product(waiting, [other for other in running if other is not None]):
+                    assert criticalities[other] >= criticalities[component], (criticalities, masks, running)
 
 
-def _is_allowed(placed: Placed, masks: Sequence[int]) -> bool:
-    return all(component is None or masks[component] >> at & 1 for at, component in enumerate(placed))
+def _is_allowed(running: RunningOn, masks: Sequence[int]) -> bool:
+    return all(component is None or masks[component] >> at & 1 for at, component in enumerate(running))
 
 
-def _can_go(component: int, placed: Placed, masks: Sequence[int], criticalities: Sequence[int]) -> bool:
+def _can_go(component: int, running: RunningOn, masks: Sequence[int], criticalities: Sequence[int]) -> bool:
     """Whether a thread more of this component would find a processor: free, or of a less critical one."""
     return any(
         other is None or criticalities[other] < criticalities[component]
-        for at, other in enumerate(placed)
+        for at, other in enumerate(running)
         if masks[component] >> at & 1
     )
 

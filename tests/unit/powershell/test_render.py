@@ -23,7 +23,7 @@ def steps_of(script: bytes) -> str:
 
 
 def renamed(change: Change, name: str, message: str) -> Change:
-    """The same change of a machine with this name, for this reason: names of unmanaged machines may be anything."""
+    """This change, of a machine with this name, for this reason: names of unmanaged machines may be anything."""
     reason = build.because(message)
     match change.kind:
         case "adopt" | "release" | "create" | "update" | "delete":

@@ -68,9 +68,9 @@ def test_a_part_brings_those_that_it_needs() -> None:
 def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(name: str) -> None:
     whole = SCRIPTS[name]
     parts = split_script(whole)
-    apart = [parts.plan, *(piece.text for piece in parts.fixed), parts.end]
+    pieces = [parts.plan, *(piece.text for piece in parts.fixed), parts.end]
 
-    assert statements(whole) == [leaf for piece in apart for leaf in statements(piece.replace("\n", "\r\n"))]
+    assert statements(whole) == [leaf for piece in pieces for leaf in statements(piece.replace("\n", "\r\n"))]
 
 
 @scripts

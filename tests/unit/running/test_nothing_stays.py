@@ -33,7 +33,7 @@ def still_beats(folder: Path) -> bool:
 
 
 def beats_in_the_end(folder: Path) -> bool:
-    """The same, after some time for what ends by itself."""
+    """Whether something still writes there after some time for what ends by itself."""
     until = time.perf_counter() + 10
     while still_beats(folder) and time.perf_counter() < until:
         pass

@@ -176,9 +176,9 @@ def test_that_one_of_several_misses_needs_more_evidence_than_that_all_meet() -> 
     alone = {"mean_response_time": at_most("99")}
     while not isinstance(judge(a_series(times), alone, RUN), Missed):
         times = [time + 0.05 for time in times]
-    beside: dict[str, Threshold] = {**alone, "success_rate": at_least(1), "p50_response_time": at_most(1000)}
+    with_others: dict[str, Threshold] = {**alone, "success_rate": at_least(1), "p50_response_time": at_most(1000)}
 
-    assert isinstance(judge(a_series(times), beside, RUN), WithinNoise)
+    assert isinstance(judge(a_series(times), with_others, RUN), WithinNoise)
 
 
 def test_looks_grow_apart() -> None:

@@ -21,7 +21,7 @@ from rarms_iac.views.graph import graph_text, mermaid_quoted
 from rarms_iac.views.json_output import json_of
 from rarms_iac.views.run import RunProgress, run_text, undo_text
 from tests.builders import the_delivery_robot
-from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update
+from tests.builders_plan import create, facts, host_plan, partition, placed_partition, plan, settings, step, update
 from tests.unit.views.test_json import check
 
 
@@ -186,7 +186,10 @@ def test_an_undo_says_what_comes_back_and_what_stays() -> None:
 
 def a_layout() -> Layout:
     return Layout(
-        partitions=(placed("face-detection"), placed("speech", components=("speech-recognition", "path-planning"))),
+        partitions=(
+            placed_partition("face-detection"),
+            placed_partition("speech", components=("speech-recognition", "path-planning")),
+        ),
         on_hosts=(("video-streaming", "onboard"),),
     )
 

@@ -90,8 +90,8 @@ def test_from_nothing_to_a_proven_layout(here: Path) -> None:
 
 def test_what_the_manifest_fixes_counts_in_the_total(here: Path) -> None:
     path = here / "rarms.yaml"
-    beside = "  speech: { criticality: 1, memory: 256 MiB, cpu: { reserve: 0.5 LP }, simulation: { work: 1 ms } }\n"
-    path.write_text(path.read_text(encoding="utf-8").replace("components:\n", "components:\n" + beside), "utf-8")
+    more = "  speech: { criticality: 1, memory: 256 MiB, cpu: { reserve: 0.5 LP }, simulation: { work: 1 ms } }\n"
+    path.write_text(path.read_text(encoding="utf-8").replace("components:\n", "components:\n" + more), "utf-8")
 
     ran = rarms("measure", "vision", "--from", "50%", "--to", "50%", "--samples", "60")
 

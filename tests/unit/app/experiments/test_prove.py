@@ -168,10 +168,10 @@ def test_each_load_of_the_policy_is_proven_and_recorded(here: Path) -> None:
 
 def test_a_weaker_proof_takes_no_miss_back(here: Path) -> None:
     change(here, "at_most: 70 ms", "at_most: 30 ms")  # 20 ms alone, 50 ms beside a load
-    beside, alone = prove(), prove("--without-load")
+    loaded, alone = prove(), prove("--without-load")
     text = " ".join(rarms("status").out.split())
 
-    assert (beside.code, alone.code) == (4, 0), beside.err
+    assert (loaded.code, alone.code) == (4, 0), loaded.err
     assert "of 3 thresholds held together with all other components beside busy-loop" in text
     assert "vision, mean_response_time at most 30 ms: missed" in text
     assert "3 of 3 thresholds held together with all other components beside no load" in text

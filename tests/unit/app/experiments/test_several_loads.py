@@ -88,13 +88,13 @@ def test_a_sweep_runs_beside_each_load_and_shows_the_one_by_which_most_is_reserv
 
 
 def test_experiments_that_differ_in_the_load_alone_belong_together() -> None:
-    beside = [
+    groups = [
         experiments(*LOADS),
         experiments("busy-loop", host="other"),
         experiments("busy-loop", "bursts-20", member="speech"),
     ]
 
-    assert list(by_partition([each for group in beside for each in group])) == beside
+    assert list(by_partition([each for group in groups for each in group])) == groups
 
 
 MANIFEST = """\
@@ -158,13 +158,13 @@ def test_an_answer_beside_weak_loads_is_none_unless_it_is_wanted_and_the_log_kee
         before = log.exists()
         swept = rarms("measure", "--from", "50%", "--to", "50%")
         wanted = rarms("measure", "--weak-load")
-        beside = rarms("measure", "--interference", "light", "--interference", "busy-loop")
+        both = rarms("measure", "--interference", "light", "--interference", "busy-loop")
         planned = rarms("plan")
 
     assert refused.code != 0
     assert "RARMS326" in refused.err
     assert not before
-    assert (swept.code, wanted.code, beside.code) == (0, 0, 0), swept.err + wanted.err + beside.err
+    assert (swept.code, wanted.code, both.code) == (0, 0, 0), swept.err + wanted.err + both.err
     recorded = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()[1:]]
     assert all(line["provenance"]["weak_load"] for line in recorded)
     assert planned.code in (0, 2)

@@ -250,7 +250,7 @@ def test_repeating_belongs_to_the_papers_procedure(here: Path) -> None:
 
 @pytest.fixture
 def applied(here: Path) -> Path:
-    """The same on a host where its partitions run, with less than they need."""
+    """The manifest on a host where its partitions run, with less than they need."""
     manifest = here / "rarms.yaml"
     manifest.write_text(MANIFEST.replace("reserve: measured", "reserve: 10 %"), encoding="utf-8", newline="\n")
     assert rarms("apply", "--auto-approve").code == 0

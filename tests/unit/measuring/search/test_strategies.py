@@ -105,7 +105,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
 
 
 def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], SearchStep]:
-    """The same where settings in this range never become steady: jobs take half of the level, and later all of it."""
+    """A search where settings in this range never become steady: jobs take half of the level, and later all of it."""
     history: list[SearchTrial] = []
     while isinstance(step := STRATEGIES[strategy](history, GOAL), Measure):
         assert len(history) < 40
