@@ -71,9 +71,9 @@ def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
     parts = [a_component("vision", reserve="20 %"), a_component("speech", reserve="20 %")]
     system = a_system(components=parts, partitions=[both])
     raised = 100 if limit is None else 40  # as the planner lays it out: never below the reserve
-    both = build.placed_partition("both", components=("vision", "speech"))
-    both = replace(both, settings=replace(both.settings, limit=raised))
-    layout = Layout(partitions=(both,), on_hosts=())
+    raised_partition = build.placed_partition("both", components=("vision", "speech"))
+    raised_partition = replace(raised_partition, settings=replace(raised_partition.settings, limit=raised))
+    layout = Layout(partitions=(raised_partition,), on_hosts=())
 
     assert told(findings(system=system, layout=layout)) == expected
 
