@@ -645,7 +645,7 @@ SITUATIONS = {
     "more logical processors may be enough": Situation(
         (write(PAIR), logs(vision=60, speech=60)),
         "plan",
-        ("may be enough: what partitions need there has to be measured",),
+        ("may be enough. How much each partition needs there, ",),
         ("rarms measure",),
         may_answer=ExitCode.NO,
     ),
@@ -677,6 +677,9 @@ SITUATIONS = {
 
 OTHER_TESTS = {
     "no longer names it": "tests/unit/applying/test_unnamed.py",
+    "or finish it where the key is not set": "tests/unit/app/test_plan_key.py",
+    "Make the plan again where the key is set: ": "tests/unit/app/test_plan_key.py",
+    "Take it back with the manifest of that application: ": "tests/system/test_cli_route.py",
     "Release it first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "Release that one first: ": "test_a_machine_that_is_another_partition_is_released_as_recommended",
     "samples would show it": "tests/unit/app/experiments/test_prove.py",
@@ -828,7 +831,17 @@ def answered(situation: Situation, folder: Path) -> tuple[str, tuple[str, ...]]:
         words = (*shlex.split(situation.words), *json_too)
         ran = rarms(*words, stdin="no\n", at_a_terminal=situation.asked)
     says = " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err).split())
-    return says, recommended(says) if situation.printed else tuple(dict.fromkeys(commands_in(json.loads(ran.out))))
+    return says, recommended(says) if situation.printed else tuple(dict.fromkeys(commands_in(documents_in(ran.out))))
+
+
+def documents_in(text: str) -> list[object]:
+    """The JSON documents of this text: one, or what a run of steps writes one after the other."""
+    documents = []
+    while text := text.lstrip():
+        document, end = json.JSONDecoder().raw_decode(text)
+        documents.append(document)
+        text = text[end:]
+    return documents
 
 
 def commands_in(document: object) -> Iterator[str]:
