@@ -223,9 +223,10 @@ def _note(change: Change, part: HostPlan) -> str:
     grace = f"{show_milliseconds(stop.grace_ms)} to shut down" if stop.grace_ms else ""
     if not isinstance(change, Update):
         return f"{note}; {f'up to {grace}' if grace else 'turned off, not asked'}"
-    start = ", then for its start" if any(isinstance(each, StartPartition) for each in operations) else ""
+    starts = any(isinstance(operation, StartPartition) for operation in operations)
+    duration = f"{'stopped for ' if starts else ''}up to {grace}" if grace else "turned off, not asked"
     made_again = "made again; " if change.action == "replace" else ""
-    return f"{made_again}{f'stopped for up to {grace}' if grace else 'turned off, not asked'}{start}"
+    return f"{made_again}{duration}{', then for its start' if starts else ''}"
 
 
 def _left_stopped(change: Change) -> str:
