@@ -326,11 +326,11 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
         opened = (hosts.open(name) for name in hosts.chosen)
         all_hosts = tuple(LastApply(host=host, journal=host.journal()) for host in opened)
     chosen = tuple(last for last in all_hosts if last.can_be_undone) or all_hosts[:1]
-    application = hosts.system.application.name
+    own = hosts.system.application
     others = [
-        refusals.run_of_another(last.host.name, last.journal, application)
+        refusals.run_of_another(last.host.name, last.journal, own)
         for last in chosen
-        if last.can_be_undone and last.journal is not None and last.journal.started.application != application
+        if last.can_be_undone and last.journal is not None and not refusals.is_run_of(last.journal, own)
     ]
     if others:
         raise UseCaseError(Outcome.REFUSED, others)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.applying.plan_request import PlanRequest
-from rarms_iac.applying.preconditions import ignored_reserves, unproven_rights
+from rarms_iac.applying.preconditions import ignored_reserves, marks_of_other_robots, unproven_rights
 from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.partition_steps import DiskVerdict, judge_disks
@@ -43,8 +43,11 @@ def desired_hosts(
         By name, none where no layout exists or where a host may have more than can be seen; and what was found.
     """
     system, places = request.system, request.places
-    if hidden := tuple(unproven_rights(observed.values(), places)):
-        return {}, hidden
+    if refused := (
+        *unproven_rights(observed.values(), places),
+        *marks_of_other_robots(observed.values(), system.application),
+    ):
+        return {}, refused
     states = sorted(observed.items())
     if request.purpose is not Purpose.APPLY:
         return {

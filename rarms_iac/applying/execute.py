@@ -154,6 +154,7 @@ def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, origin: Run
         run=RunKind.APPLY,
         plan=plan.id,
         application=plan.application,
+        robot=plan.robot,
         started_by=origin.by,
         started_at=origin.at,
         history=history_of(last_run),

@@ -4,8 +4,11 @@ from collections.abc import Iterable, Iterator
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.host import SchedulerType
-from rarms_iac.model.state import HostFacts, Rights, State
+from rarms_iac.model.state import HostFacts, Mark, Rights, State
+from rarms_iac.model.system import Application
+from rarms_iac.model.wording import quoted
 
+OTHER_ROBOT = Finding.error("RARMS342", "A partition bears the mark of another robot")
 NO_RIGHTS = Finding.error("RARMS158", "Without rights, nothing seen proves nothing")
 SCHEDULER = Finding.error("RARMS159", "The host's scheduler does not honour reserves")
 
@@ -17,6 +20,36 @@ def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagn
     for state in observed:
         if state.facts.rights is not Rights.PROVEN:
             yield no_rights(state.facts, places.key("hosts", state.facts.name))
+
+
+def marks_of_other_robots(observed: Iterable[State], application: Application) -> Iterator[Diagnostic]:
+    """Partitions of the application that were made for another robot; a mark without a robot is taken over.
+
+    Args:
+        observed: the hosts as they are now.
+        application: whose marks are looked at, with the name of its robot.
+
+    Yields:
+        A finding for each such partition.
+    """
+    for state in observed:
+        for partition in state.of(application.name).partitions:
+            assert partition.mark is not None, "what is managed has a mark"
+            robot = partition.mark.robot
+            if robot and robot != application.robot:
+                yield _other_robot(state.facts.name, partition.id, partition.mark, application)
+
+
+def _other_robot(host: str, machine: str, mark: Mark, application: Application) -> Diagnostic:
+    own = f"the robot {quoted(application.robot)}" if application.robot else "no robot, as it has no overlay"
+    return OTHER_ROBOT.at(
+        None,
+        f"Partition {quoted(mark.name)} on {host} bears the mark of the robot {quoted(mark.robot)}, and this "
+        f"manifest is that of {own}.",
+        f"Nothing was changed. Check the host's address, or give that robot's overlay, {mark.robot}.yaml, last.",
+        address=f"partition/{mark.name}",
+        values={"host": host, "machine": machine, "robot": mark.robot, "own_robot": application.robot},
+    )
 
 
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:

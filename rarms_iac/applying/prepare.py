@@ -87,6 +87,7 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
         id="",
         rarms_version=__version__,
         application=request.application,
+        robot=request.system.application.robot,
         purpose=request.purpose,
         manifest=request.manifest,
         manifest_digest=request.manifest_digest,

@@ -6,6 +6,7 @@ from rarms_iac.model.commands import APPLY, APPLY_ABANDON, DRIFT, HISTORY, PLAN_
 from rarms_iac.model.diagnostics import Diagnostic, Facts, Finding
 from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
+from rarms_iac.model.system import Application
 from rarms_iac.model.wording import quoted
 from rarms_iac.providers.interface import (
     EventKind,
@@ -105,20 +106,32 @@ def unsigned(host: str, plan: str, *, is_begun: bool) -> Diagnostic:
     )
 
 
-def run_of_another(host: str, journal: Journal | ScriptRun, application: str) -> Diagnostic:
-    """What was done last on the host was done for another application, which alone may take it back."""
+def is_run_of(journal: Journal | ScriptRun, application: Application) -> bool:
+    """Whether a run was this application's, and this robot's; one that names no robot is any robot's."""
     started = journal.started
+    return started.application == application.name and started.robot in {"", application.robot}
+
+
+def run_of_another(host: str, journal: Journal | ScriptRun, application: Application) -> Diagnostic:
+    """What was done last on the host was done for another application or robot, which alone may take it back."""
+    started = journal.started
+    begun_for, own = (
+        _for_robot(each, robot)
+        for each, robot in ((started.application, started.robot), (application.name, application.robot))
+    )
     return OTHERS_RUN.at(
         None,
-        f"{_run(started)} on {host} is a run of the application {quoted(started.application)}, begun by "
-        f"{started.started_by}; this manifest is that of {quoted(application)}.",
+        f"{_run(started)} on {host} is a run of the application {begun_for}, begun by "
+        f"{started.started_by}; this manifest is that of {own}.",
         prose("Nothing was changed. Take it back with the manifest of that application: ", UNDO, "."),
         address=f"host/{host}",
         values={
             "host": host,
             "plan": started.plan,
             "application": started.application,
-            "own_application": application,
+            "own_application": application.name,
+            "robot": started.robot,
+            "own_robot": application.robot,
             "owner": started.started_by,
         },
     )
@@ -313,6 +326,10 @@ def _format_reading(value: bool | int | str) -> str:
             return "empty"
         case _:
             return str(value)
+
+
+def _for_robot(application: str, robot: str) -> str:
+    return f"{quoted(application)} of the robot {quoted(robot)}" if robot else quoted(application)
 
 
 def _run(started: RunStarted | ScriptStarted) -> str:

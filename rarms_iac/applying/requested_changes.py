@@ -169,6 +169,7 @@ def adoption(state: State, request: PlanRequest, locate: Locator) -> Adopt | Dia
         )
     mark = Mark(
         application=application,
+        robot=request.system.application.robot,
         name=name,
         machine=before.id[:8],
         set=set_of_settings(replace(before.settings, secure_boot=None)),

@@ -154,6 +154,8 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
         differing.append("whether it runs")
     if not differing and before.mark and after.mark and before.mark.protected != after.mark.protected:
         return f"its mark says {'that' if after.mark.protected else 'no longer that'} the manifest protects it"
+    if not differing and before.mark and after.mark and before.mark.robot != after.mark.robot:
+        return f"its mark does not name the robot {quoted(after.mark.robot)}"
     if not differing:
         return "its mark is written anew: it does not say what was last written"
     stop = "; it is stopped to change that" if stops(before, after.settings, context) and after.settings.running else ""

@@ -13,6 +13,7 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.commands import INIT, prose
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
+from rarms_iac.model.names import is_name
 from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
 
@@ -78,12 +79,15 @@ def load(
     if combined.diagnostics:
         return _loaded(texts, None, places, list(combined.diagnostics))
     # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
-    from rarms_iac.manifest.document.messages import findings_of_structure
+    from rarms_iac.manifest.document.messages import findings_of_structure, not_a_robot
     from rarms_iac.manifest.document.structure import NotAManifest, read_document
     from rarms_iac.manifest.to_system import to_system
 
+    robot = Path(texts[-1].source.file).stem if overlays else ""
+    if overlays and not is_name(robot):
+        return _loaded(texts, None, places, [not_a_robot(texts[-1].source.file, robot)])
     try:
-        system = to_system(read_document(combined.value, places))
+        system = to_system(read_document(combined.value, places), robot)
     except NotAManifest as problem:
         return _loaded(texts, None, places, findings_of_structure(problem))
     return _loaded(texts, system, places, list(checks(system, places, today)))

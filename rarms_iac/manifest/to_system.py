@@ -29,7 +29,6 @@ from rarms_iac.manifest.document.hosts import (
     SimulatedBlock,
 )
 from rarms_iac.manifest.document.manifest import (
-    ApplicationBlock,
     BrowserBlock,
     BurstsBlock,
     BusyLoopBlock,
@@ -81,12 +80,18 @@ V = TypeVar("V")
 Converter = Callable[[Any], Any]
 
 
-def to_system(document: ManifestDocument) -> System:
-    """Turn a document into a `System` with every default filled in; names are not resolved yet."""
+def to_system(document: ManifestDocument, robot: str = "") -> System:
+    """Turn a document into a `System` with every default filled in; names are not resolved yet.
+
+    Args:
+        document: the manifest with its overlays.
+        robot: the name of `Application.robot`.
+    """
     interference = {**LOADS_WITHOUT_ENTRY, **_converted(document.interference or {})}
     return _value(
         System,
         document,
+        application=_value(Application, document.application, robot=robot),
         hosts=_named(document.hosts, _host),
         components=_named(document.components, _component),
         partitions=_named(document.partitions, _partition),
@@ -233,7 +238,6 @@ def _policy(block: PolicyBlock) -> Policy:
 _CONVERTERS: Mapping[type, Converter] = {
     list: tuple,
     dict: lambda values: {name: _converted(value) for name, value in values.items()},
-    ApplicationBlock: _to(Application),
     BrowserBlock: _to(Browser),
     BurstsBlock: _to(Bursts),
     BusyLoopBlock: _to(BusyLoop),

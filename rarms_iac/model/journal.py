@@ -68,6 +68,7 @@ class RunStarted:
     steps: tuple[Step, ...]  # what this run walks; of an undo: the reversed steps
     serials: Mapping[str, int]  # of every application on the host, this run counted
     started_at: str  # as of `RunOrigin`
+    robot: str = ""  # of `Application`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 
@@ -131,6 +132,7 @@ class ScriptStarted:
     serials: Mapping[str, int]
     touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
     started_at: str  # as of `RunOrigin`
+    robot: str = ""  # of `Application`
     history: tuple[PastRun, ...] = ()  # runs before this one, the oldest first
     kind: Literal["run_started"] = "run_started"
 

@@ -52,6 +52,7 @@ def mark_operation(mark: Mark | None, partition: str, machine: str = "") -> Writ
         name=mark.name,
         set=mark.set,
         stopped_by=mark.stopped_by,
+        robot=mark.robot,
         protected=mark.protected,
         machine=machine,
     )

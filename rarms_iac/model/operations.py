@@ -117,6 +117,7 @@ class WriteMark:
     name: str
     set: str
     stopped_by: StoppedBy = StoppedBy.NO_USER
+    robot: str = ""
     protected: bool = False
     machine: str = ""
     kind: Literal["write_mark"] = "write_mark"
@@ -129,6 +130,7 @@ class WriteMark:
             machine=machine[:ID_DIGITS].lower(),
             set=self.set,
             stopped_by=self.stopped_by,
+            robot=self.robot,
             protected=self.protected,
         )
 

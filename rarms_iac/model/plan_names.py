@@ -12,6 +12,8 @@ def wrong_name_of_plan(plan: Plan) -> str | None:
     """Return a name in a plan that no manifest can give; None: there is none."""
     if not is_name(plan.application):
         return plan.application
+    if plan.robot and not is_name(plan.robot):
+        return plan.robot
     return next((name for part in plan.hosts if (name := wrong_name(part, part.steps)) is not None), None)
 
 

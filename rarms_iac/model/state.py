@@ -144,12 +144,14 @@ class Mark:
     machine: str  # first 8 characters of the machine's id
     set: str  # 12 hex digits: digest of the settings last written
     stopped_by: StoppedBy = StoppedBy.NO_USER
+    robot: str = ""  # of `Application`; empty: it was written without overlays
     protected: bool = False  # the manifest said so of the partition at the last apply
 
     @property
     def written(self) -> str:
-        """What stands behind `set=`: the digest, who stopped the partition, if it was stopped, and its protection."""
-        words = (self.set, self.stopped_by.value, PROTECTED if self.protected else "")
+        """What stands behind `set=`: the digest, who stopped the partition, its robot and its protection."""
+        robot = f"robot={self.robot}" if self.robot else ""
+        words = (self.set, self.stopped_by.value, robot, PROTECTED if self.protected else "")
         return " ".join(word for word in words if word)
 
 

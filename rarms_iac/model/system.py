@@ -99,6 +99,7 @@ class Application:
     name: str
     description: str = ""
     requires_rarms: str | None = None  # `>=0.2`; None: any version
+    robot: str = ""  # name of the last overlay's file without its ending; empty: there are no overlays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

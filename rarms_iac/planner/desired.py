@@ -132,6 +132,7 @@ def _wanted(partition: PlacedPartition, there: Partition | None, system: System)
     request, application = system.partitions.get(partition.name), system.application.name
     mark = Mark(
         application=application,
+        robot=system.application.robot,
         name=partition.name,
         machine="",
         set="",

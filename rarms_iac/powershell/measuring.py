@@ -114,6 +114,7 @@ def _run(host: Host, facts: HostFacts, application: str) -> dict[str, str]:
         "kind": "measure",
         "plan": UNPLANNED,
         "application": application,
+        "robot": "",
         "serial": 0,
         "undo": "",
         "undo_digest": "",

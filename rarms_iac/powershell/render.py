@@ -269,6 +269,7 @@ def _run(host_plan: HostPlan, plan: Plan) -> dict[str, str]:
     return {
         "plan": literal(plan.id),
         "application": literal(plan.application),
+        "robot": literal(plan.robot),
         "serial": literal(host_plan.serial),
         "identity": literal(facts.id),
         "computer": literal(facts.computer_name),

@@ -1,7 +1,7 @@
 """Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab`.
 
-A partition that rarms stopped has a word more: `stopped` or `measuring` (`StoppedBy`), and one that the manifest
-protects ends with `protected`.
+A partition that rarms stopped has a word more: `stopped` or `measuring` (`StoppedBy`), then follows the name of
+its robot where the manifest has overlays, `robot=robot-7`, and one that the manifest protects ends with `protected`.
 
 The other lines are the user's and stay as they are. A mark counts only where it names the machine that it stands on,
 and no other machine carries a mark of the same partition; a machine whose mark does not count is unmanaged.
@@ -22,7 +22,7 @@ _STOPPED = "|".join(word.value for word in StoppedBy if word.value)
 _LINE = re.compile(
     rf"rarms/1 (?P<application>{_NAME})/(?P<name>{_NAME}(?:{_BETWEEN})?) "
     rf"vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})"
-    rf"(?P<stopped_by>(?: (?:{_STOPPED}))?)(?P<protected>(?: {PROTECTED})?)"
+    rf"(?P<stopped_by>(?: (?:{_STOPPED}))?)(?: robot=(?P<robot>{_NAME}))?(?P<protected>(?: {PROTECTED})?)"
 )
 _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
 
@@ -109,5 +109,6 @@ def _mark_of(line: re.Match[str]) -> Mark:
         machine=line["machine"],
         set=line["set"],
         stopped_by=StoppedBy(line["stopped_by"].strip()),
+        robot=line["robot"] or "",
         protected=bool(line["protected"]),
     )

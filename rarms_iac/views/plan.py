@@ -52,7 +52,8 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
     parts: list[RenderableType] = []
     if changed:
         manifest = visible(plan.manifest, keep="")
-        title = f"{TITLES[plan.purpose]}: {plan.application} (plan {plan.id}, from {manifest})"
+        robot = f" on {plan.robot}" if plan.robot else ""
+        title = f"{TITLES[plan.purpose]}: {plan.application}{robot} (plan {plan.id}, from {manifest})"
         parts += [
             paragraph(title),
             *(piece for part in changed for piece in _planned_host(part, plan, verbose=verbose)),

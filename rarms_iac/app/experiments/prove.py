@@ -191,6 +191,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 rarms_version=__version__,
                 host=proof.host,
                 interference=proof.interference,
+                robot=hosts.system.application.robot,
                 machine=states[proof.host].facts.id,
                 partition=partition_of.get(component.name, ""),
                 reserve=reserves.get(partition_of.get(component.name, ""), 0),

@@ -9,7 +9,7 @@ from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_
 from rarms_iac.manifest.document.structure import NotAManifest, StructureError
 from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.text.positions import dotted
-from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
@@ -250,6 +250,17 @@ def _pattern(error: StructureError) -> Diagnostic:
         f"{prefix}{_show(error.value)} is not {kind}.",
         f"{form} {question(better)}".rstrip(),
         values=_facts(error),
+    )
+
+
+def not_a_robot(file: str, robot: str) -> Diagnostic:
+    """The last overlay, whose file without its ending is the robot's name, has one that is no name."""
+    better = _as_name(robot)
+    return NOT_A_NAME.at(
+        Place(file=file, line=1, column=1),
+        f"The last overlay's file gives the robot its name, and {_show(robot)} is not {FORMS[NAME_PATTERN][0]}.",
+        f"Rename the file. {FORMS[NAME_PATTERN][1]} {question(better)}".rstrip(),
+        values={"file": file, "robot": robot},
     )
 
 

@@ -124,6 +124,7 @@ _RUN_KEYS = {
         "Run",
         "Plan",
         "Application",
+        "Robot",
         "Serial",
         "Undo",
         "UndoDigest",
@@ -221,8 +222,8 @@ def _filled_template(calls: Sequence[CommandCall], guard: str, entry: str) -> "N
     Raises:
         _OtherForm: the script has no form that the template can have, or calls something else.
     """
-    names = ("kind", "plan", "application", "serial", "undo", "undo_digest", "guest", "identity", "computer")
-    more = ("logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
+    names = ("kind", "plan", "application", "robot", "serial", "undo", "undo_digest", "guest", "identity")
+    more = ("computer", "logical_processors", "cores", "threads_per_core", "percent", "memory", "accept_scheduler")
     text = fill(
         "script.ps1.j2",
         {

@@ -123,7 +123,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)

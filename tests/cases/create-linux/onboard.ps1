@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 307a5dffe183 of application robot, for the host itself.
+    rarms apply script: plan d955ceebfa90 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     1 machine added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '307a5dffe183'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = 'd955ceebfa90'; Application = 'robot'; Serial = 0
+        Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'edf0eec59b37e7ffc8bdacfe2e3224e2f13784eee5595ba614389d121d46f814'
+        UndoDigest = '09a0263ae7eba6c5c236edf3448f11017e01fea7eee025561350d37db408d868'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -666,7 +667,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)
@@ -794,7 +795,7 @@ function Test-RootScheduler {
 $script:Vm = $null              # the one that was read last
 $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {

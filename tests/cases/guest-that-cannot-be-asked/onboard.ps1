@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan c304085926b9 of application robot, for the host itself.
+    rarms apply script: plan 3e04f07d7e2e of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'c304085926b9'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '3e04f07d7e2e'; Application = 'robot'; Serial = 1
+        Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '5ee3931f2f6a990c1c9298b35a3a38421990ee52a2f8919a61713e9fc54824e7'
+        UndoDigest = 'f3755469f68dfd27ccd26d1fc784c5a785aa573f20f93f9a5072932060465dfe'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -655,7 +656,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)
@@ -783,7 +784,7 @@ function Test-RootScheduler {
 $script:Vm = $null              # the one that was read last
 $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 745493aff51d of application robot, for the host itself.
+    rarms apply script: plan f0dc7b5df460 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 1 stopped, 1 removed; nothing deleted.
@@ -56,9 +56,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '745493aff51d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'f0dc7b5df460'; Application = 'robot'; Serial = 1
+        Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'f7ae5338df2342cd327fba0664ac841f071acb4ca575dec3134bab8d0ed34901'
+        UndoDigest = '3aecfc55c85f29d5afd75021a078fa788267e7306ca54e6825b4f6209709de2c'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -647,7 +648,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)
@@ -775,7 +776,7 @@ function Test-RootScheduler {
 $script:Vm = $null              # the one that was read last
 $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {

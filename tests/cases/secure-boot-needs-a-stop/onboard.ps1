@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 51ca10e9ec16 of application robot, for the host itself.
+    rarms apply script: plan 922598f45d75 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '51ca10e9ec16'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = '922598f45d75'; Application = 'robot'; Serial = 1
+        Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'fb06e46cd0b06b4f26a63b026ca71a87c71de934491fd5beae405e91f5c265b9'
+        UndoDigest = '1d9b9b34590a25995e8250f0cd42c9851a1445b4652275f02b87b9cc717dc203'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -652,7 +653,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)
@@ -780,7 +781,7 @@ function Test-RootScheduler {
 $script:Vm = $null              # the one that was read last
 $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan a05efddeae9d of application robot, for the host itself.
+    rarms apply script: plan a00cb7f5e749 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 1 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = 'a05efddeae9d'; Application = 'robot'; Serial = 1
+        Run = 'apply'; Plan = 'a00cb7f5e749'; Application = 'robot'; Serial = 1
+        Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = '0c528cde9b4ab40a6430979b4b7779ed15459f247cb260150b652b07daed79ed'
+        UndoDigest = 'e9e48fbbfeabf0003aa0612f1dad89c11143f1775f0472544aa92bc7a554051e'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -655,7 +656,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)
@@ -783,7 +784,7 @@ function Test-RootScheduler {
 $script:Vm = $null              # the one that was read last
 $script:Shielded = [hashtable]::new($script:Ordinal)  # by id of a machine
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: protected)?)\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?(?: robot=NAME)?(?: protected)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Get-PartitionReading {

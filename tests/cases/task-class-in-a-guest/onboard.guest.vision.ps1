@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 66522d239bb0 of application robot, for the guest of partition vision.
+    rarms apply script: plan 4d54ae874e52 of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,9 +54,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '66522d239bb0'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '4d54ae874e52'; Application = 'robot'; Serial = 0
+        Robot = ''
         Undo = 'onboard.guest.vision.undo.ps1'; Guest = 'vision'
-        UndoDigest = 'b3ace60695226cfd3a51e2fd766c0281bff593e50ff398a1792e0bba463c23cd'
+        UndoDigest = 'ee1e322749215700c356b2b84e21bc9350891a2e88af6f2f322a1fac6a29154b'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -653,7 +654,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)

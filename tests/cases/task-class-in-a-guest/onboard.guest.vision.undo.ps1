@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms undo script: plan 66522d239bb0 of application robot, for the guest of partition vision.
+    rarms undo script: plan 4d54ae874e52 of application robot, for the guest of partition vision.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 1 changed, 0 stopped, 0 removed; nothing deleted.
@@ -54,7 +54,8 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'undo'; Plan = '66522d239bb0'; Application = 'robot'; Serial = 0
+        Run = 'undo'; Plan = '4d54ae874e52'; Application = 'robot'; Serial = 0
+        Robot = ''
         Undo = ''; Guest = 'vision'
         UndoDigest = ''
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
@@ -644,7 +645,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)

@@ -1,6 +1,6 @@
 <#
 .SYNOPSIS
-    rarms apply script: plan 261044c9b666 of application robot, for the host itself.
+    rarms apply script: plan 64937eafdd20 of application robot, for the host itself.
 .DESCRIPTION
     Host onboard of rarms.yaml, computer ONBOARD.
     0 machines added, 0 changed, 0 stopped, 0 removed; nothing deleted.
@@ -55,9 +55,10 @@ if ($Force -and -not $PSBoundParameters.ContainsKey('Confirm')) { $ConfirmPrefer
 
 function Add-Plan {
     $script:Plan = @{
-        Run = 'apply'; Plan = '261044c9b666'; Application = 'robot'; Serial = 0
+        Run = 'apply'; Plan = '64937eafdd20'; Application = 'robot'; Serial = 0
+        Robot = ''
         Undo = 'onboard.undo.ps1'; Guest = ''
-        UndoDigest = 'e3f94ef1b93cf834bbd9b602fd2d0ff11a0506c3dfacaaa2d42e5bd6ec37b9bc'
+        UndoDigest = 'cc86b35220688ea3bffd68b0a09d1cdc72fbcb76678c1f6dac071fc1d099a265'
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Identity = 'd5f87e03212b1dc0a4dc0b9d10ddf87a'
         Computer = 'ONBOARD'; LogicalProcessors = 4
@@ -680,7 +681,7 @@ function Write-FirstRecord {
     $script:Sound = [long] 0
     Add-Record -Path $fresh -Record ([ordered] @{
         run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        robot = $plan.Robot; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
         # As text without the T of ISO dates, which 7 would read back as a date; a cast knows no culture.
         started_at = [string] [DateTime]::UtcNow -creplace '^(..)/(..)/(....) (.*)$', '$3-$1-$2 $4 UTC'
         history = @($script:Past)

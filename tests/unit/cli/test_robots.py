@@ -1,0 +1,90 @@
+"""With overlays, a mark names the robot that its partition was made for, and no other robot changes it."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+from tests.unit.cli.test_status import MANIFEST
+
+
+@pytest.fixture(autouse=True)
+def _fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    for robot in ("robot-7", "robot-8"):
+        Path(f"{robot}.yaml").write_text(f"application: {{ description: {robot} }}\n", encoding="utf-8")
+
+
+def _state(robot: str) -> Path:
+    return next(path for path in Path(".rarms").rglob("*.json") if robot in path.parent.name)
+
+
+def _journal(robot: str) -> Path:
+    return next(path for path in Path(".rarms").rglob("*.journal.jsonl") if robot in path.parent.name)
+
+
+def _overlay(name: str) -> tuple[str, str]:
+    return "--overlay", f"{name}.yaml"
+
+
+def test_a_mark_names_the_robot_and_the_next_plan_is_empty() -> None:
+    assert rarms("apply", *_overlay("robot-7"), "--auto-approve").code == 0
+
+    notes = [machine["notes"] for machine in json.loads(_state("robot-7").read_text())["content"]["machines"].values()]
+
+    assert notes
+    assert all(" robot=robot-7" in text for text in notes)
+    assert "No changes" in rarms("plan", *_overlay("robot-7")).out
+    assert json.loads(_journal("robot-7").read_text().partition("\n")[0])["robot"] == "robot-7"
+
+
+@pytest.mark.parametrize("command", ["plan", "apply --auto-approve", "destroy --auto-approve", "stop --auto-approve"])
+def test_what_was_made_for_another_robot_is_refused_by_its_name(command: str) -> None:
+    for robot in ("robot-7", "robot-8"):
+        assert rarms("apply", *_overlay(robot), "--auto-approve").code == 0
+    shutil.copy(_state("robot-7"), _state("robot-8"))
+    before = _state("robot-8").read_bytes()
+
+    answer = rarms(*command.split(), *_overlay("robot-8"))
+
+    assert answer.code not in {0, 2}
+    assert "RARMS342" in answer.err + answer.out
+    assert 'bears the mark of the robot "robot-7"' in " ".join((answer.err + answer.out).split())
+    assert _state("robot-8").read_bytes() == before
+
+
+def test_a_run_of_another_robot_is_not_taken_back() -> None:
+    for robot in ("robot-7", "robot-8"):
+        assert rarms("apply", *_overlay(robot), "--auto-approve").code == 0
+    shutil.copy(_state("robot-7"), _state("robot-8"))
+    shutil.copy(_journal("robot-7"), _journal("robot-8"))
+
+    answer = rarms("undo", *_overlay("robot-8"), "--auto-approve")
+
+    assert answer.code == 3
+    assert 'of the robot "robot-7"' in " ".join(answer.err.split())
+
+
+def test_a_mark_without_a_robot_is_taken_over() -> None:
+    assert rarms("apply", "--auto-approve").code == 0
+    assert rarms("apply", *_overlay("robot-7"), "--auto-approve").code == 0
+    shutil.copy(Path(".rarms/hosts/onboard.json"), _state("robot-7"))
+
+    plan = rarms("plan", *_overlay("robot-7"), "--verbose")
+
+    assert 'its mark does not name the robot "robot-7"' in plan.out
+    assert rarms("apply", *_overlay("robot-7"), "--auto-approve").code == 0
+    assert " robot=robot-7" in _state("robot-7").read_text()
+
+
+def test_the_name_of_an_overlays_file_that_is_no_name_is_refused() -> None:
+    Path("robot-7.yaml").rename("Robot_7.yaml")
+
+    answer = rarms("validate", *_overlay("Robot_7"))
+
+    assert answer.code == 2
+    assert "RARMS020" in answer.err + answer.out
+    assert "robot-7" in answer.err + answer.out
