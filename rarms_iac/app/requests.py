@@ -45,7 +45,7 @@ class ManifestFile:
         metavar="PATH",
         environment="RARMS_MANIFEST",
         help="The manifest: a file, or the folder of a rarms.yaml. RARMS_MANIFEST says it too. "
-        "[default: rarms.yaml here]",
+        "[default: rarms.yaml here, or above in the same git repository]",
         default=DEFAULT_MANIFEST,
     )
 

@@ -14,12 +14,14 @@ from rarms_iac.manifest.checks import CODES
 from rarms_iac.manifest.load import DEFAULT_NAME, load, manifest_path
 from rarms_iac.manifest.text.reading import MAX_BYTES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, first_of_each_kind, in_order
+from rarms_iac.model.wording import did_you_mean
 from rarms_iac.storage.reading import STANDARD_INPUT, read_file
 
 _KEY = re.compile(rb"^([A-Za-z_]+)[ \t]*:", re.MULTILINE)
 _OVERLAY_KEYS = frozenset(
-    (b"application", b"hosts", b"components", b"partitions", b"interference", b"tasks", b"policy", b"moved")
+    ("application", "hosts", "components", "partitions", "interference", "tasks", "policy", "moved")
 )
+_LONG = 6
 _SUFFIXES = (".yaml", ".yml")
 
 
@@ -160,9 +162,11 @@ def _is_manifest(file: str) -> bool:
 
 
 def _is_overlay(file: str) -> bool:
-    """Whether its keys are some of a manifest's, and none is `schema`; text that is no YAML counts, too."""
-    keys = set(_KEY.findall(_text_of(file)))
-    return bool(keys) and keys <= _OVERLAY_KEYS
+    """Whether its keys are some of a manifest's, or misspelt ones, and none is `schema`; no YAML counts, too."""
+    keys = {key.decode() for key in _KEY.findall(_text_of(file))}
+    unknown = keys - _OVERLAY_KEYS
+    shortest = _LONG if unknown == keys else 0  # a short word alone, as `host` or `task`, may be another program's
+    return bool(keys) and all(len(key) >= shortest and did_you_mean(key, _OVERLAY_KEYS) for key in unknown)
 
 
 def _text_of(file: str) -> bytes:

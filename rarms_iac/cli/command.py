@@ -1,8 +1,9 @@
 """Commands of click made of functions: the fields of a function's requests are its options (`app.options`)."""
 
+import os
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, fields, replace
 from enum import StrEnum
 from inspect import cleandoc, get_annotations
 from types import UnionType
@@ -13,7 +14,7 @@ from click.core import ParameterSource
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.options import Option, Reader
-from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestFile, ManifestSource
 from rarms_iac.cli.completion import completer_of
 from rarms_iac.cli.ending import ExitCode, WrongRequest
 from rarms_iac.cli.session import Session, common_options, session_flag
@@ -55,6 +56,8 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
             session.command = name
             try:
                 given: dict[str, Any] = {key: request_of(kind, values) for key, kind in requests.items()}
+                if not any(values.get(name) for name in _NO_MANIFEST_NEEDED):
+                    given = {key: _from_above(context, session, request) for key, request in given.items()}
                 for source in given.values():
                     if isinstance(source, ManifestSource):
                         _repeat_in_advice(context, session, source)
@@ -74,6 +77,26 @@ def rarms_command(name: str, *, json: bool = True) -> Callable[[Callable[..., Ex
         )
 
     return make
+
+
+_NO_MANIFEST_NEEDED = ("files", "plan_file", "boot")
+"""Parameters that name what is read instead of the manifest."""
+
+
+def _from_above(context: click.Context, session: Session, request: T) -> T:
+    """The request with the manifest of the repository, where none is named and there is none here; that is said."""
+    if not isinstance(request, ManifestFile) or request.manifest != DEFAULT_MANIFEST:
+        return request
+    is_named = context.get_parameter_source("manifest") is not ParameterSource.DEFAULT
+    if is_named or os.path.lexists(DEFAULT_MANIFEST):
+        return request
+    from rarms_iac.manifest.load import find_manifest_above
+
+    found = find_manifest_above()
+    if found is None:
+        return request
+    session.terminal.talk(f"The manifest is {found}.")
+    return replace(request, manifest=found)
 
 
 def _answer_in_json(context: click.Context, _parameter: click.Parameter, value: bool) -> None:

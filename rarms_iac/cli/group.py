@@ -86,9 +86,11 @@ def _status_without_command(context: click.Context) -> int | None:
     if context.invoked_subcommand is not None:
         return None
     from rarms_iac.app.requests import DEFAULT_MANIFEST
+    from rarms_iac.manifest.load import find_manifest_above
 
-    manifest = Path(os.environ.get("RARMS_MANIFEST") or DEFAULT_MANIFEST)
-    if not manifest.exists():
+    named = os.environ.get("RARMS_MANIFEST")
+    manifest = Path(named or DEFAULT_MANIFEST)
+    if not manifest.exists() and (named or find_manifest_above() is None):
         raise WrongRequest(RequestError(f"There is no {manifest} here.", prose(INIT, " writes one.")), context)
     command = load_command("status")
     with command.make_context("status", [], parent=context) as status:

@@ -18,6 +18,7 @@ from rarms_iac.model.system import System
 from rarms_iac.storage.reading import STANDARD_INPUT
 
 DEFAULT_NAME = "rarms.yaml"
+_GIT = ".git"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +42,31 @@ class Loaded:
 def manifest_path(path: str) -> str:
     """The file that `-f PATH` means: in a folder, its `rarms.yaml`."""
     return str(Path(path) / DEFAULT_NAME) if path != STANDARD_INPUT and Path(path).is_dir() else path
+
+
+def find_manifest_above() -> str | None:
+    """Find the manifest of the git repository that the current folder is in, from the folder above it to the root.
+
+    Another user's files must not become what a command acts on: the search ends at a folder, or a file, of another
+    owner than the current folder's.
+
+    Returns:
+        Its path from here; None where there is none, outside of git, and on Windows, where a folder's owner is unknown.
+    """
+    here = Path.cwd()
+    if os.name == "nt" or (here / _GIT).exists():
+        return None
+    owner = here.stat().st_uid
+    found = None
+    for folder in here.parents:
+        if folder.stat().st_uid != owner:
+            return None
+        file = folder / DEFAULT_NAME
+        if found is None and file.is_file() and file.stat().st_uid == owner == file.lstat().st_uid:
+            found = os.path.relpath(file)
+        if (folder / _GIT).exists():
+            return found
+    return None
 
 
 def run_checks(system: System, places: Places, today: date) -> Sequence[Diagnostic]:

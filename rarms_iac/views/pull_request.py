@@ -12,6 +12,7 @@ from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.pull_request import AptHeadroom, PlanReview
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, UndoLevel
@@ -312,7 +313,12 @@ def _scripts(review: PlanReview) -> Iterator[str]:
         yield folded("What changed in the scripts", ["```text", *fitting(lines, _SCRIPTS, "more lines"), "```"])
     steps = [line for part in review.plan.hosts for line in _steps(part)]
     if steps:
-        why = [f"Scripts are not compared: {safe(review.without_base)}.", ""] if review.without_base else []
+        has_scripts = any(part.host.provider is not ProviderKind.LINUX for part in review.plan.hosts)
+        why = (
+            [f"Scripts are not compared: {safe(review.without_base)}.", ""]
+            if review.without_base and has_scripts
+            else []
+        )
         body = [*why, "```text", *fitting(steps, _STEPS, "more steps"), "```"]
         number = sum(len(part.steps) for part in review.plan.hosts)
         yield folded(counted(number, "step") + ", in order", body)

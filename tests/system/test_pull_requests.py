@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,8 @@ import yaml
 
 from scripts.pull_request_comment import main as write_comment
 from tests.needs import CHECKOUT
+
+PAGE = CHECKOUT / "docs" / "pull-requests.md"
 
 MANIFEST = """schema: rarms/v1
 
@@ -100,8 +103,12 @@ class Comments(BaseHTTPRequestHandler):
 
     kept: list[dict[str, Any]]
     read_only = False
+    broken = False
 
     def do_GET(self) -> None:
+        if self.broken:
+            self._answer(500, {})
+            return
         first = self.path.endswith("&page=1")
         stranger = {
             "id": 1,
@@ -143,9 +150,9 @@ class Comments(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def github(*, read_only: bool = False) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+def github(*, read_only: bool = False, broken: bool = False) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     kept: list[dict[str, Any]] = []
-    handler = type("Handler", (Comments,), {"kept": kept, "read_only": read_only})
+    handler = type("Handler", (Comments,), {"kept": kept, "read_only": read_only, "broken": broken})
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}", kept
@@ -196,6 +203,23 @@ def test_a_strangers_comment_with_the_marker_is_left_alone(tmp_path: Path, monke
     assert [(comment["id"], comment["body"].splitlines()[1]) for comment in comments] == [(2, "second")]
 
 
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_server_that_does_not_answer_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, is_there: bool
+) -> None:
+    body = tmp_path / "rarms.md"
+    body.write_text("<!-- rarms plan: cell/rarms.yaml -->\n", encoding="utf-8")
+    with github(broken=True) as (api, _):
+        settings = {"GITHUB_API_URL": api if is_there else "http://127.0.0.1:1", "GITHUB_REPOSITORY": "team/cell"}
+        for name, value in {**settings, "NUMBER": "7", "TOKEN": "t0ken", "AUTHOR": "github-actions[bot]"}.items():
+            monkeypatch.setenv(name, value)
+        code = write_comment(str(body))
+
+    reason = "the server answered 500" if is_there else "the server could not be reached"
+    (line,) = capsys.readouterr().out.splitlines()
+    assert (code, reason in line) == (1, True)
+
+
 @pytest.mark.needs("posix", "bash", "git", "network", "venv")
 @pytest.mark.thorough
 def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> None:
@@ -238,3 +262,132 @@ def test_the_action_validates_plans_and_keeps_one_comment(tmp_path: Path) -> Non
     assert "::error file=cell/rarms.yaml,line=13," in (of_wrong / "Validate.log").read_text(encoding="utf-8")
     assert none == []
     assert "may not comment" in (of_fork / "Comment.log").read_text(encoding="utf-8")
+
+
+class Notes(BaseHTTPRequestHandler):
+    """GitLab's notes on merge request 7 of project 12, as far as the comment's script asks."""
+
+    kept: list[dict[str, Any]]
+
+    def do_GET(self) -> None:
+        stranger = {"id": 1, "body": "<!-- rarms plan: cell -->\nAll is well.", "author": {"username": "stranger"}}
+        self._answer(200, [stranger, *self.kept] if self.path.endswith("&page=1") else [])
+
+    def do_POST(self) -> None:
+        assert self.path == "/api/v4/projects/12/merge_requests/7/notes"
+        note = {"id": 2 + len(self.kept), **self._body(), "author": {"username": "project_bot"}}
+        self.kept.append(note)
+        self._answer(201, note)
+
+    def do_PUT(self) -> None:
+        note = next(
+            each for each in self.kept if self.path == f"/api/v4/projects/12/merge_requests/7/notes/{each['id']}"
+        )
+        note.update(self._body())
+        self._answer(200, note)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+    def _body(self) -> dict[str, Any]:
+        assert self.headers["PRIVATE-TOKEN"] == "t0ken"
+        body: dict[str, Any] = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        return body
+
+    def _answer(self, code: int, value: Any) -> None:
+        self.send_response(code)
+        self.end_headers()
+        self.wfile.write(json.dumps(value).encode())
+
+
+@contextmanager
+def gitlab() -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    kept: list[dict[str, Any]] = []
+    with ThreadingHTTPServer(("127.0.0.1", 0), type("Handler", (Notes,), {"kept": kept})) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/api/v4", kept
+        server.shutdown()
+
+
+def block_of(language: str, first: str) -> str:
+    """The block of the page that begins with this line."""
+    blocks = re.findall(rf"^```{language}\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    (found,) = (block for block in blocks if block.startswith(first))
+    return str(found)
+
+
+def a_cell_with_a_snapshot(folder: Path) -> Path:
+    """A team's repository as the page has it: a manifest of one host, and what the host looked like."""
+    made = repository(folder, MANIFEST.replace("onboard:", "cell:").replace("name: cell", "name: demo"))
+    (made / "snapshots").mkdir()
+    run_lines(made, ["rarms snapshot -f cell --host cell --out snapshots/cell.json"], {})
+    git(made, "add", "-A")
+    git(made, "commit", "-qm", "What the host looks like")
+    return made
+
+
+def run_lines(folder: Path, lines: list[str], variables: dict[str, str]) -> None:
+    """Run these lines one after another, as a runner does that has rarms installed."""
+    bin_folder = folder.parent / "bin"
+    bin_folder.mkdir(exist_ok=True)
+    program = bin_folder / "rarms"
+    program.write_text(
+        f'#!/bin/sh\nPYTHONPATH="{CHECKOUT}" exec "{sys.executable}" -m rarms_iac "$@"\n', encoding="utf-8"
+    )
+    program.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}", **variables}
+    for line in lines:
+        done = subprocess.run(
+            ["bash", "-eo", "pipefail", "-c", line],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, (line, done.stdout + done.stderr)
+
+
+@pytest.mark.needs("posix", "bash", "git")
+def test_the_pipeline_for_gitlab_reports_and_keeps_one_note(rarms_repository: Path, tmp_path: Path) -> None:
+    job = yaml.safe_load(block_of("yaml", "# .gitlab-ci.yml"))["rarms"]
+    installing = [line for line in job["script"] if line.startswith("pip install")]
+    script = [line for line in job["script"] if line not in installing]
+    (tmp_path / "server" / "OWNER").mkdir(parents=True)
+    (tmp_path / "server" / "OWNER" / "rarms.git").symlink_to(rarms_repository)
+    folder = a_cell_with_a_snapshot(tmp_path / "builds" / "cell")
+    base = git(folder, "rev-parse", "HEAD")
+    bodies: list[str] = []
+    with gitlab() as (api, notes):
+        known = {"CI_API_V4_URL": api, "CI_PROJECT_ID": "12", "CI_MERGE_REQUEST_IID": "7", "TOKEN": "t0ken"}
+        known |= {"CI_MERGE_REQUEST_DIFF_BASE_SHA": base, "CI_SERVER_URL": (tmp_path / "server").as_uri()}
+        own = {
+            name: re.sub(r"\$(\w+)", lambda found: known[found[1]], str(text))
+            for name, text in job["variables"].items()
+        }
+        for reserve in ("30 %", "60 %"):
+            file = folder / "cell" / "rarms.yaml"
+            text = re.sub("reserve: [0-9]+ %", f"reserve: {reserve}", file.read_text(encoding="utf-8"))
+            file.write_text(text, encoding="utf-8", newline="\n")
+            run_lines(folder, [*script, *job["after_script"]], {**known, **own})
+            bodies.append(notes[0]["body"])
+
+    assert installing == ["pip install --quiet ../rarms"]
+    assert [note["id"] for note in notes] == [2]
+    assert bodies[0].startswith("<!-- rarms plan: cell -->\n")
+    assert ("0.6 LP" in bodies[0], "1.2 LP" in bodies[1]) == (True, True)
+    assert "What changed in the scripts" in bodies[1]
+    assert "<testsuites" in (folder / job["artifacts"]["reports"]["junit"]).read_text(encoding="utf-8")
+
+
+@pytest.mark.needs("posix", "bash", "git")
+def test_the_steps_for_jenkins_leave_what_the_pipeline_publishes(tmp_path: Path) -> None:
+    pipeline = block_of("groovy", "// Jenkinsfile")
+    folder = a_cell_with_a_snapshot(tmp_path / "cell")
+
+    run_lines(folder, re.findall(r"^ *sh '(.*)'$", pipeline, re.MULTILINE), {})
+
+    published = re.findall(r"(?:testResults|artifacts): '([^']+)'", pipeline)
+    assert published == ["rarms.xml", "comment.md"]
+    assert all((folder / file).stat().st_size for file in published)
+    assert pipeline.count("{") == pipeline.count("}")

@@ -146,6 +146,24 @@ def test_a_folder_is_walked_and_an_overlay_is_read_with_its_manifest(tmp_path: P
     assert sorted(Path(file).name for file in found.sources) == ["rarms.yaml", "rarms.yaml", "robot-7.yaml"]
 
 
+@pytest.mark.parametrize(
+    ("text", "is_found"),
+    [
+        ("componets:\n  a: { criticality: 2 }\n", True),
+        ("host:\n  onboard: { memory: 2 GiB }\ncomponents: {}\n", True),
+        ("host: db.example\n", False),
+        ("services:\n  web: { image: x }\ncomponents: {}\n", False),
+    ],
+)
+def test_an_overlay_with_a_mistyped_section_is_found_in_its_folder(tmp_path: Path, text: str, is_found: bool) -> None:
+    manifest(tmp_path, component("a"))
+    (tmp_path / "robot-7.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+    found = validated(tmp_path).findings
+
+    assert codes(found) == (["RARMS015"] if is_found else [])
+
+
 def test_an_overlay_alone_finds_the_manifest_above_it(tmp_path: Path) -> None:
     manifest(tmp_path, component("a"))
     overlay = tmp_path / "robots" / "robot-7.yaml"

@@ -1,13 +1,18 @@
 """The comment of a pull request."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.pull_request import PlanReview
 from rarms_iac.model.diagnostics import Finding, Place, Severity
+from rarms_iac.model.host import ProviderKind
 from rarms_iac.views.markdown import findings_markdown
 from rarms_iac.views.pull_request import LONGEST_COMMENT, failure_comment, marker
+from rarms_iac.views.pull_request import comment as comment_of
+from tests.builders_plan import a_rich_plan
 from tests.files import copy_files
 from tests.fleet import manifest as fleet
 from tests.unit.cli.running import rarms
@@ -161,3 +166,19 @@ def test_without_a_plan_every_form_says_why(tmp_path: Path) -> None:
     assert "**error RARMS014**" in answer.out
     assert "RARMS014" in sarif.read_text(encoding="utf-8")
     assert "error[RARMS014]" in answer.err
+
+
+@pytest.mark.parametrize("provider", [ProviderKind.HYPERV, ProviderKind.LINUX])
+def test_a_host_without_scripts_has_no_sentence_about_them(provider: ProviderKind) -> None:
+    rich = a_rich_plan()
+    hosts = tuple(replace(part, host=replace(part.host, provider=provider)) for part in rich.hosts)
+    review = PlanReview(
+        plan=replace(rich, hosts=hosts),
+        headrooms=(),
+        logs=(),
+        scripts={},
+        new_scripts=(),
+        without_base="none",
+    )
+
+    assert ("Scripts are not compared" in comment_of(review)) == (provider is ProviderKind.HYPERV)
