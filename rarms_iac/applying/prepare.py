@@ -12,6 +12,7 @@ from rarms_iac.applying.plan_request import PlanRequest
 from rarms_iac.applying.requested_changes import adoption, releasing, start_changes, stop_changes
 from rarms_iac.applying.review import review_plan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
+from rarms_iac.applying.shared_machines import hosts_of_one_machine
 from rarms_iac.applying.state_after import others_after, totals_after
 from rarms_iac.applying.targets import is_below, targeted, unknown_targets
 from rarms_iac.diff.compare import Difference, compare
@@ -57,7 +58,8 @@ def prepare(request: PlanRequest, observed: Mapping[str, State]) -> PlanningResu
         The plan, or None and the errors that forbid one. The same input gives the same plan, to the byte.
     """
     hosts, found = desired_hosts(request, observed)
-    findings = [*request.findings, *found]
+    shared = hosts_of_one_machine(request.system, observed, request.places)
+    findings = [*request.findings, *found, *shared]
     addresses: list[str] = []
     parts: list[HostPlan] = []
     for name, desired in hosts.items():
