@@ -202,12 +202,15 @@ COUNTERS = "Win32_PerfRawData_HvStats_HyperVHypervisor"
 
 
 def counters(host: WindowsHost, counter_set: str) -> list[Value]:
-    """What the hypervisor counted until now, by processor, and of all together as Windows adds it."""
+    """What the hypervisor counted until now, by processor, and of all together as Windows adds it.
+
+    P2's load never sleeps, and no limit holds it back: beside P1's one busy processor it gets all that is left.
+    """
     running = [vm for vm in host.vms.values() if vm.state == "Running"]
     for vm in running:
         passed = host.clock - max(vm.counted_at, vm.started_at or 0)
         vm.counted_at = host.clock
-        busy = vm.reserve / 100 if any(process.alive for process in host.processes) else 0.0
+        busy = _busy(host, vm) if any(process.alive for process in host.processes) else 0.0
         vm.ran += int(passed * busy * 10_000)
         vm.dispatches += passed
         vm.waited += int(passed * (100 - vm.reserve) * 1000)
@@ -232,6 +235,15 @@ def counters(host: WindowsHost, counter_set: str) -> list[Value]:
         case _:
             raise Unsupported(f"the counter set {counter_set}")
     return [*found, _run_times("_Total", 0)]
+
+
+def _busy(host: WindowsHost, vm: Vm) -> float:
+    """The part of each of its processors' time that a machine uses, where programs run."""
+    if not vm.name.endswith("p2"):
+        return vm.reserve / 100
+    others = [other for other in host.vms.values() if other.state == "Running" and other is not vm]
+    rest = 0.99 * host.logical_processors - sum(_processors(other) * other.reserve / 100 for other in others)
+    return min(1.0, rest / _processors(vm))
 
 
 def _processors(vm: Vm) -> int:
