@@ -1,7 +1,8 @@
 """rarms: CPU reservations for components that must answer in time, from a manifest to an applied plan.
 
 A program begins with `load`; what it returns goes into `measure`, `tune`, `plan` and `prove`, and a plan into `apply`
-(docs/library.md). Each of them is imported when it is first asked for, so that `import rarms_iac` costs nothing.
+(docs/library.md). Beside them are their requests, results and errors. Each is imported when it is first asked for, so
+that `import rarms_iac` costs nothing.
 """
 
 from rarms_iac.model.version import __version__
@@ -10,35 +11,112 @@ TYPE_CHECKING = False  # type checkers know this name; to import typing would do
 
 if TYPE_CHECKING:
     from rarms_iac.app.applying import apply
+    from rarms_iac.app.control import Control, Reporter, StopSignal
+    from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+    from rarms_iac.app.experiments.measure import MeasureOutcome
     from rarms_iac.app.experiments.measure import measure_components as measure
+    from rarms_iac.app.experiments.measure_request import ExperimentResult, MeasureRequest
+    from rarms_iac.app.experiments.prove import ProveOutcome, ProveRequest
     from rarms_iac.app.experiments.prove import prove_layout as prove
+    from rarms_iac.app.experiments.tune import TuneRequest, TuningResult
     from rarms_iac.app.experiments.tune import tune_components as tune
-    from rarms_iac.app.hosts import load
-    from rarms_iac.app.planning import plan
+    from rarms_iac.app.hosts import Hosts, load
+    from rarms_iac.app.planning import plan, plan_request
+    from rarms_iac.applying.plan_request import PlanRequest
+    from rarms_iac.applying.run_report import RunEnding, RunReport
+    from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
+    from rarms_iac.model.diagnostics import Diagnostic, Severity
+    from rarms_iac.model.plan import HostPlan, Plan, Purpose
 
-__all__ = ["__version__", "apply", "load", "measure", "plan", "prove", "tune"]
+__all__ = [
+    "Adopt",
+    "Change",
+    "Control",
+    "Create",
+    "Delete",
+    "Diagnostic",
+    "ExperimentResult",
+    "HostPlan",
+    "Hosts",
+    "MeasureOutcome",
+    "MeasureRequest",
+    "Outcome",
+    "Plan",
+    "PlanRequest",
+    "ProveOutcome",
+    "ProveRequest",
+    "Purpose",
+    "Release",
+    "Reporter",
+    "RequestError",
+    "RunEnding",
+    "RunReport",
+    "Severity",
+    "StopSignal",
+    "TuneRequest",
+    "TuningResult",
+    "Update",
+    "UseCaseError",
+    "__version__",
+    "apply",
+    "load",
+    "measure",
+    "plan",
+    "plan_request",
+    "prove",
+    "tune",
+]
 
-_FUNCTIONS = {
-    "apply": ("applying", "apply"),
-    "load": ("hosts", "load"),
-    "measure": ("experiments.measure", "measure_components"),
-    "plan": ("planning", "plan"),
-    "prove": ("experiments.prove", "prove_layout"),
-    "tune": ("experiments.tune", "tune_components"),
+_NAMES = {
+    "Adopt": ("model.changes", "Adopt"),
+    "Change": ("model.changes", "Change"),
+    "Create": ("model.changes", "Create"),
+    "Delete": ("model.changes", "Delete"),
+    "Release": ("model.changes", "Release"),
+    "Update": ("model.changes", "Update"),
+    "Control": ("app.control", "Control"),
+    "Reporter": ("app.control", "Reporter"),
+    "StopSignal": ("app.control", "StopSignal"),
+    "Diagnostic": ("model.diagnostics", "Diagnostic"),
+    "Severity": ("model.diagnostics", "Severity"),
+    "HostPlan": ("model.plan", "HostPlan"),
+    "Plan": ("model.plan", "Plan"),
+    "Hosts": ("app.hosts", "Hosts"),
+    "MeasureOutcome": ("app.experiments.measure", "MeasureOutcome"),
+    "MeasureRequest": ("app.experiments.measure_request", "MeasureRequest"),
+    "ExperimentResult": ("app.experiments.measure_request", "ExperimentResult"),
+    "Outcome": ("app.errors", "Outcome"),
+    "Purpose": ("model.plan", "Purpose"),
+    "RequestError": ("app.errors", "RequestError"),
+    "UseCaseError": ("app.errors", "UseCaseError"),
+    "PlanRequest": ("applying.plan_request", "PlanRequest"),
+    "plan_request": ("app.planning", "plan_request"),
+    "ProveOutcome": ("app.experiments.prove", "ProveOutcome"),
+    "ProveRequest": ("app.experiments.prove", "ProveRequest"),
+    "RunEnding": ("applying.run_report", "RunEnding"),
+    "RunReport": ("applying.run_report", "RunReport"),
+    "TuneRequest": ("app.experiments.tune", "TuneRequest"),
+    "TuningResult": ("app.experiments.tune", "TuningResult"),
+    "apply": ("app.applying", "apply"),
+    "load": ("app.hosts", "load"),
+    "measure": ("app.experiments.measure", "measure_components"),
+    "plan": ("app.planning", "plan"),
+    "prove": ("app.experiments.prove", "prove_layout"),
+    "tune": ("app.experiments.tune", "tune_components"),
 }
-"""The module of `rarms_iac.app` and the function there, by the name that a program uses."""
+"""The module below `rarms_iac` and the name there, by the name that a program uses."""
 
 
 def __getattr__(name: str) -> object:
-    """Import a function of the library when it is first used.
+    """Import a name of the library when it is first used.
 
     Raises:
         AttributeError: there is none of this name.
     """
-    if name not in _FUNCTIONS:
+    if name not in _NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    module, function = _FUNCTIONS[name]
-    use_case: object = getattr(import_module(f"rarms_iac.app.{module}"), function)
-    return use_case
+    module, attribute = _NAMES[name]
+    value: object = getattr(import_module(f"rarms_iac.{module}"), attribute)
+    return value

@@ -194,7 +194,7 @@ def outcome_of(family: Family, folder: Path, seed: int) -> Outcome:
     try:
         plan = rarms.plan(hosts)
     except UseCaseError as problem:
-        codes = sorted({diagnostic.code for diagnostic in problem.diagnostics})
+        codes = sorted({diagnostic.code for diagnostic in problem.findings})
         return Outcome(seed=seed, family=words, ending="no plan", tails=False, missed=tuple(codes))
     rarms.apply(plan)
     state = hosts.open("onboard").observe()

@@ -36,7 +36,7 @@ ELSEWHERE = Finding.error("RARMS213", "The plan's simulated host is not in this 
 def apply(
     plan: Plan,
     *,
-    folder: str | None = None,
+    folder: str | Path | None = None,
     waits: WaitLimits = NO_WAITING,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
@@ -64,7 +64,7 @@ def apply(
     if folder is None:
         _refuse_elsewhere(plan)
     _refuse_unsigned(plan)
-    below = folder_of(plan.manifest) if folder is None else folder
+    below = folder_of(plan.manifest) if folder is None else str(folder)
     hosts = {
         part.host.name: open_host(part.host, below, part.state_path, channels.get(part.host.name))
         for part in plan.hosts

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from enum import Enum
 
 from rarms_iac.model.commands import Wording
-from rarms_iac.model.diagnostics import Diagnostic, Sources, first_of_each_kind
+from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources, first_of_each_kind
 
 
 class Outcome(Enum):
@@ -18,11 +18,11 @@ class Outcome(Enum):
 
 
 class UseCaseError(Exception):
-    """A use case ended without its answer.
+    """A use case ended without its answer; its text is what the errors among the findings say, in short.
 
     Attributes:
         outcome: what kind of end it is; the command line makes an exit code of it.
-        diagnostics: the reasons, at least one; the first of each kind.
+        findings: the reasons, at least one; the first of each kind.
         sources: the manifest's files that the reasons point into, by the names that places use.
     """
 
@@ -32,9 +32,10 @@ class UseCaseError(Exception):
         diagnostics: Sequence[Diagnostic],
         sources: Sources | None = None,
     ) -> None:
-        super().__init__("; ".join(diagnostic.summary for diagnostic in diagnostics))
+        errors = [finding for finding in diagnostics if finding.severity is Severity.ERROR]
+        super().__init__("; ".join(dict.fromkeys(finding.summary for finding in errors or diagnostics)))
         self.outcome = outcome
-        self.diagnostics = first_of_each_kind(diagnostics)
+        self.findings = first_of_each_kind(diagnostics)
         self.sources = sources or {}
 
 

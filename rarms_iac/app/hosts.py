@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
+from pathlib import Path
 from types import MappingProxyType
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
@@ -122,9 +123,9 @@ class Hosts:
 
 
 def load(
-    path: str = DEFAULT_MANIFEST,
+    path: str | Path = DEFAULT_MANIFEST,
     *,
-    overlays: Sequence[str] = (),
+    overlays: Sequence[str | Path] = (),
     hosts: Sequence[str] = (),
     today: date | None = None,
     channels: Mapping[str, CommandChannel] = NO_CHANNELS,
@@ -143,9 +144,9 @@ def load(
 
     Raises:
         RequestError: a host is not in the manifest.
-        UseCaseError: the manifest has errors (negative); they are its diagnostics.
+        UseCaseError: the manifest has errors (negative); they are its findings.
     """
-    source = ManifestSource(manifest=path, overlays=tuple(overlays), today=today or today_utc())
+    source = ManifestSource(manifest=str(path), overlays=tuple(map(str, overlays)), today=today or today_utc())
     return replace(select_hosts(load_manifest(source), HostSelection(hosts=tuple(hosts))), channels=channels)
 
 

@@ -49,7 +49,7 @@ def load_manifest(source: ManifestSource) -> Manifest:
         The manifest; with its warnings and notes.
 
     Raises:
-        UseCaseError: a file is not there (missing), or it has errors (negative); they are its diagnostics.
+        UseCaseError: a file is not there (missing), or it has errors (negative); they are its findings.
     """
     loaded = load(manifest_path(source.manifest), source.overlays, today=source.today)
     if loaded.system is None:

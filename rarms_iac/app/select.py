@@ -102,7 +102,7 @@ class BeyondMeasured(UseCaseError):
     """
 
     def __init__(self, problem: UseCaseError, first: int, last: int) -> None:
-        super().__init__(problem.outcome, problem.diagnostics, problem.sources)
+        super().__init__(problem.outcome, problem.findings, problem.sources)
         self.first = first
         self.last = last
 

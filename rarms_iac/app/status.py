@@ -189,7 +189,7 @@ def _report(hosts: Hosts) -> Report | None:
     try:
         return measured_report(hosts.manifest)
     except UseCaseError as error:
-        if any(problem.code != NOTHING_MEASURED.code for problem in error.diagnostics):
+        if any(problem.code != NOTHING_MEASURED.code for problem in error.findings):
             raise
         return None
 
@@ -250,7 +250,7 @@ def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagn
             runs = history_of_hosts(hosts.only(name)).hosts.get(name, ())
             seen[name] = _observe_alone(hosts, name), runs[-1] if runs else None
         except UseCaseError as error:
-            problems[name] = error.diagnostics
+            problems[name] = error.findings
     drifts: dict[str, tuple[ResourceDrift, ...]] = {}
     no_layout: tuple[Diagnostic, ...] = ()
     try:
@@ -258,7 +258,7 @@ def _host_overviews(hosts: Hosts) -> tuple[tuple[HostOverview, ...], tuple[Diagn
             report = look_for_drift(hosts.only(*seen))
             drifts, no_layout = {drift.name: drift.drifted for drift in report.hosts}, report.problems
     except UseCaseError as error:
-        problems.update(dict.fromkeys(seen, error.diagnostics))
+        problems.update(dict.fromkeys(seen, error.findings))
     overviews = tuple(
         HostOverview(name=name, problems=problems[name])
         if name in problems

@@ -49,7 +49,7 @@ def run_guarded(
         return ExitCode.USAGE
     except UseCaseError as problem:
         _trace(terminal)
-        return _tell(session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources)
+        return _tell(session, _code_of(session, problem.outcome), problem.findings, problem.sources)
     except KeyboardInterrupt as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.run import interruption_text

@@ -91,7 +91,7 @@ class TerminalLevelPrompt:
         if isinstance(problem, RequestError):
             self._terminal.tell(str(problem))
         else:
-            tell(self._terminal, problem.diagnostics, problem.sources)
+            tell(self._terminal, problem.findings, problem.sources)
 
     def written(self, outcome: Selection) -> None:
         """Say where it was written."""

@@ -69,8 +69,8 @@ def is_for_findings(form: OutputFormat) -> bool:
 def no_plan_as(form: OutputFormat, *, manifest: str, error: UseCaseError) -> "RenderableType":
     """Give the reasons why there is no plan that form."""
     if form is OutputFormat.MARKDOWN:
-        return failure_comment(manifest, error.diagnostics)
-    return findings_as(form, error.diagnostics, error.sources)
+        return failure_comment(manifest, error.findings)
+    return findings_as(form, error.findings, error.sources)
 
 
 def marker(manifest: str) -> str:

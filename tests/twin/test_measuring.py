@@ -127,7 +127,7 @@ def test_what_cannot_be_removed_is_told_and_removed_the_next_time(measured: Meas
     host.watch = keep_machines
     with pytest.raises(UseCaseError) as raised:
         measured(host, reserves=(40,))
-    assert "The disk is in use." in str([finding.detail for finding in raised.value.diagnostics])
+    assert "The disk is in use." in str([finding.detail for finding in raised.value.findings])
     assert len(host.vms) == 2
 
     host.watch = None
@@ -165,7 +165,7 @@ def test_a_session_that_cannot_be_removed_does_not_keep_the_test_partitions(meas
     with pytest.raises(UseCaseError) as raised:
         measured(host, reserves=(40,))
 
-    assert "The session is broken." in str([finding.detail for finding in raised.value.diagnostics])
+    assert "The session is broken." in str([finding.detail for finding in raised.value.findings])
     assert leftovers(host) == []
 
 
@@ -286,7 +286,7 @@ def test_what_windows_refuses_is_told_and_nothing_stays(
     with pytest.raises(UseCaseError) as raised:
         measured(host, reserves=(40,))
 
-    assert words in str([finding.detail for finding in raised.value.diagnostics])
+    assert words in str([finding.detail for finding in raised.value.findings])
     assert leftovers(host) == []
 
 

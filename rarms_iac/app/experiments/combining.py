@@ -97,7 +97,7 @@ def combining_offer(hosts: Hosts) -> CombiningOffer | None:
         states = {name: stopped_to_measure(state, application) for name, state in observe_hosts(hosts).items()}
         subject = subject_of_tuning(hosts, tuning_host(hosts), states)
     except UseCaseError as problem:
-        if {finding.code for finding in problem.diagnostics} <= NO_SUBJECT:
+        if {finding.code for finding in problem.findings} <= NO_SUBJECT:
             return None
         raise
     need = total(subject.cois) + subject.fixed

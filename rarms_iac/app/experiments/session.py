@@ -175,7 +175,7 @@ def _start_all(session: MeasuringSession) -> list[Diagnostic]:
             try:
                 names = start_again(session.hosts, host)
             except UseCaseError as error:
-                errors += error.diagnostics
+                errors += error.findings
                 continue
             if names:
                 message = f"{host.name}: started {in_a_row(names)} again, which a measurement had stopped."

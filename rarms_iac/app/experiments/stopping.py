@@ -61,7 +61,7 @@ def start_again(hosts: Hosts, host: MeasuringHost) -> tuple[str, ...]:
             finding = measuring_findings.STILL_STOPPED.at(
                 None, message, advice, address=f"host/{host.name}", values=values
             )
-            raise UseCaseError(error.outcome, (finding, *error.diagnostics)) from None
+            raise UseCaseError(error.outcome, (finding, *error.findings)) from None
     return names
 
 

@@ -199,7 +199,7 @@ def test_of_very_many_findings_of_a_kind_the_first_are_shown_and_the_rest_is_cou
     with pytest.raises(UseCaseError) as refused:
         load_manifest(source)
 
-    for findings in (validated_findings, refused.value.diagnostics):
+    for findings in (validated_findings, refused.value.findings):
         unknown = [finding for finding in findings if finding.code == "RARMS042"]
         assert len(unknown) == MOST_OF_A_KIND + 1
         assert [finding.detail for finding in unknown if finding.place is None] == ["234 more of this kind follow."]

@@ -52,7 +52,7 @@ def test_an_interrupted_question_says_that_nothing_was_changed() -> None:
         sys.stdin = before
 
     assert interrupted.value.outcome is Outcome.INTERRUPTED
-    assert [diagnostic.summary for diagnostic in interrupted.value.diagnostics] == ["Nothing was changed"]
+    assert [diagnostic.summary for diagnostic in interrupted.value.findings] == ["Nothing was changed"]
 
 
 @pytest.mark.parametrize("text", ["no\n", "y\n", "", "YES\n"])

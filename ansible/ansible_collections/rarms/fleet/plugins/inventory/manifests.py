@@ -161,5 +161,5 @@ def _connection(host: Host) -> dict[str, Any]:
 def _reason(error: UseCaseError | RequestError) -> str:
     if isinstance(error, RequestError):
         return str(error)
-    first = error.diagnostics[0]
+    first = error.findings[0]
     return f"{f'{first.place}: ' if first.place else ''}{first.summary} ({first.code}): {first.detail}"

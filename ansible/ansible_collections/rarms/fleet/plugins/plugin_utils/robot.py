@@ -115,7 +115,7 @@ class RobotAction(ActionBase):
         except RequestError as error:
             result = failure(str(error))
         except UseCaseError as error:
-            result = failure("", error.diagnostics)
+            result = failure("", error.findings)
         if result.get("failed"):
             self.remove_stale(arguments)
         if result.get("rarms_unreachable") and arguments["unreachable"] == "unreachable":
