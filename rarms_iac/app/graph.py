@@ -174,8 +174,12 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Predict]:
         raise UseCaseError(Outcome.NEGATIVE, errors, manifest.sources)
     host = shared[0]
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
-    by_first = {names_of(group.members)[0]: group for group in groups}
-    candidates = candidates_of(cois, lambda names: may_share(*(by_first[name] for name in names)), most=WHOLE)
+    group_of = {name: group for group in groups for name in names_of(group.members)}
+
+    def may_all_share(names: Members) -> bool:
+        return may_share(*{group_of[name].name: group_of[name] for name in names}.values())
+
+    candidates = candidates_of(cois, may_all_share, most=WHOLE)
     informed_candidates = informed(candidates, recorded_answers(measurements, host, candidates, {}))
     return informed_candidates, predictor_of(alone_in(groups, reservations, host))
 

@@ -128,7 +128,8 @@ def test_the_papers_walk_says_its_message_where_nothing_is_enough(here: Path) ->
     ran = rarms("measure", "--strategy", "paper")
 
     assert ran.code == 4
-    assert "not even with all of its VPs." in ran.err
+    assert "Threshold performance is not achievable on this platform." in ran.err
+    assert "vision at 100 % of its VPs: mean_response_time" in ran.err
     assert "not achievable at" in ran.out
 
 
