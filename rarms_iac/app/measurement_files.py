@@ -13,8 +13,8 @@ from rarms_iac.app.hosts import owner
 from rarms_iac.measuring.measuring_findings import MEASURED_ELSEWHERE
 from rarms_iac.model.diagnostics import Facts
 from rarms_iac.planner.planning_findings import UNREADABLE
-from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
-from rarms_iac.storage.disk import PRIVATE, make_folder_for
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.disk import MEASUREMENTS, PRIVATE, make_folder_for
 from rarms_iac.storage.lock import Locked, hold
 from rarms_iac.storage.replace import remove_leftovers
 
@@ -39,7 +39,7 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
     Raises:
         UseCaseError: Another run measures the same (refused).
     """
-    with _held(folder, path.relative_to(folder / FOLDER).as_posix(), timeout_ms):
+    with _held(folder, path.relative_to(folder / MEASUREMENTS).as_posix(), timeout_ms):
         remove_leftovers(path)
         yield
 
@@ -69,9 +69,9 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         try:
             held.enter_context(hold(lock, owner(), timeout_ms))
         except Locked as problem:
-            message = f"{FOLDER}/{name} is written to by {problem.owner}."
+            message = f"{MEASUREMENTS}/{name} is written to by {problem.owner}."
             advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
-            values = {"log": f"{FOLDER}/{name}", "owner": problem.owner}
+            values = {"log": f"{MEASUREMENTS}/{name}", "owner": problem.owner}
             raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice, values=values)]) from None
         yield
 

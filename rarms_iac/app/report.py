@@ -32,9 +32,10 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import ReservationSource, names_of
 from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.decisions import Proven, ProvenIndex, read_entries
-from rarms_iac.storage.datalog.files import FOLDER, configuration_path, read_log
+from rarms_iac.storage.datalog.files import configuration_path, read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.datalog.named_files import Files
+from rarms_iac.storage.disk import MEASUREMENTS
 
 DRIFTS = {
     DriftKind.HOST_CHANGED: "changed on the host",
@@ -105,7 +106,7 @@ def _candidates(manifest: Manifest) -> tuple[Node, ...]:
 
 def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
-    message = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
+    message = f"Below {MEASUREMENTS}/ beside the manifest there is no data log{of}."
     return NOTHING_MEASURED.at(
         None,
         message,
@@ -124,7 +125,7 @@ def _read_logs(system: System, folder: Path) -> Iterator[ReportedLog]:
     """Every log of a platform of the manifest, by path."""
     platforms = {host.platform for host in system.hosts.values()}
     files = Files(folder)
-    for path in sorted((folder / FOLDER).glob("*/*/*.jsonl")):
+    for path in sorted((folder / MEASUREMENTS).glob("*/*/*.jsonl")):
         with log_errors():
             log = read_log(path)
         if log is not None and log.header.platform in platforms and _is_of(system, log):

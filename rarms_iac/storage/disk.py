@@ -151,6 +151,20 @@ def give(path: Path, like: os.stat_result) -> None:
         os.chown(path, like.st_uid, like.st_gid, follow_symlinks=False)
 
 
+def leads_out(path: Path | str) -> bool:
+    """Whether links take a path out of the repository that it is named in; false outside of repositories.
+
+    Args:
+        path: of a file or folder that need not exist.
+    """
+    # NOTE: Path.resolve raises a RuntimeError where links go in a circle.
+    named, real = Path(os.path.normpath(Path(path).absolute())), Path(os.path.realpath(path))
+    if named == real:
+        return False
+    repository = next((folder for folder in named.parents if (folder / ".git").exists()), None)
+    return repository is not None and not real.is_relative_to(repository.resolve())
+
+
 class NotOurFile(OSError):
     """What has the name is a symbolic link, or no regular file: rarms writes to neither."""
 
@@ -161,7 +175,7 @@ class NotOurFile(OSError):
 def open_to_write(path: Path, flags: int = 0) -> int:
     """Open a regular file for reading and writing, without blocking and without following a link.
 
-    A link among the folders above is followed: they are where the user chose to keep things.
+    A link among the folders above is followed, but not out of the repository from a folder that rarms makes there.
 
     Args:
         path: the file.
@@ -184,14 +198,15 @@ def open_to_write(path: Path, flags: int = 0) -> int:
 
 
 def check_target(path: Path) -> None:
-    """Refuse a name that is there and is not a regular file's.
+    """Refuse a name that is there and is not a regular file's, or that lies out of the repository.
 
     Args:
         path: what is to be written.
 
     Raises:
-        NotOurFile: the name is that of a link, a folder, a pipe or a device.
+        NotOurFile: the name is that of a link, a folder, a pipe or a device, or `check_folder` refuses its folder.
     """
+    check_folder(path.parent)
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
@@ -200,6 +215,25 @@ def check_target(path: Path) -> None:
         raise NotOurFile(path, "a symbolic link")
     if not stat.S_ISREG(mode):
         raise NotOurFile(path, "not a regular file")
+
+
+PRIVATE = ".rarms"
+MEASUREMENTS = "measurements"
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse what lies in a `.rarms` or `measurements` that a link takes out of the repository.
+
+    A pull request that brings such a link must not choose where rarms writes.
+
+    Args:
+        folder: that need not exist.
+
+    Raises:
+        NotOurFile: the folder, or one above it, is such a link.
+    """
+    if {PRIVATE, MEASUREMENTS} & set(folder.absolute().parts) and leads_out(folder):
+        raise NotOurFile(folder, "behind a link that leads out of the repository")
 
 
 _in_use: list[FileEffects] = [RealFileEffects()]
@@ -232,14 +266,15 @@ def make_folders(folder: Path) -> None:
 
     Args:
         folder: nothing is done where it exists.
+
+    Raises:
+        NotOurFile: as `check_folder`.
     """
+    check_folder(folder)
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     for path in reversed(missing):
         current().make_folder(path)
         current().flush_folder(path.parent)
-
-
-PRIVATE = ".rarms"
 
 
 def make_folder_for(path: Path) -> None:

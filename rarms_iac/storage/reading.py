@@ -12,6 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
+from rarms_iac.storage.disk import leads_out
+
 STANDARD_INPUT = "-"
 """The path that stands for standard input."""
 
@@ -59,7 +61,7 @@ def open_regular(path: Path | str) -> BinaryIO:
         OSError: there is no such file, or the system does not let us read it.
         ValueError: no file can have this name (it holds a NUL).
     """
-    if _leads_out(path):
+    if leads_out(path):
         raise NotRegular(path, "a link that leads out of the repository")
     handle = _open(path)
     status = os.fstat(handle)
@@ -84,15 +86,6 @@ def _kernels_devices() -> frozenset[int]:
         with suppress(OSError):
             found.add(Path(mount).stat().st_dev)
     return frozenset(found)
-
-
-def _leads_out(path: Path | str) -> bool:
-    # NOTE: Path.resolve raises a RuntimeError where links go in a circle.
-    named, real = Path(os.path.normpath(Path(path).absolute())), Path(os.path.realpath(path))
-    if named == real:
-        return False
-    repository = next((folder for folder in named.parents if (folder / ".git").exists()), None)
-    return repository is not None and not real.is_relative_to(repository.resolve())
 
 
 def _open(path: Path | str) -> int:

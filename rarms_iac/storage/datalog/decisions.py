@@ -17,7 +17,8 @@ from rarms_iac.model.outcomes import VerdictWord
 from rarms_iac.model.output import Internal, output
 from rarms_iac.model.system import Threshold
 from rarms_iac.storage.codec import Json, decode, decode_union
-from rarms_iac.storage.datalog.files import FOLDER, append_to_log, decoded_records
+from rarms_iac.storage.datalog.files import append_to_log, decoded_records
+from rarms_iac.storage.disk import MEASUREMENTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,7 +241,7 @@ def tuning_path(folder: Path, platform: str) -> Path:
     Returns:
         The path; whether there is such a file is not looked at.
     """
-    return folder / FOLDER / platform / "tuning.jsonl"
+    return folder / MEASUREMENTS / platform / "tuning.jsonl"
 
 
 def append_run(path: Path, run: TuningRun) -> None:

@@ -11,7 +11,7 @@ from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Recorded, Remeasurement
-from rarms_iac.storage.disk import make_folders
+from rarms_iac.storage.disk import MEASUREMENTS, make_folders
 from rarms_iac.storage.replace import replace
 
 T = TypeVar("T")
@@ -218,9 +218,6 @@ def _header(path: Path, record: dict[str, Json]) -> Header:
         raise LogUnreadable(path, 1, str(problem)) from None
 
 
-FOLDER = "measurements"
-
-
 def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
     """The data log of components that are in one partition, below the manifest's folder.
 
@@ -233,7 +230,7 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
     Returns:
         The path; whether there is such a file is not looked at.
     """
-    return folder / FOLDER / platform / joined(components) / f"{interference}.jsonl"
+    return folder / MEASUREMENTS / platform / joined(components) / f"{interference}.jsonl"
 
 
 def configuration_path(folder: Path, platform: str, component: str) -> Path:
@@ -247,7 +244,7 @@ def configuration_path(folder: Path, platform: str, component: str) -> Path:
     Returns:
         The path; whether there is such a file is not looked at.
     """
-    return folder / FOLDER / platform / f"{component}.configuration.jsonl"
+    return folder / MEASUREMENTS / platform / f"{component}.configuration.jsonl"
 
 
 def joined(components: Iterable[str]) -> str:
