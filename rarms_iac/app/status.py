@@ -346,6 +346,10 @@ def _next_command(
     if stopped:
         return NextCommand(command=f"rarms start {' '.join(stopped)}", reason="starts what was stopped")
     if not asked <= holding:
+        off = sorted(partition.name for host in hosts for partition in host.partitions if not partition.running)
+        if off:
+            reason = "starts what does not run, so that thresholds can be proven"
+            return NextCommand(command=f"rarms start {' '.join(off)}", reason=reason)
         reason = "runs all components together, and compares them with their thresholds"
         return NextCommand(command="rarms prove", reason=reason)
     return None

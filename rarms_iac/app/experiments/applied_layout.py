@@ -1,6 +1,6 @@
 """What is applied: finds what of the manifest runs on hosts, and refuses what cannot be proven."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 
 from rarms_iac.app.errors import Outcome, UseCaseError
@@ -14,7 +14,7 @@ from rarms_iac.measuring.prove import AppliedLayout
 from rarms_iac.model.commands import APPLY, PLAN, command, prose
 from rarms_iac.model.diagnostics import Diagnostic, Facts
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.state import State, StoppedBy
+from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.mechanism import deadline_period_us
@@ -45,9 +45,9 @@ def applied_layouts(
         if partition.mark and partition.settings.running
     }
     groups = groups_of(system)
-    _refuse_stopped(everywhere, application)
+    _refuse_off(everywhere, application, {group.name for group in groups})
     if absent := [group.name for group in groups if group.name not in running]:
-        message = f"These partitions are on no host, or do not run: {', '.join(absent)}."
+        message = f"These partitions are on no host: {', '.join(absent)}."
         raise UseCaseError(
             Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}", {"partitions": tuple(absent)})]
         )
@@ -84,23 +84,23 @@ def _layout_on(hosts: Hosts, name: str, states: Mapping[str, State], groups: Seq
     )
 
 
-def _refuse_stopped(states: Mapping[str, State], application: str) -> None:
-    """Refuse partitions that rarms stopped, before anything says that they are not applied: the user can start them.
+def _refuse_off(states: Mapping[str, State], application: str, wanted: Collection[str]) -> None:
+    """Refuse wanted partitions that are there and do not run, before a plan is named, which need not start them.
 
     Raises:
         UseCaseError: There are some (refused).
     """
-    stopped = sorted(
+    off = sorted(
         partition.mark.name
         for state in states.values()
         for partition in state.of(application).partitions
-        if partition.mark and partition.mark.stopped_by is not StoppedBy.NO_USER and not partition.settings.running
+        if partition.mark and partition.mark.name in wanted and not partition.settings.running
     )
-    if stopped:
-        message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
-        advice = prose("Start them, and prove again: ", command("start", *stopped), ".")
+    if off:
+        message = f"These partitions do not run: {', '.join(off)}."
+        advice = prose("Start them, and prove again: ", command("start", *off), ".")
         finding = measuring_findings.NOT_APPLIED.at(
-            None, message, advice, address=f"partition/{stopped[0]}", values={"partitions": tuple(stopped)}
+            None, message, advice, address=f"partition/{off[0]}", values={"partitions": tuple(off)}
         )
         raise UseCaseError(Outcome.REFUSED, [finding])
 

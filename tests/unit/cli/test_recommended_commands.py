@@ -180,6 +180,12 @@ SITUATIONS = {
         ("Start them, and prove again",),
         ("rarms start speech vision",),
     ),
+    "a partition that is started by hand would be proven": Situation(
+        (write(ALONE.replace("components:", "partitions: { vision: { start: manual } }\ncomponents:", 1)), APPLY),
+        "prove --load-host",
+        ("These partitions do not run: vision.",),
+        ("rarms start vision",),
+    ),
     "nothing is applied that could be proven": Situation(
         (write(MANIFEST),), "prove --load-host", ("See what is missing with",), ("rarms plan", "rarms apply")
     ),

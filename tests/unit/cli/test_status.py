@@ -206,6 +206,20 @@ def test_what_was_stopped_is_left_to_do_although_all_is_applied() -> None:
     assert "Nothing is left to do" not in answer.out
 
 
+def test_what_is_started_by_hand_is_started_before_it_is_proven() -> None:
+    by_hand = "partitions: { planner: { start: manual } }\n"
+    Path("rarms.yaml").write_text(MANIFEST.partition("  vision:")[0] + MEASURED + by_hand, encoding="utf-8")
+    for command in (["measure"], ["apply", "--auto-approve"]):
+        assert rarms(*command).code == 0
+    off, refused = rarms("status"), rarms("prove", "--load-host")
+    assert rarms("start", "planner", "--auto-approve").code == 0
+
+    assert "Next: `rarms start planner` starts what does not run, so that thresholds can be proven." in off.out
+    assert refused.code == 3
+    assert "`rarms start planner`" in refused.err
+    assert "Next: `rarms prove`" in rarms("status").out
+
+
 def test_a_manifest_that_does_not_fit_is_not_proven_next_but_planned() -> None:
     Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "80 %"), encoding="utf-8")
     planned, answer = rarms("plan"), rarms("status")
