@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
@@ -15,6 +16,7 @@ from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.ending import ExitCode, Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.session import Session
+from rarms_iac.manifest.checks.names import UNUSED_INTERFERENCE
 from rarms_iac.model.commands import command, prose
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
@@ -84,7 +86,7 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
                 ".",
             ),
         )
-    text = plan_text(plan, sources=hosts.manifest.sources)
+    text = plan_text(_without_unused(plan), sources=hosts.manifest.sources)
     if session.as_json:
         session.terminal.talk(text)
     else:
@@ -94,6 +96,11 @@ def plan_ask_apply(session: Session, hosts: Hosts, request: PlanRequest, how: Ru
     if not how.auto_approve:
         ask(session, "Do this?")
     return report_end(session, run(session, plan, hosts.folder, how))
+
+
+def _without_unused(plan: Plan) -> Plan:
+    """The plan without notes on what the manifest does not use: `validate` and `plan` tell them, before a question."""
+    return replace(plan, findings=tuple(each for each in plan.findings if each.code != UNUSED_INTERFERENCE.code))
 
 
 def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:

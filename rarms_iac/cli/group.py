@@ -9,7 +9,7 @@ from click.shell_completion import CompletionItem
 from rarms_iac.app.errors import RequestError
 from rarms_iac.cli.ending import WrongRequest
 from rarms_iac.cli.session import common_options, session_flag
-from rarms_iac.cli.table import COMMANDS, load_command
+from rarms_iac.cli.table import COMMANDS, FOR_SIMULATED_HOSTS, load_command
 from rarms_iac.model.commands import INIT, prose
 
 HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
@@ -41,7 +41,9 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
         """The list in `rarms --help`, from the table."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([each for each in COMMANDS.items() if each[0] not in FOR_SIMULATED_HOSTS])
+        with formatter.section("On simulated hosts"):
+            formatter.write_dl([each for each in COMMANDS.items() if each[0] in FOR_SIMULATED_HOSTS])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[str]]:
         """Commands from the table, then the options."""

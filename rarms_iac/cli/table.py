@@ -29,7 +29,6 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "import": "Take over a partition that rarms did not make.",
         "release": "Let go of a partition: it stays, rarms forgets it.",
         "snapshot": "Write down what a host looks like.",
-        "simulate": "Change a simulated host as another tool would.",
         "run": "Run components on this machine, to see whether their `run` is right.",
         "graph": "Draw hosts, partitions and components.",
         "report": "Show performance against reservation, as a page with lines to drag.",
@@ -37,9 +36,13 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "explain": "Explain a finding, or how a component comes to what it gets.",
         "schema": "Print a JSON Schema.",
         "completion": "Print a completion script for a shell.",
+        "simulate": "Change a simulated host as another tool would.",
     }
 )
 """In the order in which they are met."""
+
+FOR_SIMULATED_HOSTS = frozenset({"simulate"})
+"""Commands that no real host knows; help lists them apart."""
 
 _TOGETHER = {
     "manifest_commands": ("init", "validate", "fmt"),

@@ -33,7 +33,7 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
     for piece in () if whole else reversed(split_script(plain + "\n").fixed):
-        fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --raw shows it"
+        fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); a pipe gets it"
         numbered[piece.first - 1 : piece.last] = [f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}"]
     return "\n".join(numbered) + "\n"
 

@@ -55,8 +55,10 @@ def test_paths_may_be_paths_and_a_plan_names_its_changes(tmp_path: Path) -> None
 
 def test_the_text_of_an_error_begins_with_the_error(tmp_path: Path) -> None:
     (manifest,) = blocks("yaml")
-    unused = "interference: { load: { stress: { stressor: cpu } } }\n"
-    (tmp_path / "rarms.yaml").write_text(manifest.replace("20\n", "20000\n") + unused, encoding="utf-8")
+    unused = "interference: { spare: { kind: busy_loop, threads: 2 } }\n"
+    (tmp_path / "rarms.yaml").write_text(
+        manifest.replace("criticality: 20", "criticality: 20\n    together: [nowhere]") + unused, encoding="utf-8"
+    )
 
     with pytest.raises(rarms_iac.UseCaseError) as refused:
         rarms_iac.load(tmp_path)

@@ -41,7 +41,6 @@ class ShowOptions:
         "--guest", metavar="PARTITION", help="With --script: the one for this partition's guest.", default=""
     )
     undo: bool = flag("--undo", help="With --script: the one that takes it back.")
-    raw: bool = flag("--raw", help="With --script: the exact bytes, without numbers.")
     out: str | None = option(
         "--out", metavar="FOLDER", help="With --script: write the exact bytes, undo scripts beside them."
     )
@@ -61,15 +60,16 @@ def show_command(
     """Show a plan that `rarms plan --out` wrote, or with --script what runs on its hosts.
 
     A PLAN needs neither manifest nor host; a file that was edited is refused, as `rarms apply` refuses it. With
-    --script and without a PLAN, the plan is made first, as `rarms plan` makes it. --against shows a difference and
-    judges nothing: the exit code is 0 whether there is one or not.
+    --script and without a PLAN, the plan is made first, as `rarms plan` makes it. A pipe or file gets the exact
+    bytes of one script, without numbers. --against shows a difference and judges nothing: the exit code is 0 whether
+    there is one or not.
     """
     if options.check is not None:
         return _check(session, options.check)
     if options.transport:
-        return _show_transport(session, raw=options.raw)
+        return _show_transport(session)
     if not options.script:
-        of_scripts = (options.guest, options.undo, options.raw, options.out, options.against)
+        of_scripts = (options.guest, options.undo, options.out, options.against)
         if any((*of_scripts, host_selection.hosts, host_selection.snapshots)):
             raise RequestError("That is asked of scripts: add --script.")
         if options.plan_file is None:
@@ -118,8 +118,8 @@ def _show_scripts(session: Session, plan: Plan, hosts: tuple[str, ...], options:
         return ExitCode.DONE
     if session.as_json:
         session.terminal.data(json_of(PlanScripts(plan=plan.id, scripts=tuple(selected))))
-    elif options.raw:
-        session.terminal.exactly(only_script(selected, "--raw").text)
+    elif session.terminal.piped and len(selected) == 1:
+        session.terminal.exactly(selected[0].text)
     else:
         for script in selected:
             _show_script(session, script.name, script.text)
@@ -146,13 +146,13 @@ def _check(session: Session, path: str) -> ExitCode:
     return ExitCode.FOUND if has_errors(findings) else ExitCode.DONE
 
 
-def _show_transport(session: Session, *, raw: bool) -> ExitCode:
+def _show_transport(session: Session) -> ExitCode:
     """The fixed command that receives scripts at the other end of ssh."""
     from rarms_iac.app.wiring import bootstrap_script
 
     script = bootstrap_script()
     heading = "bootstrap.ps1, given to ssh as one command"
-    if raw:
+    if session.terminal.piped:
         session.terminal.data(script)
     else:
         _show_script(session, heading, script, whole=True)

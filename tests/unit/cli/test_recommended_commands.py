@@ -566,6 +566,7 @@ SITUATIONS = {
         "undo --auto-approve",
         ("Look at it with `rarms drift` afterwards",),
         ("rarms drift",),
+        printed=True,
     ),
     "one that is not managed gets less": Situation(
         (

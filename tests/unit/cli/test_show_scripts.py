@@ -35,7 +35,11 @@ def folder(plan: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(plan: str, folder: Path) -> None:
+def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(
+    plan: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    piped = rarms("show", "--script", plan, "--guest", "", "--host", "cell").out
+    monkeypatch.setenv("COLUMNS", "80")  # as at a terminal
     lines = (folder / "cell.ps1").read_bytes().decode("ascii").split("\r\n")
 
     shown = rarms("show", "--script", plan).out
@@ -45,15 +49,15 @@ def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(plan: str, fo
     assert ": the runtime, fixed (SHA-256" in shown
     assert ": the part machines, fixed (SHA-256" in shown
     assert re.findall(r"function ([\w-]+)", shown) == ["Add-Plan"]
-    assert "function Lock-Host" in rarms("show", "--script", plan, "--guest", "", "--raw", "--host", "cell").out
+    assert "function Lock-Host" in piped
     assert "Hyper-V\\New-VM -Name (Get-PendingName -Name 'torch-motion')" in shown
 
 
-def test_the_bytes_that_are_shown_raw_are_those_that_are_written(plan: str, folder: Path) -> None:
+def test_the_bytes_that_a_pipe_gets_are_those_that_are_written(plan: str, folder: Path) -> None:
     loaded = {load["name"]: load for load in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
 
     assert loaded["cell.ps1"]["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
-    raw = rarms("show", "--script", plan, "--guest", "torch-motion", "--undo", "--raw").out
+    raw = rarms("show", "--script", plan, "--guest", "torch-motion", "--undo").out
     written = (folder / "cell.guest.torch-motion.undo.ps1").read_bytes().decode("ascii")
     assert raw.replace("\r\n", "\n") == written.replace("\r\n", "\n")
     assert len(list(folder.glob("*.ps1"))) == 6

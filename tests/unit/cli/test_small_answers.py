@@ -1,4 +1,4 @@
-"""A file that is not there is a wrong request, with the same exit code whichever command was to read it."""
+"""Answers that every command gives alike: missing files, renamed applications, `q`, and notes told once."""
 
 from contextlib import chdir
 from pathlib import Path
@@ -68,3 +68,21 @@ def test_the_answer_q_ends_with_0(tmp_path: Path) -> None:
 
     assert answer.code == ExitCode.DONE
     assert "Stopped." in answer.err
+
+
+def test_an_unused_load_is_told_by_validate_and_plan_alone(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path), "--name", "robot").code == 0
+    (tmp_path / "more.yaml").write_text("interference: { spare: { kind: busy_loop, threads: 2 } }\n", encoding="utf-8")
+    with chdir(tmp_path):
+        told = {
+            words: "RARMS086" in (answer := rarms(*words.split(), "--overlay", "more.yaml")).out + answer.err
+            for words in ("validate", "plan", "apply --auto-approve", "stop --auto-approve", "status", "doctor")
+        }
+
+    assert [words for words, is_told in told.items() if is_told] == ["validate", "plan"]
+
+
+def test_help_lists_what_is_for_simulated_hosts_last() -> None:
+    before, _, after = rarms("--help").out.partition("On simulated hosts:")
+
+    assert ("  simulate  " in before, "  simulate  " in after) == (False, True)
